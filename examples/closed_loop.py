@@ -1,4 +1,4 @@
-"""Couples plant and controller with FMPy: the steps of the boost reference of the paper's Fig. 13.
+"""Couples plant and controller with FMPy: the boost reference steps of the paper's Fig. 13.
 
 python examples/closed_loop.py [--plot FILE]
 """
@@ -80,6 +80,6 @@ def plot(file):
 
 if __name__ == "__main__":
     arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--plot", metavar="FILE", help="draw the run into a PNG or SVG file")
+    arguments.add_argument("--plot", metavar="FILE", help="plot the run to a PNG or SVG file")
     if file := arguments.parse_args().plot:
         plot(file)

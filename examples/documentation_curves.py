@@ -1,4 +1,4 @@
-"""Draws the curves in the FMUs' documentation, from the exported FMUs.
+"""Draws the curves of the FMUs' documentation from the exported FMUs.
 
 python examples/documentation_curves.py [--out FOLDER]
 """
@@ -31,10 +31,10 @@ class Axis:
 
 
 def draw(time, panels):
-    """An SVG of curves over time, one panel above the other.
+    """An SVG of curves over time, in stacked panels.
 
-    Each panel is its height, the range of its values, the ticks, and curves: a name with its unit, a class,
-    and the values.
+    Each panel has a height, the range of its values, ticks, and curves: a name with its unit, a class, and
+    values.
     """
     x = Axis((0, round(time[-1])), 20 if time[-1] > 50 else 2, LEFT, WIDTH - RIGHT)
     lines, top = [], 0
@@ -63,7 +63,7 @@ def draw(time, panels):
 
 
 def plant(inputs, *names):
-    """Every fourth sample of the plant with a file of inputs: time, and the named variables."""
+    """Every fourth sample of the plant with an input file: time and the named variables."""
     result = simulate_fmu(
         "target/fmu/BoostPlant.fmu",
         stop_time=20.0,
@@ -75,7 +75,7 @@ def plant(inputs, *names):
 
 
 def duty_step():
-    """Steps of the duty: wastegate and boost pressure follow."""
+    """Duty steps: wastegate and boost pressure follow."""
     names = "boost_pressure", "hp_wastegate_pwm", "hp_wastegate_position"
     time, boost, duty, position = plant("duty_step.csv", *names)
     return draw(
@@ -93,7 +93,7 @@ def duty_step():
 
 
 def voltage_dip():
-    """A dip of the supply voltage at constant duty."""
+    """A supply voltage dip at constant duty."""
     names = "boost_pressure", "hp_wastegate_position", "valve.voltage"
     time, boost, position, voltage = plant("voltage_dip.csv", *names)
     return draw(
@@ -107,7 +107,7 @@ def voltage_dip():
 
 
 def boost_steps():
-    """The closed loop over steps of the reference, every tenth sample of the other example."""
+    """The closed loop over reference steps, every tenth sample of the other example."""
     from closed_loop import rows
 
     time, reference, boost, duty = zip(*rows[::10], strict=True)

@@ -3,8 +3,8 @@
 python examples/sweep_with_dask.py [STUDY.toml] [--fmus DIR] [--out FILE.csv] [--scheduler ADDRESS]
 
 It supports grids of listed values as designs, and numbers and steps as signals. The master is like
-examples/closed_loop.py and steps in the order of boost-lab: the results are the same to the bit. Dask repeats
-the runs of a lost worker on the others. The folder of the FMUs must have the same path on all machines.
+examples/closed_loop.py and steps in boost-lab's order, so the results are bit-identical. Dask repeats the
+runs of a lost worker on the others. The FMU folder must have the same path on all machines.
 """
 
 import argparse
@@ -138,7 +138,7 @@ class Run:
                 fmu.set(dict(zip(names, other.get(names), strict=True)))
 
     def do_step(self, i):
-        """One after the other, each with the new outputs of those before it."""
+        """In sequence, each with the new outputs of those before it."""
         time = self.start + i * self.step
         everyone = [fmu for _, fmu in self.members]
         for fmu in everyone:
@@ -218,7 +218,7 @@ def main():
     parser.add_argument("study", nargs="?", type=Path, default=Path(__file__).with_name("study.toml"))
     parser.add_argument("--fmus", type=Path, default=Path("target/fmu"))
     parser.add_argument("--out", type=Path, default=Path("results.csv"))
-    parser.add_argument("--scheduler", help="Dask's scheduler; without it, two processes of this machine")
+    parser.add_argument("--scheduler", help="Dask scheduler [default: two processes on this machine]")
     arguments = parser.parse_args()
 
     study = tomllib.loads(arguments.study.read_text())

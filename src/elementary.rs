@@ -1,12 +1,11 @@
 //! Logarithm, exponential function and powers to base 2 of `f64`, cheaper than the standard library's.
 //!
-//! Those are correct to the last bit or two on every platform's own terms; these are correct to 1e-14 (see
-//! the tests), the same to the bit on every platform, and can be inlined, so that several of them run at
-//! the same time.
+//! Those are correct to the last bit or two, differently on each platform; these are correct to 1e-14 (see the tests),
+//! bit-identical on every platform, and can be inlined, so that several run in parallel.
 
 use std::f64::consts::{LN_2, LOG2_E};
 
-/// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on not-a-number.
+/// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on NaN.
 #[must_use]
 #[inline]
 pub fn larger(a: f64, b: f64) -> f64 {
@@ -32,7 +31,7 @@ pub fn log2(x: f64) -> f64 {
     log2s([x])[0]
 }
 
-/// The logarithms to base 2 of several numbers, which are computed side by side.
+/// The logarithms to base 2 of several numbers, computed in parallel.
 #[must_use]
 #[inline]
 pub fn log2s<const N: usize>(numbers: [f64; N]) -> [f64; N] {
@@ -46,11 +45,11 @@ pub fn log2s<const N: usize>(numbers: [f64; N]) -> [f64; N] {
 
 /// The logarithm of a positive number that is neither infinite nor tiny.
 ///
-/// With a power of 2 split off, the rest m is within √½ and √2, and ln m = 2·artanh s with
-/// s = (m − 1)/(m + 1), |s| ≤ 0.172, of which nine terms of the series leave 1e-16.
+/// After splitting off a power of 2, the rest m is within √½ and √2, and ln m = 2·artanh s with
+/// s = (m − 1)/(m + 1), |s| ≤ 0.172; nine terms of the series leave 1e-16.
 #[inline]
 fn log2_of_normal(x: f64) -> f64 {
-    /// Of a number from here on, the lowest bits are an integer.
+    /// From here on, a number's lowest bits are an integer.
     const INTEGERS: f64 = (1_u64 << MANTISSA_BITS) as f64;
     let bits = x.to_bits();
     // The exponent of the nearest power of 2 as seen from √½·2ⁿ.
@@ -74,7 +73,7 @@ pub fn exp2(x: f64) -> f64 {
     exp2s([x])[0]
 }
 
-/// 2 to each of several powers, which are computed side by side.
+/// 2 to each of several powers, computed in parallel.
 #[must_use]
 #[inline]
 pub fn exp2s<const N: usize>(exponents: [f64; N]) -> [f64; N] {
@@ -86,13 +85,13 @@ pub fn exp2s<const N: usize>(exponents: [f64; N]) -> [f64; N] {
     }
 }
 
-/// 2 to a power of which the result is neither infinite nor tiny.
+/// 2 to a power whose result is neither infinite nor tiny.
 ///
-/// With the nearest integer split off, the rest r is within ±½, and of the series of exp(r·ln 2) twelve
-/// terms leave 1e-14.
+/// After splitting off the nearest integer, the rest r is within ±½, and twelve terms of the series of exp(r·ln 2)
+/// leave 1e-14.
 #[inline]
 fn exp2_of_moderate(x: f64) -> f64 {
-    /// Added and taken away, it rounds to an integer, which stands in the lowest bits meanwhile.
+    /// Adding and subtracting it rounds to an integer, which is in the lowest bits in between.
     const ROUNDER: f64 = 1.5 * (1_u64 << MANTISSA_BITS) as f64;
     let rounded = x + ROUNDER;
     let r = (x - (rounded - ROUNDER)) * LN_2;

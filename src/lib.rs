@@ -2,14 +2,14 @@
 //! vacuum-actuated wastegate) and its [`controller`], after Criscuolo, Leufvén, Thomasson and Eriksson,
 //! "Model-based boost pressure control with system voltage disturbance rejection" (IFAC 2011).
 //!
-//! Each is a model in the sense of [`fmu_export::Model`], declared in `modelDescription/`, and is
-//! compiled into an FMU of its own by a crate that contains nothing but the export.
+//! Each is an [`fmu_export::Model`] declared in `modelDescription/`, compiled into its FMU by a crate that contains
+//! only the export.
 
 pub mod controller;
 pub mod elementary;
 pub mod plant;
 pub mod solver;
 
-/// The longest communication step of either model in seconds: a day. A longer one would take minutes to compute,
-/// and is most likely a mistake.
+/// The longest communication step of either model in seconds: a day. A longer one would take minutes to compute and
+/// is most likely a mistake.
 const LONGEST_STEP: f64 = 86_400.0;

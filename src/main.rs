@@ -1,4 +1,4 @@
-//! `boost-fmu`: exports the FMUs, looks into any FMU and couples it.
+//! `boost-fmu`: exports the FMUs, inspects any FMU and couples it.
 
 mod command;
 

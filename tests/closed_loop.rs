@@ -411,13 +411,13 @@ fn position_control_reaches_its_reference() {
         let error = |control: &Loop| (control.position() - 100.0 * reference).abs();
         // The inverse and the settled start are without friction; the latter is accurate to 1e-6.
         assert!(error(&control) <= 0.01, "{} points at the start", error(&control));
-        // Later the tank's pressure and the supply vary, without effect on the wastegate.
+        // Later, tank pressure and supply vary without effect on the wastegate.
         control.run(2.0, |_| {});
         assert!(error(&control) <= 0.1, "{} points", error(&control));
     }
 }
 
-/// The largest error of boost (Pa), from 3 s on, under the steps of the supply voltage of fig. 14.
+/// The largest boost error (Pa) from 3 s, under the supply voltage steps of fig. 14.
 fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) -> f64 {
     let voltages = [
         (0.0, 12.0),
@@ -547,7 +547,7 @@ fn a_compensated_duty_leaves_the_wastegate_alone() {
     }
 }
 
-/// Fig. 7: the hysteresis of the actuator, with a slow ramp of the duty up and down.
+/// Fig. 7: actuator hysteresis, with a slow duty ramp up and down.
 #[test]
 fn figure_7() {
     let mut control = open_loop(0.0, 12.0, false);
@@ -581,7 +581,7 @@ fn figure_7() {
     // Half of the last digit, and 0.01 % of full scale twice.
     assert!(points <= 1.3 + 0.05 + 0.02, "{points} points");
     assert!(low <= 100.0 + 20.0, "{low} Pa");
-    // Where the tank's pressure is the floor, the relay's band shows.
+    // Where tank pressure is the lower limit, the relay's band shows.
     assert!(all <= 1900.0 + 50.0 + 20.0, "{all} Pa");
 }
 
@@ -641,8 +641,8 @@ fn the_low_pressure_stage_follows_alone() {
     }
 }
 
-/// A ramp of engine speed through the handover by speed at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6 kPa
-/// downwards, and returns in both cases.
+/// An engine speed ramp through the handover by speed at 150 kPa: boost dips by some 30 kPa upwards, varies by -7 to +6
+/// kPa downwards, and recovers in both cases.
 #[test]
 fn the_stages_hand_over() {
     for rate in [100.0, 400.0] {

@@ -131,8 +131,8 @@ fn a_map_is_written_read_back_and_kept() {
     for (duty, expected, reason) in [
         (r#"{"name": "duty", "unit": "1"}"#, 0, "hp_wastegate_pwm = 100 · duty"),
         (r#"{"name": "duty", "factor": 50, "offset": 25}"#, 0, "hp_wastegate_pwm = 50 · duty + 25"),
-        (r#"{"name": "dutie"}"#, 1, "the map's dutie is missing; like it: duty"),
-        (r#"{"name": "duty", "unit": "V"}"#, 1, "its unit V measures another thing than %"),
+        (r#"{"name": "dutie"}"#, 1, "the map's dutie is missing; similar: duty"),
+        (r#"{"name": "duty", "unit": "V"}"#, 1, "its unit V has another dimension than %"),
         (r#"{"name": "duty", "unit": "furlong"}"#, 1, "the map's unit furlong is not known"),
         (r#"{"name": "duty", "unit": "1", "factor": 2}"#, 1, "both a unit and a factor"),
         (r#"{"name": "duty", "factor": 0}"#, 1, "factor 0 and offset 0 are not a conversion"),
@@ -190,7 +190,7 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
         let output = boost_fmu_in(&inner, arguments);
         let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
         assert_eq!(output.status.code(), Some(2), "{printed}");
-        let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not an identifier of C";
+        let reason = r"the modelIdentifier '../../evil\u{1b}[2J' is not a C identifier";
         assert!(printed.contains(&evil) && printed.contains(reason), "{arguments:?}: {printed}");
         assert!(!printed.contains('\u{1b}'), "{printed:?}");
     }

@@ -65,7 +65,7 @@ impl Experiment {
     }
 }
 
-/// The number of steps of a size in s in so many of the experiment's.
+/// The number of steps of a size in s in a number of the experiment's.
 #[must_use]
 pub fn steps(count: usize, size: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -1,22 +1,21 @@
-"""A PI controller of boost pressure in Python, as an FMU from another tool for BoostPlant.
+"""A boost pressure PI controller in Python, as an FMU from another tool for BoostPlant.
 
-It has the interface's names and units, and needs no map.
+It has the interface's names and units, so it needs no map.
 """
 
 from pythonfmu import Fmi2Causality, Fmi2Variability
 from quantity import Quantity, SlaveWithUnits
 
 PWM_MIN, PWM_MAX = 25.0, 75.0
-"""The range in which the wastegate's actuator moves, at the nominal voltage (%)."""
+"""The duty range in which the wastegate actuator moves, at nominal voltage (%)."""
 NOMINAL_VOLTAGE, LEAST_VOLTAGE = 12.0, 6.0
-"""The nominal voltage, and the one below which a duty is not compensated (V)."""
+"""The nominal voltage, and the lowest one compensated for (V)."""
 TANK_PRESSURE_ON, TANK_PRESSURE_OFF = 35e3, 30e3
-"""Above the first the vacuum pump is switched on, below the second off (Pa)."""
+"""The vacuum pump is switched on above the first, off below the second (Pa)."""
 
 
 class PiController(SlaveWithUnits):
-    """The law's increments are added up within the limits of the duty, so that the integral does not wind
-    up."""
+    """Incremental form, accumulated within the duty limits, so the integral does not wind up."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
@@ -24,13 +23,13 @@ class PiController(SlaveWithUnits):
         self.boost_reference = self.boost_pressure = 125e3
         self.tank_pressure = 32.5e3
         self.supply_voltage_measured = NOMINAL_VOLTAGE
-        # By BoostController's maps at 1500 rpm and 180 kPa, with the largest gain: a time constant of 1.8 s,
-        # -96 hPa/%, a delay of 0.07 s; for a closed loop with a time constant of 0.3 s.
+        # From BoostController's maps at 1500 rpm and 180 kPa, where the gain is largest: time constant 1.8 s,
+        # -96 hPa/%, delay 0.07 s; for a closed-loop time constant of 0.3 s.
         self.gain, self.integral_time = -5.6e-4, 1.8
         # At 1500 rpm and 125 kPa.
         self.hp_wastegate_pwm = self.duty = 44.0
         self.vacuum_pump = 0.0
-        # The stages do not change.
+        # No stage changes.
         self.lp_wastegate = self.hp_bypass = 0.0
         self.error = None
 

@@ -1,7 +1,7 @@
-"""Units for FMUs of PythonFMU: variables with units, and models that define these.
+"""Units for PythonFMU: variables with units, and models that define them.
 
-PythonFMU 0.7 itself writes none, but its classes for variables and models can be extended. With declared
-units, `boost-fmu check` finds the conversions.
+PythonFMU 0.7 writes no units, but its classes for variables and models can be extended. With declared units,
+`boost-fmu check` finds the conversions.
 """
 
 from xml.etree.ElementTree import Element, SubElement
@@ -35,7 +35,7 @@ class Quantity(Real):
 
 
 class SlaveWithUnits(Fmi2Slave):
-    """A model whose variables are quantities, and whose outputs are calculated in initialization."""
+    """A model with quantities as variables and outputs calculated during initialization."""
 
     def to_xml(self, *options):
         root = super().to_xml(*options)

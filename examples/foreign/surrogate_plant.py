@@ -1,7 +1,7 @@
-"""A simple model of a turbocharged engine in Python, as an FMU from another tool for BoostController.
+"""A simple turbocharged engine model in Python, as an FMU from another tool for BoostController.
 
-It has other names and units than BoostPlant. It is fitted to BoostController's maps at 1500 rpm: the static
-boost pressure is a logistic function of the wastegate's duty, followed by a lag.
+Its names and units differ from BoostPlant's. It is fitted to BoostController's maps at 1500 rpm: static boost
+pressure is a logistic function of wastegate duty, followed by a lag.
 """
 
 from math import exp
@@ -12,18 +12,18 @@ from quantity import Quantity, SlaveWithUnits
 AMBIENT_PRESSURE = 1.01325
 """bar."""
 BOOST_LEAST, BOOST_SPAN = 1.05, 1.35
-"""With the wastegate open, and the rise with the wastegate shut (bar)."""
+"""Boost with the wastegate open, and its rise with the wastegate shut (bar)."""
 DUTY_MIDDLE, DUTY_WIDTH = 0.37, 0.037
-"""The duty of half the rise, and the width of the change."""
+"""The duty at half the rise, and the width of the transition."""
 ENGINE_SPEED, VOLTAGE = 157.08, 12.0
 """The operating point (rad/s, V): boost above ambient is proportional to the speed, the valve to the
 voltage."""
 TIME_CONSTANT, ACTUATOR_TIME_CONSTANT = 1.5, 0.07
-"""Of boost pressure and of the wastegate's actuator (s)."""
+"""Time constants of boost pressure and wastegate actuator (s)."""
 TANK_LEAK, TANK_PUMPED = 0.001, 0.0058
-"""The rise of the pressure in the vacuum tank, and its fall by the pump (bar/s)."""
+"""Rise of vacuum tank pressure, and its fall with the pump on (bar/s)."""
 PUMP_VOLTAGE = 0.2
-"""The voltage drop by the pump (V)."""
+"""Voltage drop with the pump on (V)."""
 
 
 class SurrogatePlant(SlaveWithUnits):

@@ -1,4 +1,4 @@
-"""The experiment of every master in this folder: the steps of the boost reference of the paper's Fig. 13."""
+"""The experiment of every master in this folder: the boost reference steps of the paper's Fig. 13."""
 
 STEP = 1 / 80
 """The communication step (s): the controller's sample time."""
@@ -21,11 +21,11 @@ KILOPASCALS = {
     100: 145,
     112: 125,
 }
-"""The reference from each of these times (s) on."""
+"""The reference from each of these times (s)."""
 
 
 def boost_reference(step):
-    """The reference (Pa) in a step, by its number."""
+    """The reference (Pa) in a step, by number."""
     return 1e3 * [kilopascals for time, kilopascals in KILOPASCALS.items() if time * 80 <= step][-1]
 
 

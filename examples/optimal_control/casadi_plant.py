@@ -12,24 +12,25 @@ KRPM = 30 / np.pi / 1e3
 """1 rad/s."""
 
 DUTY = 100.0
-"""The commanded duty (%), a constant, as CasADi varies no discrete inputs. The supply voltage varies instead:
-only its product with the duty acts, so that 40 % at 12 V are 100 % at 4.8 V."""
+"""The commanded duty (%), constant because CasADi does not vary discrete inputs. The supply voltage varies
+instead: only the product acts, so 40 % at 12 V equals 100 % at 4.8 V."""
 
 
 def voltage(duty):
-    """The supply voltage that acts like a duty (%) at 12 V."""
+    """The supply voltage equivalent to a duty (%) at 12 V."""
     return 12.0 * duty / DUTY
 
 
 @dataclass
 class Plant:
-    """The states' derivatives as a function of states and free inputs; states in their nominal values."""
+    """The states' derivatives as a function of states and free inputs; states in units of their nominal
+    values."""
 
     derivatives: ca.Function
     states: list[str]
     nominal: np.ndarray
     start: np.ndarray
-    """The steady state for the inputs at the start, in nominal values."""
+    """The steady state for the initial inputs, in units of nominal values."""
 
     def row(self, state, unit):
         """A state's row, and the factor that turns it into a unit."""
@@ -40,7 +41,7 @@ class Plant:
 def load(inputs, **start):
     """Loads the plant with these inputs free, in this order; the others keep their start values."""
     dae = ca.DaeBuilder("plant", FMU)
-    # CasADi sets what is fixed once, before initialization, and everything else at each evaluation.
+    # CasADi sets fixed values once, before initialization, and everything else at each evaluation.
     for name in dae.p() + [name for name in dae.u() if name not in inputs]:
         dae.set_variability(name, "fixed")
     for name, value in {"hp_wastegate_pwm": DUTY, **start}.items():

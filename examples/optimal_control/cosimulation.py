@@ -1,4 +1,4 @@
-"""Both FMUs in co-simulation with FMPy: the loop with BoostController, and the plant with given valves."""
+"""Co-simulation of both FMUs with FMPy: the loop with BoostController, and the plant with given valves."""
 
 from functools import cache
 
@@ -17,7 +17,7 @@ VALVES = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
 
 @cache
 def opened(name):
-    """The description of an FMU, and the folder that it is extracted to."""
+    """An FMU's description, and the folder it is extracted to."""
     path = f"{FOLDER}/{name}.fmu"
     return read_model_description(path), extract(path)
 
@@ -45,7 +45,7 @@ class FMU2ByName(FMU2Slave):
 
 
 def plant_at(engine_speed, valves):
-    """The plant, settled at an engine speed (rpm) and with these valves."""
+    """The plant, settled at an engine speed (rpm) with these valves."""
     plant = FMU2ByName("BoostPlant", engine_speed)
     plant.set(VALVES, valves)
     plant.exitInitializationMode()
@@ -53,7 +53,7 @@ def plant_at(engine_speed, valves):
 
 
 def apply(engine_speed, valves):
-    """Settles the plant at the first row of valves, steps with the others; returns the measured for each."""
+    """Settles the plant at the first row of valves and steps through the others; returns the measurements."""
     plant = plant_at(engine_speed, valves[0])
     rows = [plant.get(MEASURED)]
     for step, openings in enumerate(valves[1:]):
@@ -64,7 +64,7 @@ def apply(engine_speed, valves):
 
 
 def closed_loop(engine_speed, references):
-    """Runs BoostController with a boost reference (Pa) for each step; returns the measured and the valves."""
+    """Runs BoostController with a boost reference (Pa) for each step; returns measurements and valves."""
     controller, plant = (FMU2ByName(name, engine_speed) for name in ("BoostController", "BoostPlant"))
     commands = controller.named("output") & plant.named("input")
     measurements = plant.named("output") & controller.named("input")

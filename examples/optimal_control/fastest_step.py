@@ -1,12 +1,11 @@
-"""The fastest step of boost: direct shooting with the plant's Jacobians.
+"""The fastest boost step: direct shooting with the plant's Jacobians.
 
-The valves are constant in each sample of the controller. They minimize the integral of the squared boost
-error, with a small penalty on their moves, while the high-pressure shaft stays below a limit. Each iteration
-simulates the plant, linearizes it along the trajectory and solves a quadratic program (Gauss-Newton) in a
-trust region.
+The valves are constant in each controller sample. They minimize the integral of the squared boost error, with
+a small penalty on their moves, while the high-pressure shaft stays below a limit. Each iteration simulates
+the plant, linearizes it along the trajectory and solves a quadratic program (Gauss-Newton) in a trust region.
 
-Every iterate is thus a trajectory of the plant. With collocation and multiple shooting they are not, and
-Ipopt did not converge: the plant has kinks, such as the stops of the wastegate's rod.
+Every iterate is thus a trajectory of the plant. With collocation and multiple shooting it is not, and Ipopt
+did not converge: the plant has kinks, such as the wastegate rod's stops.
 """
 
 from dataclasses import dataclass
@@ -20,21 +19,22 @@ HORIZON = 2.0  # s
 SAMPLES = round(HORIZON / STEP)
 
 SUBSTEPS = 10
-"""Runge-Kutta steps in a sample, of 1.25 ms: stable up to 1.7 ms, as the fastest time constant is 0.6 ms.
+"""Runge-Kutta steps per sample, of 1.25 ms: stable up to 1.7 ms, since the fastest time constant is 0.6 ms.
 Boost is within 0.01 kPa of the co-simulation, the shaft within 0.01 krpm."""
 
 DUTY_RANGE = 25.0, 75.0
 """In %: the controller's."""
 
 MOVES = 4.0
-"""kPa2.s for a valve that moves by its whole range in one sample; the error is some 1000 kPa2.s."""
+"""kPa2.s for a valve move over its whole range in one sample; the error is some 1000 kPa2.s."""
 
 BEYOND = 40.0
-"""kPa2.s for each krpm above the limit, or kPa beyond the tolerance at the end: more than that could gain."""
+"""kPa2.s per krpm above the limit, or kPa beyond the tolerance at the end: more than a violation could
+gain."""
 
 END_TOLERANCE = 0.1  # kPa
 RELATIVE_TOLERANCE = 1e-4
-"""Converged where a step would reduce the objective by less."""
+"""Converged if a step would reduce the objective by less."""
 
 ITERATIONS = 60
 """At most."""
@@ -52,7 +52,7 @@ class Step:
 
 
 class Shooting:
-    """Boost and shaft as a function of the valves, a row each: duty (0 to 1), low-pressure wastegate."""
+    """Boost and shaft as a function of the valves, one row each: duty (0 to 1), low-pressure wastegate."""
 
     def __init__(self, engine_speed, start):
         plant = load(
@@ -85,7 +85,7 @@ class Shooting:
         return states, *(states[row] * unit for row, unit in (self.boost, self.shaft))
 
     def sensitivities(self, states, valves):
-        """Of boost and shaft after each sample by all valves, sample by sample."""
+        """Jacobian of boost and shaft after each sample with respect to all valves, sample by sample."""
         begins = np.column_stack([self.start, states[:, :-1]])
         jacobians = self.jacobians(begins, valves, ca.DM(*states.shape))
         by_state, by_valves = (blocks.full() for blocks in jacobians)
@@ -114,7 +114,7 @@ def fastest_step(engine_speed, start, limit):
         beyond = max(0.0, np.max(shaft) - limit, abs(boost[-1] - END_KPA) - END_TOLERANCE)
         return STEP * np.sum((boost - END_KPA) ** 2) + MOVES * moved @ moved + BEYOND * beyond
 
-    # All valves, and by how much the limits are exceeded.
+    # All valves, and the limit violations.
     size, rows = 2 * SAMPLES + 1, SAMPLES + 2
     dense = {"h": ca.Sparsity.dense(size, size), "a": ca.Sparsity.dense(rows, size)}
     program = ca.conic("program", "daqp", dense)

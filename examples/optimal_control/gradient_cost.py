@@ -1,11 +1,11 @@
-"""What a gradient costs in CasADi: by an FMU's adjoint derivatives, its Jacobian and finite differences, and
-with a model in CasADi's own symbols.
+"""The cost of a gradient in CasADi: with an FMU's adjoint derivatives, its Jacobian and finite differences,
+and with a model in CasADi symbols.
 
 python examples/optimal_control/gradient_cost.py VAN_DER_POL.fmu
 
-prints the two tables of docs/masters.md: the gradient of the weighted right-hand side by states and inputs,
-and that of the fastest step's objective by all valves. The argument is the template van_der_pol, exported as
-FMI 3.0 for Model Exchange.
+prints the two tables of docs/masters.md: the gradient of the weighted right-hand side with respect to states
+and inputs, and of the fastest step's objective with respect to all valves. The argument is the template
+van_der_pol, exported as FMI 3.0 for Model Exchange.
 """
 
 import sys
@@ -19,7 +19,7 @@ from cosimulation import END_KPA, STEP
 from fastest_step import SAMPLES, Shooting
 
 CALLS = 2000
-"""In one call of a mapped function, so that Python takes no part."""
+"""In one call of a mapped function, to exclude Python."""
 
 DIFFERENCE = 1e-6
 """Relative, of finite differences."""
@@ -86,7 +86,7 @@ def print_right_hand_sides(van_der_pol):
 
 def print_objective(engine_speed=1500.0, start=(44.0, 0.0)):
     shooting = Shooting(engine_speed, start)
-    # The duty moves: at rest, friction and valve are at kinks, with other derivatives to either side.
+    # The duty moves: at rest, friction and valve are at kinks, with different derivatives on either side.
     valves = np.vstack([0.35 + 0.05 * np.sin(np.arange(SAMPLES) / 7), np.full(SAMPLES, 0.1)])
     symbols = ca.MX.sym("valves", 2, SAMPLES)
     row, unit = shooting.boost

@@ -1,4 +1,4 @@
-"""The operating points with the least exhaust pressure for a boost: a nonlinear program for each."""
+"""The operating points with the lowest exhaust pressure for a boost: a nonlinear program for each."""
 
 import casadi as ca
 import numpy as np
@@ -11,11 +11,12 @@ HELD = ["tank.pressure", "actuator.velocity", "actuator.friction_force"]
 """At their start values: the tank's, and 0 for a rod at rest."""
 
 BALANCED_ELSEWHERE = ["tank.pressure", "actuator.position", "actuator.friction_force"]
-"""Derivatives that are no conditions: the tank fills slowly, and the other two are 0 for a rod at rest."""
+"""Derivatives excluded from the conditions: the tank fills slowly, and the other two are 0 for a rod at
+rest."""
 
 
 class OperatingPoints:
-    """Solves for one point after another, each from the one before."""
+    """Solves for one point after another, each starting from the previous one."""
 
     def __init__(self):
         inputs = ["supply_voltage", "lp_wastegate", "hp_bypass", "engine_speed"]
@@ -37,9 +38,9 @@ class OperatingPoints:
                 "g": ca.vertcat(plant.derivatives(x, given)[balances], x[self.boost]),
             },
             {
-                # Second derivatives jump at rest, where the chamber's valve changes sides.
+                # Second derivatives jump at rest, where the chamber valve changes sides.
                 "ipopt.hessian_approximation": "limited-memory",
-                # Ipopt otherwise evaluates 1e-8 beyond the bounds, outside the inputs' ranges.
+                # Otherwise Ipopt evaluates 1e-8 beyond the bounds, outside the inputs' ranges.
                 "ipopt.bound_relax_factor": 0.0,
                 "ipopt.print_level": 0,
                 "ipopt.sb": "yes",

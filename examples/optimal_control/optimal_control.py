@@ -1,10 +1,10 @@
-"""Optimal control of the plant with CasADi, beside BoostController.
+"""Optimal control of the plant with CasADi, compared with BoostController.
 
 python examples/optimal_control/optimal_control.py [--plot FILE]
 
-Two optima: the fastest step of boost below a limit of the high-pressure shaft, and the operating points with
-the least exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its
-co-simulation FMU.
+Two optima: the fastest boost step below a high-pressure shaft speed limit, and the operating points with the
+lowest exhaust pressure. They are found with the plant's Model Exchange FMU and applied to its co-simulation
+FMU.
 """
 
 import argparse
@@ -28,12 +28,12 @@ BOOSTS = 125, 150, 170  # kPa
 
 
 def settled_after(boost):
-    """The time from which on boost (kPa) stays within SETTLED_KPA of the end."""
+    """The time from which boost (kPa) stays within SETTLED_KPA of its final value."""
     return (np.max(np.nonzero(np.abs(boost - END_KPA) > SETTLED_KPA)) + 1) * STEP
 
 
 def steps():
-    """For each engine speed the measured and the valves, first at rest: BoostController's, the optimum's."""
+    """For each engine speed, measurements and valves, starting at rest: BoostController's, the optimum's."""
     found = {}
     for engine_speed, limit in SHAFT_LIMITS.items():
         references = [START_KPA * 1e3] * REST + [END_KPA * 1e3] * 2 * REST
@@ -137,7 +137,7 @@ if __name__ == "__main__":
     arguments = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    arguments.add_argument("--plot", metavar="FILE", help="draw both into a PNG or SVG file")
+    arguments.add_argument("--plot", metavar="FILE", help="plot both to a PNG or SVG file")
     file = arguments.parse_args().plot
     optima = steps(), operating_points()
     if file:

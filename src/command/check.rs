@@ -1,4 +1,4 @@
-//! `check`: whether an FMU can replace the plant or the controller, as a table.
+//! `check`: a table of whether an FMU can replace the plant or the controller.
 
 use std::path::Path;
 
@@ -7,18 +7,18 @@ use boost_interface::{Compatibility, NameMap, Role};
 use fmu_package::terminal::print;
 use fmu_package::{FmuDescription, writing};
 
-/// Prints how an FMU fits, and writes a map to be edited if wanted. Returns whether it fits.
+/// Prints how an FMU fits, and optionally writes a map to edit. Returns whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
     let description = FmuDescription::read(path)?;
     let file = map;
     let map = file.map(NameMap::read).transpose()?;
-    // Only the map can be wrong.
+    // Only the map can be at fault.
     let compatibility = Compatibility::new(role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;
     if let Some(file) = write_map {
         writing::write_new(file, compatibility.to_map(map.as_ref()).to_json()?.as_bytes())?;
-        print(&format!("The map {} is written; edit it and give it with --map.\n", file.display()))?;
+        print(&format!("Wrote the map {}; edit it and pass it with --map.\n", file.display()))?;
     }
     Ok(compatibility.fits())
 }

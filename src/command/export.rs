@@ -1,5 +1,5 @@
-//! `export`: exports the models as `cargo fmu export` does, and for each version of FMI the package of their system, if both
-//! are exported for co-simulation.
+//! `export`: exports the models as `cargo fmu export` does, and for each FMI version the package of their system, if
+//! both are exported for co-simulation.
 
 use std::path::PathBuf;
 

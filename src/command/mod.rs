@@ -1,4 +1,4 @@
-//! The command line's arguments, and the module that runs each command.
+//! Command-line arguments, and a module for each command.
 
 mod check;
 mod coupling;
@@ -20,8 +20,8 @@ Exit status:
   2    it could not be done, or the command line is wrong; standard error says why
   130  it was interrupted";
 
-/// Exports the plant and the controller of the boost control as FMI 2.0 co-simulation FMUs, and couples them
-/// with FMUs from other tools.
+/// Exports the boost control plant and controller as FMI 2.0 co-simulation FMUs, and couples them with FMUs from other
+/// tools.
 #[derive(Parser)]
 #[command(name = "boost-fmu", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
@@ -31,7 +31,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Compile the models and write their .fmu files, and beside them Boost.ssp, the system of both for co-simulation
+    /// Compile the models and write their .fmu files, and Boost.ssp, the co-simulation system of both
     Export {
         #[command(flatten)]
         export: cargo_fmu::Export,
@@ -44,18 +44,18 @@ enum Command {
     Parameters(Parameters),
     /// Check whether an FMU can replace the plant or the controller
     ///
-    /// Exits with 0 when it can, with 1 when it cannot and with 2 on an error
+    /// Exits with 0 if it can, 1 if it cannot, and 2 on an error
     Check {
         /// An FMU from any tool
         #[arg(value_name = "FILE.fmu")]
         file: PathBuf,
-        /// The place
+        /// The role to check
         #[arg(long = "as", value_name = "PLACE")]
         role: Role,
-        /// A map from its names and units to the interface
+        /// Map from its names and units to the interface
         #[arg(long, value_name = "FILE.json")]
         map: Option<PathBuf>,
-        /// Write a map to be edited, with suggested names
+        /// Write a map to edit, with suggested names
         #[arg(long, value_name = "FILE.json")]
         write_map: Option<PathBuf>,
     },
@@ -67,7 +67,7 @@ enum Command {
         /// The controller
         #[arg(long, value_name = "FILE.fmu")]
         controller: PathBuf,
-        /// Maps for FMUs with other names and units, as `check --write-map` writes them
+        /// Map for an FMU with other names and units, written by `check --write-map`
         #[arg(long, value_name = "FILE.json")]
         map: Vec<PathBuf>,
         /// Parameter sets, each bound to the FMU that has its parameters

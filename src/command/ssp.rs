@@ -1,5 +1,4 @@
-//! `ssp`: the coupled system of any plant and any controller, as a package of System Structure and
-//! Parameterization.
+//! `ssp`: the coupled system of any plant and controller, as an SSP package (System Structure and Parameterization).
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +43,7 @@ pub fn run(
     ];
     if let Some(compatibility) = fits.iter().find(|compatibility| !compatibility.fits()) {
         bail!(
-            "{compatibility}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to be edited.",
+            "{compatibility}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to edit.",
             compatibility.role.name()
         );
     }
@@ -78,7 +77,7 @@ fn package(
     Ok(couple(SYSTEM, plant, controller))
 }
 
-/// The FMU that a parameter set is for: the one that has its parameters.
+/// The FMU that has a set's parameters.
 fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription) -> Result<Role> {
     let has = |fmu: &FmuDescription, name: &str| fmu.variable(name).is_some();
     let Some(first) = set.parameters.first() else { bail!("it holds no parameter") };

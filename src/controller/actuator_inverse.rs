@@ -1,15 +1,15 @@
 //! The inverse of the actuator: the duty that puts the wastegate at a position (paper, section 5).
 //!
-//! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the vacuum is set by the duty,
-//! eq. (7). The exhaust's force and friction are neglected, as in the paper.
+//! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the duty sets the vacuum, eq. (7).
+//! Exhaust force and friction are neglected, as in the paper.
 
 use super::variables::ActuatorInverseParameters;
 
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// A bound on the steps: bisection alone needs some 55 from the range of the duty to neighbouring numbers,
-/// Newton's method a handful.
+/// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a
+/// handful.
 const MOST_STEPS: usize = 128;
 
 /// The duty at nominal voltage (%) that holds the wastegate at an opening from 0 (the duty at which it
@@ -24,7 +24,7 @@ pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
     root(&inverse.pressure_coefficient, chamber_pressure)
 }
 
-/// The duty (%) whose chamber pressure is lower by a difference (Pa) than that of another duty (%).
+/// The duty (%) whose chamber pressure is lower by a difference (Pa) than another duty's (%).
 pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: f64, difference: f64) -> f64 {
     let coefficients = &inverse.pressure_coefficient;
     let pressure = coefficients.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient);
@@ -33,9 +33,8 @@ pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: 
 
 /// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).
 ///
-/// Newton's method within a bracket, with bisection where a step would leave it or is not half as long as
-/// the one before, so that it converges for any coefficients. Where the value is beyond both ends of the range,
-/// the result is the nearer end.
+/// Newton's method within a bracket, with bisection if a step would leave it or is more than half the previous one, so
+/// it converges for any coefficients. For a value beyond both ends of the range, the result is the nearer end.
 fn root(coefficients: &[f64; 4], value: f64) -> f64 {
     let [k1, k2, k3, k4] = *coefficients;
     let excess = |duty: f64| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;
@@ -44,7 +43,7 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
     if at_zero == 0.0 || at_full == 0.0 || (at_zero > 0.0) == (at_full > 0.0) {
         return if at_zero.abs() <= at_full.abs() { 0.0 } else { FULL_DUTY };
     }
-    // The ends of the bracket by the sign of the excess there.
+    // Bracket ends by the sign of the excess.
     let (mut above, mut below) = if at_zero > 0.0 { (0.0, FULL_DUTY) } else { (FULL_DUTY, 0.0) };
     let mut duty = FULL_DUTY / 2.0;
     let mut step = FULL_DUTY;
@@ -70,8 +69,7 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Coefficients of a cubic that does not fall: the result stays in the range, and is a root where the ends
-    /// enclose one.
+    /// For a cubic that does not fall, the result stays in the range and is a root if the ends enclose one.
     #[test]
     fn any_coefficients_give_a_duty() {
         let odd = [

@@ -1,9 +1,9 @@
 //! The allocation of the virtual duty to three valves: the split range.
 //!
-//! Up to its largest duty the high-pressure wastegate's valve gets the virtual duty itself. Before that wastegate is
-//! fully open, the low-pressure one begins to open, and a little later the bypass of the high-pressure compressor,
-//! both at engine speeds where the high-pressure stage is too small for the flow. The paper, section 3.1, asks for a
-//! gradual transition between its stages: here it is one, in engine speed and in duty, without a switch.
+//! The high-pressure wastegate's valve gets the virtual duty itself, up to its maximum duty. Before that wastegate is
+//! fully open, the low-pressure one starts to open, and slightly later the bypass of the high-pressure compressor, both
+//! only at engine speeds where the high-pressure stage is too small for the flow. This is the gradual transition
+//! between stages of paper, section 3.1, in engine speed and in duty, without switching.
 
 use fmu_export::{Error, Persistent};
 
@@ -11,29 +11,29 @@ use super::compensator::{Compensator, Limits};
 use super::variables::{AllocationParameters, Parameters};
 use crate::elementary::smaller;
 
-/// The openings of the valves beside the high-pressure wastegate.
+/// The openings of the other valves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Openings {
-    /// Of the low-pressure wastegate: 0 shut, 1 fully open.
+    /// The low-pressure wastegate: 0 shut, 1 fully open.
     pub lp_wastegate: f64,
-    /// Of the bypass of the high-pressure compressor.
+    /// The bypass of the high-pressure compressor.
     pub hp_bypass: f64,
-    /// Of the surge valve.
+    /// The surge valve.
     pub surge_valve: f64,
 }
 
-/// How far a value is between two bounds: 0 up to the lower, 1 from the upper on.
+/// A ramp between two bounds: 0 up to the lower, 1 from the upper.
 pub(super) fn ramp(value: f64, from: f64, to: f64) -> f64 {
     ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
 impl AllocationParameters {
-    /// How far the low-pressure wastegate takes part at an engine speed (rpm).
+    /// The share of the low-pressure wastegate at an engine speed (rpm).
     pub(super) fn low_pressure_share(&self, engine_speed: f64) -> f64 {
         ramp(engine_speed, self.low_pressure_shut_below, self.low_pressure_free_above)
     }
 
-    /// The limits of the virtual duty: where the low-pressure wastegate takes part, up to where it is fully open.
+    /// The limits of the virtual duty, up to the low-pressure wastegate fully open where it takes part.
     pub(super) fn limits(
         &self,
         parameters: &Parameters,
@@ -56,8 +56,8 @@ impl AllocationParameters {
 
     /// The openings at rest for a virtual duty (%) within its limits.
     ///
-    /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls with its opening: the gain
-    /// from virtual duty to boost pressure hardly changes.
+    /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls as it opens: the gain from
+    /// virtual duty to boost pressure hardly changes.
     #[must_use]
     pub fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
         let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);
@@ -77,21 +77,20 @@ impl AllocationParameters {
     }
 }
 
-/// The bypass moves with a lag: each of its movements changes the flow of both compressors at once, before
-/// their shafts can follow.
+/// The bypass moves with a lag, since it changes the flow of both compressors at once, before their shafts can follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub(super) struct Bypass {
-    /// As commanded at the last sample; none before the first.
+    /// The opening commanded at the last sample; none before the first.
     opening: Option<f64>,
 }
 
 impl Bypass {
-    /// As commanded at the last sample.
+    /// The opening commanded at the last sample.
     pub(super) fn opening(self) -> f64 {
         self.opening.unwrap_or_default()
     }
 
-    /// Its opening at a sample, on the way to the one asked for. It begins there.
+    /// The lagged opening at a sample, for a wanted one. It starts there.
     pub(super) fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
         let allocation = &parameters.allocation;
         let before = self.opening.unwrap_or(asked);
@@ -103,7 +102,7 @@ impl Bypass {
     }
 }
 
-/// Rejects an allocation that does not open its valves one after the other.
+/// Rejects an allocation that does not open its valves in sequence.
 pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     let of = &parameters.allocation;
     refuse_not_below(

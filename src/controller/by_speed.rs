@@ -1,10 +1,10 @@
-//! The strategy `by_speed`: engine speed decides which of the two turbochargers works (paper, sections 3.1 and 6).
+//! The strategy `by_speed`: engine speed selects the working turbocharger (paper, sections 3.1 and 6).
 //!
-//! At low speed the low-pressure wastegate is shut: the small high-pressure stage gives the boost. Above,
-//! the low-pressure wastegate opens with the engine speed. At high speed the high-pressure compressor would
-//! choke: it is bypassed, its wastegate is fully open, and boost is limited by the low-pressure wastegate.
+//! At low speed the low-pressure wastegate is shut and the small high-pressure stage provides boost. Above, the
+//! low-pressure wastegate opens with engine speed. At high speed the high-pressure compressor would choke: it is
+//! bypassed, its wastegate is fully open, and the low-pressure wastegate limits boost.
 //!
-//! The modes `position` and `open_loop` set the other valves by it as well.
+//! The modes `position` and `open_loop` also use it for the other valves.
 
 use fmu_export::{Context, Error, Persistent};
 
@@ -19,7 +19,7 @@ use super::schedule::{self, OperatingPoint};
 use super::variables::{ControlMode, Inputs, Parameters};
 use crate::elementary::smaller;
 
-/// The memory of the strategy, beside the law's.
+/// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct BySpeed {
     /// Whether the high-pressure stage is bypassed.
@@ -39,7 +39,7 @@ impl BySpeed {
         let &Inputs { engine_speed, boost_pressure: measurement, .. } = inputs;
         let reference = feedforward::bounded_reference(parameters, inputs);
         if self.bypasses(parameters, engine_speed) {
-            // The law's memory follows the boost pressure, so that it starts there when it takes over again.
+            // The law's memory follows boost pressure, for a bumpless start when it takes over again.
             *law = BoostLaw::at(measurement);
             let openings = Openings {
                 lp_wastegate: self.low_pressure.sample(parameters, measurement - reference),
@@ -83,7 +83,7 @@ impl BySpeed {
         } else {
             feedforward::at_rest(parameters, inputs)
         };
-        // While the high-pressure stage is bypassed, the low-pressure wastegate is shut except in mode boost.
+        // With the high-pressure stage bypassed, the low-pressure wastegate is shut except in mode boost.
         let openings = if bypassed {
             Openings { lp_wastegate: 0.0, hp_bypass: 1.0, surge_valve: 0.0 }
         } else {
@@ -96,8 +96,8 @@ impl BySpeed {
         Command::new(DutyTerms::feedforward(duty, reference), limits, openings)
     }
 
-    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit on, until the
-    /// speed has fallen below it by the hysteresis.
+    /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit, until the speed falls
+    /// below it by the hysteresis.
     fn bypasses(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
         let until = parameters.lp_wastegate_open_above;
         let from = if self.bypassed { until - parameters.stage_hysteresis } else { until };
@@ -105,7 +105,7 @@ impl BySpeed {
         self.bypassed
     }
 
-    /// Logs whether the high-pressure stage has begun or ceased to be bypassed since a sample.
+    /// Logs changes of the bypass since a sample.
     pub fn log_since(&self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
         if self.bypassed != before.bypassed {
             let (is, speed) = (if self.bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
@@ -114,8 +114,8 @@ impl BySpeed {
     }
 }
 
-/// The opening of the low-pressure wastegate at an engine speed (rpm) while the high-pressure stage works:
-/// shut up to the one limit, fully open at the other, linear between.
+/// The low-pressure wastegate opening at an engine speed (rpm) while the high-pressure stage works: shut up to one
+/// limit, fully open at the other, linear between.
 fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if engine_speed <= shut {
@@ -127,8 +127,7 @@ fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
     }
 }
 
-/// Control of boost by the low-pressure wastegate: proportional and integral, with tracking against
-/// wind-up.
+/// Boost control by the low-pressure wastegate: PI with tracking anti-windup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct LowPressureLoop {
     /// The integral term of the opening; none before the first sample.
@@ -136,22 +135,21 @@ struct LowPressureLoop {
 }
 
 impl LowPressureLoop {
-    /// The opening of the wastegate for a boost pressure above its reference by an error (Pa). It starts
-    /// shut.
+    /// The wastegate opening for a boost error (Pa), positive above the reference. It starts shut.
     fn sample(&mut self, parameters: &Parameters, error: f64) -> f64 {
         let proportional = parameters.low_pressure_gain * error;
         let integral = self.integral.unwrap_or(-proportional);
         let unlimited = proportional + integral;
         let opening = unlimited.clamp(0.0, 1.0);
         let share = parameters.sample_time / parameters.low_pressure_integral_time;
-        // Tracking in one sample is the fastest there is; a larger share would overshoot, ever further.
+        // Tracking takes at least one sample; a larger share would be unstable.
         let tracking = smaller(share, 1.0);
         self.integral = Some(integral + share * proportional + tracking * (opening - unlimited));
         opening
     }
 }
 
-/// Rejects parameters of the strategy that contradict each other.
+/// Rejects contradictory parameters of the strategy.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if shut < open {

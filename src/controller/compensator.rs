@@ -1,18 +1,18 @@
-//! The compensator of the supply voltage: paper, section 5.
+//! The supply voltage compensator: paper, section 5.
 //!
-//! The plunger of the solenoid valve follows the mean of the magnetic field, hence duty times voltage, so a
-//! duty for nominal voltage has the same effect at another voltage when it is multiplied by their ratio.
+//! The solenoid valve's plunger follows the mean magnetic field, hence duty times voltage. A duty at nominal voltage
+//! therefore has the same effect at another voltage if multiplied by the voltage ratio.
 
 use fmu_export::Persistent;
 
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
-/// The least supply voltage (V) that is compensated for: below it the duty does not grow further.
+/// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
 const LEAST_VOLTAGE: f64 = 6.0;
 
-/// The least supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking
-/// lowers a 12 V supply to 3 V, and no further. Some masters pass zeros to connected inputs at the start.
+/// The lowest supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking lowers a 12
+/// V supply to no less than 3 V. Some masters pass zeros to connected inputs at the start.
 const LEAST_MEASUREMENT: f64 = 3.0;
 
 /// The largest duty (%).
@@ -21,12 +21,12 @@ const FULL_DUTY: f64 = 100.0;
 /// Whether the supply voltage was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct SupplyVoltage {
-    /// Whether there was a measurement. After the first, a low voltage is a measurement, too: the supply fails.
+    /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
     measured: bool,
 }
 
 impl SupplyVoltage {
-    /// Takes an input (V). Returns it as a measurement if there was one by now.
+    /// Takes an input (V); returns it if there has been a measurement.
     pub fn sample(&mut self, voltage: f64) -> Option<f64> {
         self.measured |= voltage >= LEAST_MEASUREMENT;
         self.measured.then_some(voltage)
@@ -36,7 +36,7 @@ impl SupplyVoltage {
 /// The compensation at a supply voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensator {
-    /// Duty at this voltage by duty at nominal voltage: paper, eq. (9).
+    /// Duty at this voltage over duty at nominal voltage: paper, eq. (9).
     pub factor: f64,
 }
 
@@ -52,12 +52,12 @@ impl Compensator {
         Self { factor }
     }
 
-    /// The limits of a duty at nominal voltage: those given (%), and the one at which the real duty is 100 %.
+    /// The limits of a duty at nominal voltage: those given (%), and the one at which the actual duty is 100 %.
     pub fn limits(self, least: f64, most: f64) -> Limits {
         Limits { least, most: smaller(most, FULL_DUTY / self.factor) }
     }
 
-    /// The duty (%) at this voltage that acts like one at nominal voltage.
+    /// The duty (%) at this voltage equivalent to one at nominal voltage.
     pub fn compensate(self, duty: f64) -> f64 {
         smaller(duty * self.factor, FULL_DUTY)
     }
@@ -76,8 +76,8 @@ impl Limits {
         duty >= self.least && duty <= self.most
     }
 
-    /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower one; then
-    /// the upper one, which is physical, applies.
+    /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower; then the upper,
+    /// physical one applies.
     pub fn clip(self, duty: f64) -> f64 {
         smaller(larger(duty, self.least), self.most)
     }

@@ -1,24 +1,24 @@
-//! The day: the schedule of the strategy `split_range`, identified at one ambient, made to hold at another.
+//! Ambient conditions ("day"): converts the schedule of the strategy `split_range` from reference to other conditions.
 //!
-//! An operating point on this day is looked up at the one on the schedule's day, with the same openings of all valves,
-//! that has the same pressure ratios of the turbines and corrected speeds of the shafts. With δ and θ the ambient pressure
-//! and temperature by those of the schedule, Π the ratio of boost to ambient pressure, and τ that of the exhaust's
-//! temperatures:
+//! An operating point is looked up at reference conditions, at the point with the same valve openings, turbine pressure
+//! ratios and corrected shaft speeds. With δ and θ the ambient pressure and temperature over their reference values, Π
+//! the ratio of boost to ambient pressure, and τ the ratio of exhaust temperatures:
 //!
-//! - In thin air less exhaust flows, and loses more of its heat before the turbines: its temperature is proportional to
-//!   the flow's power ε. A turbine's flow at equal pressure ratio is proportional to p / √T, so that τ = (δ / √τ)^ε. The
-//!   temperature of the ambient changes that of the exhaust by a hundredth, which is neglected.
-//! - The turbines' work per mass is proportional to τ, and that of the compressors is equal to it,
-//!   `c_p T (Π^((γ−1)/γ) − 1)`: the schedule's ratio follows from `Π₀^((γ−1)/γ) − 1 = θ/τ (Π^((γ−1)/γ) − 1)`.
-//! - The engine's flow is proportional to speed, boost pressure and 1/θ, and those through turbines and wastegates to
-//!   δ/√τ, so the schedule's engine speed is `N Π √τ / (θ Π₀)`.
-//! - The shafts turn by √τ faster at equal corrected speed. Their energy is proportional to τ and their power to δ √τ, so
-//!   that time constants are longer by √τ/δ.
+//! - In thin air less exhaust flows and loses more of its heat upstream of the turbines: its temperature is
+//!   proportional to flow to the power ε. Turbine flow at equal pressure ratio is proportional to p / √T, so that τ =
+//!   (δ / √τ)^ε. Ambient temperature changes exhaust temperature by a hundredth, which is neglected.
+//! - Turbine work per mass is proportional to τ and equals compressor work, `c_p T (Π^((γ−1)/γ) − 1)`: the schedule's
+//!   ratio follows from `Π₀^((γ−1)/γ) − 1 = θ/τ (Π^((γ−1)/γ) − 1)`.
+//! - Engine flow is proportional to speed, boost pressure and 1/θ, flow through turbines and wastegates to δ/√τ, so the
+//!   schedule's engine speed is `N Π √τ / (θ Π₀)`.
+//! - At equal corrected speed the shafts turn faster by √τ. Their energy is proportional to τ and their power to δ √τ,
+//!   so time constants are longer by √τ/δ.
 //!
 //! (Corrected quantities: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines, 2014, chapter 8.)
 //!
-//! The actuator does not scale: its spring needs the same difference to ambient pressure, and paper, eq. (7), gives the
-//! chamber's absolute pressure. So the duty is the one whose chamber pressure is lower by as much as the ambient's.
+//! The actuator does not scale: its spring needs the same difference to ambient pressure, but paper, eq. (7), gives
+//! absolute chamber pressure. So the duty is the one whose chamber pressure is lower by the difference in ambient
+//! pressure.
 
 use fmu_export::Persistent;
 
@@ -27,38 +27,38 @@ use super::schedule::OperatingPoint;
 use super::variables::{Inputs, Parameters};
 use crate::elementary::{larger, power};
 
-/// The least ambient pressure (Pa) and temperature (K) that are measurements: there is no road where they are lower.
+/// The lowest ambient pressure (Pa) and temperature (K) that are measurements: no road has lower ones.
 const LEAST_PRESSURE: f64 = 40e3;
 const LEAST_TEMPERATURE: f64 = 200.0;
 
 /// (γ − 1)/γ of air.
 const EXPONENT: f64 = 0.4 / 1.4;
 
-/// The least ratio of pressures to ambient: a measurement of 0 stays finite.
+/// The lowest pressure ratio to ambient, to stay finite for a measurement of 0.
 const LEAST_RATIO: f64 = 0.1;
 
-/// The least pressure (Pa) for which engine speed is converted: with a reference of 0 it stays finite.
+/// The lowest pressure (Pa) for converting engine speed, to stay finite for a reference of 0.
 const LEAST_CONVERTED: f64 = 1e3;
 
-/// How a day differs from the one of the schedule.
+/// Ambient conditions relative to reference conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
 pub struct Day {
-    /// δ: ambient pressure by that of the schedule.
+    /// δ: ambient pressure over its reference value.
     pressure_ratio: f64,
-    /// θ: ambient temperature by that of the schedule.
+    /// θ: ambient temperature over its reference value.
     temperature_ratio: f64,
-    /// τ: work per mass of exhaust by that on the day of the schedule.
+    /// τ: work per mass of exhaust over that at reference conditions.
     work_ratio: f64,
     /// Ambient pressure (Pa).
     ambient_pressure: f64,
-    /// How far it is below that of the schedule (Pa).
+    /// Its difference below the reference value (Pa).
     pressure_deficit: f64,
-    /// Whether it differs at all.
+    /// Whether the conditions are off reference.
     pub is_other: bool,
 }
 
 impl Default for Day {
-    /// That of any schedule.
+    /// Reference conditions.
     fn default() -> Self {
         Self {
             pressure_ratio: 1.0,
@@ -73,7 +73,7 @@ impl Default for Day {
 
 #[allow(clippy::float_cmp, reason = "exactly 1 without a measurement")]
 impl Day {
-    /// The day by its measurements; that of the schedule where there are none.
+    /// Measured conditions, or reference conditions without measurements.
     pub fn measured(parameters: &Parameters, inputs: &Inputs) -> Self {
         let &Parameters {
             nominal_ambient_pressure, nominal_ambient_temperature, exhaust_work_exponent, ..
@@ -86,7 +86,7 @@ impl Day {
         Self {
             pressure_ratio,
             temperature_ratio: temperature / nominal_ambient_temperature,
-            // The flow is proportional to δ / √τ, and τ to the flow's power ε.
+            // Flow is proportional to δ / √τ, and τ to flow to the power ε.
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: nominal_ambient_pressure - ambient_pressure,
@@ -95,10 +95,10 @@ impl Day {
         }
     }
 
-    /// The operating point of a pressure (Pa) and an engine speed (rpm) on the schedule's day.
+    /// The operating point of a pressure (Pa, at reference conditions) and an engine speed (rpm).
     ///
-    /// Other days have operating points between the columns of the schedule even where the engine turns at the speed of
-    /// one.
+    /// Off reference conditions, operating points lie between schedule columns even when the engine runs at a column's
+    /// speed.
     pub fn operating_point<'a>(
         &self,
         parameters: &'a Parameters,
@@ -109,17 +109,17 @@ impl Day {
         if self.is_other { place.aligned(pressure, [parameters.pwm_min, parameters.pwm_max]) } else { place }
     }
 
-    /// The pressure on the day of the schedule that corresponds to one on this day (Pa).
+    /// The pressure at reference conditions that corresponds to one here (Pa).
     pub fn scheduled_pressure(&self, pressure: f64) -> f64 {
         self.with_work(pressure, self.temperature_ratio / self.work_ratio) / self.pressure_ratio
     }
 
-    /// The pressure on this day that corresponds to one on the day of the schedule (Pa).
+    /// The pressure here that corresponds to one at reference conditions (Pa).
     pub fn pressure(&self, scheduled: f64) -> f64 {
         self.with_work(scheduled * self.pressure_ratio, self.work_ratio / self.temperature_ratio)
     }
 
-    /// The pressure (Pa) to which compressors of this day bring the air with a multiple of the work.
+    /// The pressure (Pa) that the compressors reach here with a multiple of the work.
     fn with_work(&self, pressure: f64, multiple: f64) -> f64 {
         if multiple == 1.0 {
             return pressure;
@@ -129,7 +129,7 @@ impl Day {
         self.ambient_pressure * larger(power(larger(1.0 + work, LEAST_RATIO), 1.0 / EXPONENT), LEAST_RATIO)
     }
 
-    /// The factor from engine speed to that at which the schedule holds, at a pressure on its day (Pa).
+    /// The factor from engine speed to the schedule's, at a pressure at reference conditions (Pa).
     pub fn speed_factor(&self, scheduled_pressure: f64) -> f64 {
         if self.temperature_ratio == 1.0 && self.work_ratio == 1.0 {
             return 1.0;
@@ -139,11 +139,11 @@ impl Day {
         self.work_ratio.sqrt() * pressure / (self.temperature_ratio * scheduled_pressure)
     }
 
-    /// The limit of boost pressure (Pa, as on the day of the schedule) at an engine speed (rpm) of this day that keeps a
-    /// shaft's speed, by that of the schedule over engine speed.
+    /// The boost pressure limit (Pa, at reference conditions) at an engine speed (rpm) here that keeps a shaft speed,
+    /// from the schedule's over engine speed.
     ///
-    /// Equal speeds of the shafts go with equal work and equal volume flows of the compressors, and these are proportional
-    /// to engine speed and ratio of pressures.
+    /// Equal shaft speeds mean equal work and equal volume flows of the compressors, which are proportional to engine
+    /// speed and pressure ratio.
     pub fn limit_of_shaft(&self, engine_speed: f64, scheduled: impl Fn(f64) -> f64) -> f64 {
         let on_day = |limit: f64| self.with_work(limit * self.pressure_ratio, 1.0 / self.temperature_ratio);
         let nearly = scheduled(engine_speed);
@@ -156,7 +156,7 @@ impl Day {
         self.work_ratio.sqrt() / self.pressure_ratio
     }
 
-    /// The duty (%) on this day that acts like one on the day of the schedule.
+    /// The duty (%) here equivalent to one at reference conditions.
     pub fn duty(&self, parameters: &Parameters, scheduled: f64) -> f64 {
         if self.pressure_deficit == 0.0 {
             return scheduled;

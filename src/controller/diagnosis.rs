@@ -1,16 +1,16 @@
-//! Diagnosis: whether the measurements are possible and the actuators answer; and the limp-home where they do not.
+//! Diagnosis: whether measurements are plausible and actuators respond, with limp-home if they do not.
 //!
 //! | finding | when | limp-home |
 //! |---|---|---|
-//! | boost sensor implausible | out of range, faster than the engine can be; where asked to, constant while engine speed changes | feedforward alone |
-//! | loop not answering | boost does not follow a virtual duty that has moved, though it is far from its reference | least boost |
-//! | tank not filling | the pressure does not fall while the pump runs | pump off; least boost once the vacuum is too weak |
-//! | tank sensor implausible | out of range | the pump runs by time |
+//! | boost sensor implausible | out of range, or faster than the engine can be; optionally, constant while engine speed changes | feedforward alone |
+//! | loop not answering | boost, far from its reference, does not follow a moving virtual duty | least boost |
+//! | tank not filling | the pressure does not fall with the pump on | pump off; least boost once the vacuum is too weak |
+//! | tank sensor implausible | out of range | pump timed |
 //! | supply sensor implausible | out of range | compensation as at nominal voltage |
 //!
-//! The bounds follow from the plant's physics; `modelDescription/controller.json` states how. Findings about boost and
-//! the tank's filling hold until the next initialization, since what they are judged by is not seen any more; a sensor
-//! that is back in its range is used again.
+//! The bounds follow from plant physics, as `modelDescription/controller.json` explains. Findings about boost and tank
+//! filling latch until the next initialization, since limp-home removes the evidence; a sensor back in range is used
+//! again.
 
 use std::fmt;
 
@@ -23,15 +23,16 @@ use super::variables::{
 };
 use crate::elementary::larger;
 
-/// The time constant (s) of the virtual duty and of the reference before a demand: longer than the duty needs for a step
-/// of the reference, shorter than a driver waits between two.
+/// The time constant (s) of the virtual duty and the reference before a demand: longer than the duty's response to a
+/// reference step, shorter than the time between a driver's steps.
 const MEMORY: f64 = 1.0;
-/// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to keep the pressure.
+/// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
 const STEADY_SPEED: f64 = 100.0;
-/// The sum of the changes of the duty (%) up to which it rests: 1 % more empties 0.9 kPa of the actuator's chamber into the
-/// tank, 40 Pa there with 45 cm³ and 1 l, so this at most 0.08 kPa, and with a chamber three times as large 0.24 kPa.
+/// The sum of duty changes (%) up to which the duty counts as constant: 1 % more empties 0.9 kPa of the actuator
+/// chamber into the tank, 40 Pa there with 45 cm³ and 1 l, so this at most 0.08 kPa, or 0.24 kPa with a chamber three
+/// times as large.
 const RESTING_TRAVEL: f64 = 2.0;
-/// How long the duty must have rested (s) before the tank's pressure is judged: the chamber's longest filling.
+/// How long the duty must be constant (s) before tank pressure is judged: the longest filling of the chamber.
 const CHAMBER_SETTLES: f64 = 0.75;
 
 /// What was found.
@@ -56,7 +57,7 @@ impl Findings {
         ]
     }
 
-    /// The sum of 1, 2, 4, 8 and 16 for the findings in their order.
+    /// The sum of 1, 2, 4, 8 and 16 for the findings in order.
     fn code(self) -> f64 {
         self.all().iter().rev().fold(0.0, |code, &(found, _)| 2.0 * code + f64::from(u8::from(found)))
     }
@@ -72,7 +73,7 @@ impl Findings {
         };
     }
 
-    /// Warns of what was not found before.
+    /// Warns of new findings.
     pub fn warn_since(self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
         for ((found, what), (was_found, _)) in self.all().into_iter().zip(before.all()) {
             if found && !was_found {
@@ -82,7 +83,7 @@ impl Findings {
     }
 }
 
-/// The measurements in a warning.
+/// The measurements shown in a warning.
 struct Measurements<'a>(&'a Inputs);
 
 impl fmt::Display for Measurements<'_> {
@@ -101,7 +102,7 @@ impl fmt::Display for Measurements<'_> {
 pub enum BoostControl {
     Closed,
     FeedforwardAlone,
-    /// All valves as for the least boost.
+    /// All valves set for least boost.
     LeastBoost,
 }
 
@@ -115,7 +116,7 @@ pub struct Diagnosis {
     answer: Answer,
     filling: Filling,
     findings: Findings,
-    /// How long the pump has run by time (s).
+    /// Elapsed time of the timed pump cycle (s).
     pump_time: f64,
 }
 
@@ -124,7 +125,7 @@ impl Diagnosis {
         self.findings
     }
 
-    /// Judges the measurements of a sample by themselves.
+    /// Judges a sample's measurements individually.
     pub fn check_sensors(&mut self, parameters: &Parameters, inputs: &Inputs) {
         let &Parameters { sample_time, nominal_voltage, ref diagnosis, .. } = parameters;
         let confirm = |range: &mut Confirmed, value: f64, least: f64, most: f64| {
@@ -156,7 +157,7 @@ impl Diagnosis {
         }
     }
 
-    /// How the loop of boost is to be closed.
+    /// How the boost loop is to be closed.
     pub fn boost_control(&self, parameters: &Parameters, inputs: &Inputs) -> BoostControl {
         let Findings { boost_sensor_implausible, loop_not_answering, tank_not_filling, .. } = self.findings;
         let vacuum_is_lost =
@@ -172,7 +173,7 @@ impl Diagnosis {
         }
     }
 
-    /// Whether the pump is to run, where the relay says so or not.
+    /// Whether the pump is to run, given the relay's command.
     pub fn pump(&mut self, parameters: &Parameters, relay: bool) -> bool {
         let &Parameters { sample_time, ref diagnosis, .. } = parameters;
         if !diagnosis.limp_home {
@@ -190,7 +191,7 @@ impl Diagnosis {
         }
     }
 
-    /// The supply voltage (V) that is compensated for.
+    /// The supply voltage (V) to compensate for.
     pub fn supply_voltage(&self, parameters: &Parameters, measured: Option<f64>) -> Option<f64> {
         let is_ignored = parameters.diagnosis.limp_home && self.findings.supply_sensor_implausible;
         measured.filter(|_| !is_ignored)
@@ -206,9 +207,8 @@ impl Diagnosis {
         }
     }
 
-    /// Judges whether boost answers the virtual duty (%) that was commanded for a reference (Pa); without a schedule
-    /// that says what it ought to do, not. All pressures are as on the schedule's day, and so is that of the day, which
-    /// belongs to a fixed pressure on this day.
+    /// Judges whether boost responds to the virtual duty (%) commanded for a reference (Pa), if a schedule gives the
+    /// expected response. All pressures are at reference conditions; `day` corresponds to a fixed pressure here.
     pub fn check_answer<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -232,11 +232,11 @@ impl Diagnosis {
     }
 }
 
-/// A condition that holds, or not, once it has been seen so for a time.
+/// A condition that changes once it has been observed changed for some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Confirmed {
     holds: bool,
-    /// For how long it has been seen otherwise (s).
+    /// How long it has been observed otherwise (s).
     seen_otherwise: f64,
 }
 
@@ -253,18 +253,18 @@ impl Confirmed {
     }
 }
 
-/// The measurement of boost since its last change. A master whose steps are longer than samples holds a measurement,
-/// so its next change belongs to all that time.
+/// The boost measurement since its last change. A master with steps longer than samples holds measurements, so their
+/// next change spans all that time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Signal {
-    /// Boost pressure (Pa) and engine speed (rpm) at its last change.
+    /// Boost pressure (Pa) and engine speed (rpm) at the last change.
     last: Option<[f64; 2]>,
-    /// Since then (s).
+    /// Time since then (s).
     age: f64,
 }
 
 impl Signal {
-    /// Whether no engine's boost pressure changes so fast, or not at all.
+    /// Whether boost pressure changes faster, or stays more constant, than any engine's.
     fn is_impossible(&mut self, parameters: &Parameters, inputs: &Inputs) -> bool {
         let &Inputs { boost_pressure, engine_speed, .. } = inputs;
         let limits = &parameters.diagnosis;
@@ -284,44 +284,44 @@ impl Signal {
     }
 }
 
-/// Whether boost answers the virtual duty.
+/// Whether boost responds to the virtual duty.
 ///
-/// While boost is far from its reference, the duty is expected to move it: to the pressure at which the schedule has
-/// that duty at rest, with the schedule's time constant. A loop that answers moves at least a little that way. One that
-/// cannot reach its reference, as in thin air, has answered when its duty moved there, and is left alone. So is a lack of
-/// boost under a reference that did not rise: a shut throttle takes the boost as a stuck wastegate would.
+/// While boost is far from its reference, the duty should move it to the pressure of that duty in the schedule, with
+/// the schedule's time constant. A working loop moves at least a little that way. One that cannot reach its reference,
+/// as in thin air, responded when its duty moved there, and is not judged. Nor is low boost under a reference that did
+/// not rise: a shut throttle lowers boost just as a stuck wastegate would.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Answer {
     /// Virtual duty (%) and reference (Pa), filtered; none before the first sample.
     before: Option<[f64; 2]>,
     demand: Option<Demand>,
-    /// The pressure of the day (Pa) since which it is judged.
+    /// `day` at the start of the judgement: a fixed pressure's equivalent at reference conditions (Pa).
     day: f64,
 }
 
-/// Since boost is far from its reference.
+/// The time since boost is far from its reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Demand {
-    /// Above 0 where more boost is asked for.
+    /// Above 0 if more boost is demanded.
     sign: f64,
-    /// The boost pressure (Pa) that was farthest from the reference.
+    /// The boost pressure (Pa) farthest from the reference.
     farthest: f64,
-    /// The engine speed (rpm) at the beginning.
+    /// The engine speed (rpm) at the start.
     engine_speed: f64,
     /// The reference (Pa) before.
     reference_before: f64,
-    /// The pressure (Pa) that the schedule has for the duty before.
+    /// The schedule's pressure (Pa) for the duty before.
     held_before: f64,
-    /// How far boost ought to have moved (Pa).
+    /// How far boost should have moved (Pa).
     expected: f64,
     has_answered: bool,
-    /// For how long it has not moved although it ought to have (s).
+    /// How long it has failed to move although it should have (s).
     unanswered: f64,
 }
 
 impl Answer {
-    /// Judges anew from a pressure of the day (Pa) on that is another by a bound (Pa): the reference has not moved, though
-    /// it has on the schedule's day.
+    /// Restarts the judgement if a fixed pressure's equivalent `day` (Pa) has changed by a bound (Pa): the reference
+    /// moved at reference conditions, though not here.
     fn sample_day(&mut self, day: f64, bound: f64) {
         if (day - self.day).abs() >= bound {
             *self = Self { day, ..Self::default() };
@@ -338,7 +338,7 @@ impl Answer {
     ) -> bool {
         let &Inputs { boost_pressure, engine_speed, .. } = inputs;
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
-        // Less moves no wastegate.
+        // A smaller change moves no wastegate.
         let virtual_duty = larger(virtual_duty, actuator_inverse::duty(&parameters.actuator_inverse, 0.0));
         let now = [virtual_duty, reference];
         let before = self.before.unwrap_or(now);
@@ -381,25 +381,24 @@ impl Answer {
     }
 }
 
-/// Whether the pump lowers the tank's pressure.
+/// Whether the pump lowers tank pressure.
 ///
-/// A valve that moves fills the tank with the actuator's air, so the rate is judged while the duty rests: the
-/// compensated duty, which shows steps of the supply as well, for these move the valve until they are measured. Where
-/// it never rests, as with a noisy measurement, the pump fails when it has run for long without regaining a vacuum that is
-/// lost already.
+/// A moving valve fills the tank with the actuator's air, so the rate is judged while the duty is constant. This is the
+/// compensated duty, which also shows supply steps, since these move the valve until they are measured. If it is never
+/// constant, as with measurement noise, the pump is judged failed after running long without regaining a lost vacuum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Filling {
-    /// Since the pump was switched on.
+    /// From when the pump was switched on.
     run: Span,
-    /// Since the duty came to rest.
+    /// From when the duty became constant.
     rest: Span,
     /// The duty (%) at the last sample.
     duty: f64,
-    /// The sum of its changes (%) while it rests.
+    /// The sum of its changes (%) since then.
     travel: f64,
 }
 
-/// A time (s) and the tank's pressure (Pa) from which it is to fall.
+/// A time (s) and the tank pressure (Pa) from which it should fall.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Span {
     time: f64,

@@ -1,8 +1,8 @@
-//! The lead of the high-pressure wastegate's duty, on another day than the schedule's.
+//! Lead compensation of the high-pressure wastegate duty, off reference conditions.
 //!
-//! The actuator lags behind its duty: its chamber has to fill, and its rod to overcome friction. So while the duty changes,
-//! more than the change is commanded, down to no duty at all: that fills the chamber faster than the duty at which the
-//! wastegate lies on its seat. Small changes do not count: those by noise would drain the vacuum.
+//! The actuator lags its duty: its chamber has to fill, and its rod to overcome friction. So while the duty changes,
+//! more than the change is commanded, down to zero duty, which fills the chamber faster than the duty at which the
+//! wastegate seats. Small changes are ignored, since noise would drain the vacuum.
 
 use fmu_export::Persistent;
 
@@ -11,7 +11,7 @@ use super::rate_filter::RateFilter;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
-/// The time (s) over which the duty's change counts.
+/// The time window (s) of the duty change.
 const FILTER_TIME: f64 = 0.05;
 
 /// The memory of the lead.
@@ -21,7 +21,7 @@ pub struct DutyLead {
 }
 
 impl DutyLead {
-    /// The duty (%) to be commanded at a sample for one that is asked for; both at nominal voltage.
+    /// The duty (%) to command at a sample for a wanted one; both at nominal voltage.
     pub fn sample(&mut self, parameters: &Parameters, day: &Day, duty: f64) -> f64 {
         let &Parameters { sample_time, ref off_schedule, .. } = parameters;
         let rate = self.duty.sample(sample_time, FILTER_TIME, duty);

@@ -1,5 +1,5 @@
-//! The feedback: a gain scheduled PID controller by λ-tuning, with a filtered derivative of the
-//! measurement and tracking against wind-up (paper, section 6).
+//! The feedback: a gain-scheduled PID controller with λ-tuning, filtered derivative of the measurement and tracking
+//! anti-windup (paper, section 6).
 
 use fmu_export::Persistent;
 
@@ -7,16 +7,15 @@ use super::schedule::LocalModel;
 use super::variables::Parameters;
 use crate::elementary::{larger, power};
 
-/// The least tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a
-/// tracking time below one sample makes the integral term oscillate; four keep it well damped.
+/// The minimum tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a tracking time
+/// below one sample makes the integral term oscillate; four keep it well damped.
 const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 
 /// The settings of the PID controller at an operating point: paper, eq. (12).
 ///
-/// The paper prints eq. (11) as the product of a PI and a PD term, but the settings of eq. (12) belong to
-/// the sum `K (1 + 1/(s T_i) + s T_d)`: there the numerator is
-/// `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)`, which cancels the local model with its delay in Padé's
-/// approximation. The sum is used.
+/// The paper prints eq. (11) as the product of a PI and a PD term, but the settings of eq. (12) belong to the sum `K (1
+/// + 1/(s T_i) + s T_d)`, used here: its numerator `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)` cancels the local
+/// model with a Padé approximation of its delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackSettings {
     /// K (%/Pa).
@@ -30,7 +29,7 @@ pub struct FeedbackSettings {
 }
 
 impl FeedbackSettings {
-    /// λ-tuning for a local model; λ (s) is the desired time constant of the closed loop.
+    /// λ-tuning for a local model; λ (s) is the desired closed-loop time constant.
     #[must_use]
     pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
@@ -44,33 +43,33 @@ impl FeedbackSettings {
         }
     }
 
-    /// With a derivative term that makes up for a lag (s) beside the local model's delay.
+    /// Adds a lead (s) to the derivative term for a lag beyond the local model's delay.
     #[must_use]
     pub fn with_lead(self, lead: f64) -> Self {
         Self { derivative_time: self.derivative_time + lead, ..self }
     }
 
-    /// The tracking time `T_tr` of the paper, section 6, not below four samples (s).
+    /// The tracking time `T_tr` of paper, section 6, at least four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
         larger((self.integral_time * self.derivative_time).sqrt(), LEAST_TRACKING_SAMPLES * sample_time)
     }
 }
 
-/// How firmly the feedback holds boost.
+/// The tuning of the feedback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Firmness {
-    /// λ: the desired time constant of the closed loop (s).
+    /// λ: the desired closed-loop time constant (s).
     pub lambda: f64,
-    /// The lag of the actuator (s) that the derivative term makes up for, beside the local model's delay.
+    /// The actuator lag (s) compensated by the derivative term, in addition to the local model's delay.
     pub lead: f64,
-    /// How much faster than the derivative time the filter of the derivative term is.
+    /// Derivative time over the time constant of the derivative filter.
     pub derivative_filter: f64,
-    /// The share of the integral gain that counts.
+    /// The share of the integral gain used.
     pub integral_share: f64,
 }
 
 impl Firmness {
-    /// Of a controller that knows the engine by its schedule, with λ (s).
+    /// The tuning at reference conditions, with λ (s).
     #[must_use]
     pub fn at(parameters: &Parameters, lambda: f64) -> Self {
         Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter, integral_share: 1.0 }
@@ -100,15 +99,15 @@ impl Pid {
         self.measurement = pressure(self.measurement);
     }
 
-    /// The integral term where the engine's gain has changed: by the gain before, relative to that after, to an exponent.
+    /// Rescales the integral term for a changed engine gain: by the gain before over that after, to an exponent.
     pub fn rescale(&mut self, ratio: f64, exponent: f64) {
         self.integral *= power(ratio, exponent);
     }
 
-    /// The derivative term takes the measurement (Pa) of a new sample.
+    /// Updates the derivative term with the measurement (Pa) of a new sample.
     ///
-    /// It acts on the measurement alone, so that a step of the reference causes no kick, and through a filter with
-    /// the time constant `T_d / filter`, discretised by backward differences.
+    /// It acts only on the measurement, so reference steps cause no kick, through a filter with the time constant
+    /// `T_d / filter`, discretised by backward differences.
     pub fn differentiate(
         &mut self,
         tuning: &FeedbackSettings,
@@ -122,8 +121,8 @@ impl Pid {
         self.measurement = measurement;
     }
 
-    /// The integral term (%) for the next sample: by the error (Pa), and by the difference that the limits make to the
-    /// duty (%, limited minus unlimited), which prevents wind-up.
+    /// Updates the integral term (%) for the next sample with the error (Pa) and, as anti-windup, the effect of the
+    /// limits on the duty (%, limited minus unlimited).
     pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;

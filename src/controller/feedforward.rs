@@ -5,14 +5,13 @@ use super::schedule::OperatingPoint;
 use super::variables::{ControlMode, Inputs, Parameters};
 use crate::elementary::smaller;
 
-/// The reference of the boost pressure (Pa), within the limit that protects the engine
-/// (paper, section 6).
+/// The boost pressure reference (Pa), within the limit that protects the engine (paper, section 6).
 pub fn bounded_reference(parameters: &Parameters, inputs: &Inputs) -> f64 {
     smaller(inputs.boost_reference, parameters.boost_limit)
 }
 
-/// The duty at nominal voltage (%) of a mode without memory: in mode boost, with the strategy by speed, the static map
-/// of the paper's fig. 12, in mode position the inverse actuator, in mode `open_loop` the input.
+/// The duty at nominal voltage (%) of a mode without memory: the static map of the paper's fig. 12 in mode boost with
+/// the strategy `by_speed`, the inverse actuator in mode position, the input in mode `open_loop`.
 pub fn at_rest(parameters: &Parameters, inputs: &Inputs) -> f64 {
     match parameters.mode {
         ControlMode::Boost => {

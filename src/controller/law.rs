@@ -1,6 +1,6 @@
-//! The law of control: feedforward and feedback of the paper's fig. 12, from the boost pressure to one duty.
+//! The control law: feedforward and feedback of the paper's fig. 12, from boost pressure to one duty.
 //!
-//! It is the same for both strategies, which differ in the schedule that they give it and in what the duty moves.
+//! Both strategies use it; they differ in the schedule and in what the duty moves.
 
 use fmu_export::Persistent;
 
@@ -19,7 +19,7 @@ pub struct DutyTerms {
     pub proportional: f64,
     pub integral: f64,
     pub derivative: f64,
-    /// The boost pressure (Pa) that the feedback compares with.
+    /// The boost pressure (Pa) used by the feedback for comparison.
     pub reference_model_pressure: f64,
 }
 
@@ -40,29 +40,29 @@ impl DutyTerms {
     }
 }
 
-/// What the law is asked for at a sample.
+/// The law's inputs at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a, const COLUMNS: usize> {
-    /// The reference of the boost pressure (Pa).
+    /// The boost pressure reference (Pa).
     pub reference: f64,
     /// The measured boost pressure (Pa).
     pub measurement: f64,
     /// The schedule at the reference.
     pub operating_point: OperatingPoint<'a, COLUMNS>,
-    /// The duty (%) that holds the pressure of the reference model where that is not the duty at rest.
+    /// The duty (%) that holds the reference model's pressure, if not the duty at rest.
     pub holding: Option<f64>,
     /// λ of the reference model (s).
     pub model_lambda: f64,
     pub firmness: Firmness,
     pub ramp: Ramp,
     pub limits: Limits,
-    /// Those that the law takes into account: without those that override it to protect the shaft.
+    /// The limits known to the law, without those that override it to protect the shaft.
     pub own_limits: Limits,
-    /// Those within which the duty moves the wastegate.
+    /// The limits within which the duty moves the wastegate.
     pub model_limits: Limits,
     /// Whether the reference model waits for an engine that cannot follow.
     pub waits: bool,
-    /// How the integral term is rescaled as the engine's gain changes: 0 where it stays a duty, 1 where it is a pressure.
+    /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
 }
 
@@ -72,10 +72,9 @@ pub struct BoostLaw {
     pid: Pid,
     ramp_term: RampTerm,
     reference_model: ReferenceModel,
-    /// What 1 % of duty did to the pressure of the reference model at the last sample (Pa/%), where the integral term is
-    /// rescaled.
+    /// The reference model's gain at the last sample (Pa/%), if the integral term is rescaled.
     gain: Option<f64>,
-    /// What the limits took away from the duty at the last sample (%).
+    /// The part of the duty cut off by the limits at the last sample (%).
     blocked: f64,
 }
 
@@ -144,8 +143,8 @@ impl BoostLaw {
         };
         let duty = terms.duty();
         let (limited, own) = (limits.clip(duty), task.own_limits.clip(duty));
-        // While the shaft's limits hold the duty, the integral term neither adds up an error that the feedback cannot
-        // correct nor follows them: it would be too large when they let go.
+        // While the shaft's limits hold the duty, the integral term is frozen: the feedback cannot correct the error,
+        // and the term would be too large when the limits release.
         let error = if limited > own { 0.0 } else { error };
         self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, own - duty);
         self.blocked = limited - duty;

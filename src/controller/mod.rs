@@ -10,19 +10,19 @@
 //!                               boost pressure              └── the other valves
 //! ```
 //!
-//! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned by the
-//! local model of the [`schedule`], corrects what the map does not contain. The compensator converts the duty at
-//! nominal voltage to that at the measured voltage, so that a disturbance of the voltage does not move the
-//! wastegate. Between reference and feedback stands a reference model, unless the structure is that of the paper.
-//! This law is common to both strategies: in `split_range` its duty is allocated to all valves, in `by_speed`
-//! it moves the high-pressure wastegate, and engine speed the others. Besides, a relay switches the vacuum pump.
+//! The feedforward maps the reference to the duty that holds it. The [`feedback`], a PID controller tuned to the local
+//! model of the [`schedule`], corrects the model error. The compensator converts the duty at nominal voltage to the
+//! measured voltage, so that voltage disturbances do not move the wastegate. A reference model precedes the feedback,
+//! except in the paper's structure. Both strategies use this law: in `split_range` its duty is allocated to all valves,
+//! in `by_speed` it moves the high-pressure wastegate, and engine speed sets the others. A relay switches the vacuum
+//! pump.
 //!
-//! Two further modes do not control boost pressure: `position` moves the wastegate to a reference
-//! ([`actuator_inverse`]), `open_loop` takes the duty as an input. Both compensate for the voltage.
+//! Two more modes do not control boost pressure: `position` moves the wastegate to a reference ([`actuator_inverse`]),
+//! `open_loop` takes the duty as an input. Both compensate for the voltage.
 //!
-//! The diagnosis judges measurements and actuators, and where they fail replaces what depends on them.
+//! The diagnosis judges measurements and actuators, and replaces what depends on failed ones.
 //!
-//! Everything is computed at the samples; between them the outputs are held.
+//! Everything is computed at the samples; outputs hold between them.
 
 pub mod actuator_inverse;
 pub mod allocation;
@@ -64,11 +64,11 @@ use split_range::SplitRange;
 use tank_relay::TankRelay;
 use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Variables};
 
-/// The least boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their
-/// first step, and no engine runs at a fifth of the ambient pressure upstream of its throttle.
+/// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first
+/// step, and no engine runs with a fifth of ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
 
-/// The limits of the duty (%) where none are set: modes position and `open_loop`.
+/// The duty limits (%) in the modes position and `open_loop`.
 const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
 /// The boost pressure controller.
@@ -79,18 +79,18 @@ pub type BoostController = SampledModel<ControlLaw>;
 pub struct ControlLaw {
     relay: TankRelay,
     supply_voltage: SupplyVoltage,
-    /// Of mode boost: none before the first measurement.
+    /// Mode boost; none before the first measurement.
     law: Option<BoostLaw>,
     split_range: SplitRange,
     by_speed: BySpeed,
     diagnosis: Diagnosis,
 }
 
-/// What the controller commands.
+/// The controller's commands.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     terms: DutyTerms,
-    /// Of the sum of the terms.
+    /// The limits of the sum of the terms.
     limits: Limits,
     /// The duty of the high-pressure wastegate's valve at nominal voltage (%).
     hp_duty: f64,
@@ -129,9 +129,9 @@ impl Sampled for ControlLaw {
         }
     }
 
-    /// The outputs are those of the mode without memory. Initialization leaves no memory, and the
-    /// measured boost pressure is not used, so that a plant that settles at these outputs can be
-    /// initialized together with the controller without a loop.
+    /// The outputs are those of the mode without memory. Initialization leaves no memory and does not use measured
+    /// boost pressure, so that a plant that settles at these outputs can be initialized together with the controller
+    /// without a loop.
     fn initialize(
         &mut self,
         variables: &mut Variables,
@@ -242,9 +242,8 @@ impl ControlLaw {
         }
     }
 
-    /// The command for the least boost. The bypass stays shut: it would relieve the high-pressure compressor, whose
-    /// shaft already turns too fast where its wastegate is stuck shut. The law's memory follows, so that it starts
-    /// there if it takes over again.
+    /// The command for least boost. The bypass stays shut: opening it would unload the high-pressure compressor, whose
+    /// shaft already turns too fast with its wastegate stuck shut. The law's memory follows, for a bumpless return.
     fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
         self.law = Some(BoostLaw::at(inputs.boost_pressure));
         let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);
@@ -259,7 +258,7 @@ impl ControlLaw {
         }
     }
 
-    /// Judges whether boost answers a command.
+    /// Judges whether boost responds to a command.
     fn check_answer(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
         let virtual_duty = command.limits.clip(command.terms.duty());
         match parameters.strategy {
@@ -269,7 +268,7 @@ impl ControlLaw {
                 let duty = virtual_duty;
                 self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, largest);
             }
-            // Above, the low-pressure wastegate is open, with which its schedule was not identified.
+            // Above, the low-pressure wastegate is open, for which its schedule was not identified.
             Strategy::BySpeed => self.diagnosis.check_answer(
                 parameters,
                 inputs,
@@ -283,7 +282,7 @@ impl ControlLaw {
     }
 }
 
-/// Warns of a schedule that was set for the other strategy.
+/// Warns of a schedule set for the other strategy.
 fn warn_of_ignored_schedule(parameters: &Parameters, context: &mut Context<'_>) {
     if parameters.strategy == Strategy::SplitRange && parameters.schedule != Parameters::default().schedule {
         context.warn(format_args!(
@@ -293,7 +292,7 @@ fn warn_of_ignored_schedule(parameters: &Parameters, context: &mut Context<'_>) 
     }
 }
 
-/// The limits of the duty at nominal voltage where it moves the high-pressure wastegate alone.
+/// The limits of a duty at nominal voltage that moves only the high-pressure wastegate.
 fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
     let (least, most) = match parameters.mode {
         ControlMode::Boost => (parameters.pwm_min, parameters.pwm_max),

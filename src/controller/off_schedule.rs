@@ -1,33 +1,34 @@
 //! How far the law of the strategy `split_range` relies on its schedule.
 //!
-//! On the day of the schedule the law is as it was identified: the feedforward of engine speed does most of the work, and
-//! the feedback leaves it alone. On another day the schedule is converted, which holds less exactly, and the plant may
-//! differ as well. There the feedback does more and the feedforward less:
+//! At reference conditions the law is as identified: the engine speed feedforward does most of the work. Off reference
+//! conditions the converted schedule is less exact, and the plant may differ too, so the feedback does more and the
+//! feedforward less:
 //!
-//! - The feedback's λ is shorter. What limits it is the actuator: until its chamber has filled and its rod has moved, some
-//!   0.08 s on the plant model, a wrong course of boost goes on. So the derivative term leads by about that lag, as in a
-//!   Smith predictor for a plant that integrates: shafts do, for such times. Its filter is slower, or the noise of boost
-//!   pressure would move the wastegate so much that the pump could no longer hold the vacuum.
-//! - The feedforward takes a part of the schedule's sensitivity. That was identified with a first-order model, in which all
-//!   of the wastegate's effect is as slow as the low-pressure shaft. The high-pressure shaft follows several times faster,
-//!   so that less duty suffices for ramps of a second, and too much of it costs that shaft its speed when a fall ends.
-//! - Engine speed is filtered less before its rate is taken: the filter's time is missing when a ramp ends. For the
-//!   feedforward the rate leads by a part of the actuator's lag, and a fall comes in with a lag: boost that is held while
-//!   engine speed begins to fall takes speed from the high-pressure shaft, which is missing when a short fall ends.
-//! - Along fast ramps of engine speed the integral action is that of the [`ramp_term`](super::ramp_term).
-//! - The duty of the high-pressure wastegate leads while it changes ([`duty_lead`](super::duty_lead)).
-//! - The integral term is rescaled as the engine's gain changes along the schedule: what it makes up for is an error of the
-//!   map, which is rather one of pressure than one of duty.
-//! - The reference model follows its limit faster: where the shaft's limit rises with a fall of engine speed, boost can
-//!   follow it as fast as the actuator.
-//! - The reference itself comes through a filter, so that a step of it is no faster along a ramp than at constant speed, and
-//!   slower by as much as the shafts are on that day. For a faster one the wastegate shuts, and opens too late.
-//! - The high-pressure shaft may turn a little faster than on the schedule's day, where its limit is exact.
+//! - The feedback's λ is shorter. The actuator limits it: boost cannot change for about 0.08 s on the plant model,
+//!   while the chamber fills and the rod moves. So the derivative term leads by about that lag, as in a Smith predictor
+//!   for an integrating plant, which the shafts are on that time scale. Its filter is slower, or boost noise would move
+//!   the wastegate so much that the pump could not hold the vacuum.
+//! - The feedforward uses part of the schedule's sensitivity. That was identified with a first-order model, which makes
+//!   the wastegate's whole effect as slow as the low-pressure shaft. The high-pressure shaft follows several times
+//!   faster, so less duty suffices for ramps of a second, and too much costs that shaft speed when a deceleration ends.
+//! - Engine speed is filtered less before its rate is taken, since the filter's delay shows when a ramp ends. In the
+//!   feedforward the rate leads by part of the actuator lag, and a deceleration is applied with a lag: holding boost
+//!   while engine speed begins to fall slows the high-pressure shaft, and that speed is missing when a short
+//!   deceleration ends.
+//! - On fast engine speed ramps the [`ramp_term`](super::ramp_term) replaces the integral action.
+//! - The high-pressure wastegate duty has lead compensation ([`duty_lead`](super::duty_lead)).
+//! - The integral term is rescaled with the engine's gain along the schedule: the map error it corrects is one of
+//!   pressure rather than of duty.
+//! - The reference model follows its limit faster: where the shaft's limit rises in a deceleration, boost can follow it
+//!   as fast as the actuator.
+//! - The reference is filtered, so that a step is no faster on a ramp than at constant speed, and slower by as much as
+//!   the ambient conditions slow the shafts. For a faster one the wastegate shuts, and opens too late.
+//! - The high-pressure shaft may turn slightly faster than at reference conditions, where its limit is exact.
 //!
-//! The firmer feedback and the faster model act while engine speed changes and fade within 2 s: at constant speed steps of
-//! the reference would overshoot by more. So does the rescaling. All but the rate of engine speed, its sensitivity, the lead of
-//! the duty and the shaft's allowance come in with engine speed, below where the low-pressure wastegate does. Where the
-//! shaft's limit holds the duty, the feedback stays as it was identified: it would work against that limit.
+//! The higher feedback gain, the faster model and the rescaling act while engine speed changes and fade within 2 s,
+//! since reference steps at constant speed would overshoot more. All except engine speed rate, sensitivity, duty lead
+//! and shaft allowance are ramped in with engine speed, below where the low-pressure wastegate takes part. Where the
+//! shaft's limit holds the duty, the feedback stays as identified, since it would work against that limit.
 
 use fmu_export::Persistent;
 
@@ -38,22 +39,22 @@ use super::ramp_term::Ramp;
 use super::variables::Parameters;
 use crate::elementary::larger;
 
-/// How far below the engine speeds (rpm) between which the low-pressure wastegate begins to take part.
+/// The offset (rpm) below the engine speeds between which the low-pressure wastegate is ramped in.
 const EARLIER: f64 = 500.0;
 
-/// The rates of engine speed (rpm/s) from which on it begins to count as changing, and wholly does; for how long (s) after
-/// that the firmer feedback fades.
+/// The engine speed rates (rpm/s) between which it counts as changing, and the fading time (s) of the higher feedback
+/// gain after that.
 const MOVES: (f64, f64) = (50.0, 150.0);
 const FADES_IN: f64 = 2.0;
 
-/// The rates (rpm/s) from which on the ramp term begins to take the place of the integral term, and wholly does. A slower ramp
-/// lasts for so long that the integral term is of use on it.
+/// The rates (rpm/s) between which the ramp term replaces the integral term. A slower ramp lasts so long that the
+/// integral term helps.
 const FAST: (f64, f64) = (250.0, 1000.0);
 
-/// The time (s) in which a fall of engine speed wholly comes in.
+/// The time constant (s) with which a deceleration is applied.
 const FALLS_IN: f64 = 0.3;
 
-/// The rate of engine speed as the feedforward takes it.
+/// The engine speed rate for the feedforward.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct LeadingRate {
     /// The rate at the last sample, and that with a lag (rpm/s).
@@ -84,7 +85,7 @@ pub struct Motion {
     lately: f64,
     /// 1 while it changes fast, 0 while it changes slowly or not.
     fast: f64,
-    /// 1 where it counts.
+    /// 1 where it applies.
     counts: f64,
 }
 
@@ -96,7 +97,7 @@ impl Motion {
         self.lately = larger(between(MOVES), self.lately - sample_time / FADES_IN);
     }
 
-    /// The same at an engine speed (rpm, as on the day of the schedule), from which on it counts.
+    /// The same at an engine speed (rpm, at reference conditions), from which it applies.
     pub fn at(self, parameters: &Parameters, day: &Day, engine_speed: f64) -> Self {
         let counts = parameters.allocation.low_pressure_share(engine_speed + EARLIER);
         let counts = if day.is_other { counts } else { 0.0 };
@@ -113,7 +114,7 @@ impl Motion {
         parameters.lambda * between(1.0, parameters.off_schedule.model_lambda_share, self.lately)
     }
 
-    /// How firmly the feedback holds boost at an engine speed (rpm, as on the day of the schedule).
+    /// The feedback tuning at an engine speed (rpm, at reference conditions).
     pub fn firmness(self, parameters: &Parameters, engine_speed: f64) -> Firmness {
         let &Parameters {
             lambda, feedback_lambda, derivative_filter, ref allocation, ref off_schedule, ..
@@ -147,7 +148,7 @@ impl Motion {
     }
 }
 
-/// The filter of the reference.
+/// The reference filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceFilter {
     /// None before the first sample.
@@ -168,7 +169,7 @@ impl ReferenceFilter {
     }
 }
 
-/// The value at a share of the way from one to another.
+/// Linear interpolation.
 fn between(from: f64, to: f64, share: f64) -> f64 {
     from + (to - from) * share
 }
@@ -179,12 +180,12 @@ pub fn filter_time(parameters: &Parameters, day: &Day) -> f64 {
     if day.is_other { parameters.off_schedule.filter_time_share * time } else { time }
 }
 
-/// By how much the high-pressure shaft may exceed its largest speed (rpm).
+/// The allowed excess of the high-pressure shaft over its maximum speed (rpm).
 pub fn shaft_speed_allowance(parameters: &Parameters, day: &Day) -> f64 {
     if day.is_other { parameters.off_schedule.shaft_speed_allowance } else { 0.0 }
 }
 
-/// How much of the schedule's sensitivity to a rate of engine speed counts.
+/// The share of the schedule's engine speed sensitivity used.
 pub fn sensitivity_share(parameters: &Parameters, day: &Day) -> f64 {
     let of_schedule = parameters.speed_feedforward.share;
     if day.is_other { parameters.off_schedule.sensitivity_share * of_schedule } else { of_schedule }
@@ -197,8 +198,8 @@ mod tests {
 
     const SAMPLE_TIME: f64 = 0.0125;
 
-    /// After a second with a rate of engine speed (rpm/s) and some time without (s), at an engine speed (rpm) and an ambient
-    /// pressure (Pa).
+    /// After a second with a rate of engine speed (rpm/s) and some time without (s), at an engine speed (rpm) and an
+    /// ambient pressure (Pa).
     fn motion(rate: f64, rests_for: f64, engine_speed: f64, ambient_pressure: f64) -> Motion {
         let parameters = Parameters::default();
         let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
@@ -282,7 +283,7 @@ mod tests {
         let standard = Parameters::default().nominal_ambient_pressure;
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
-        // At 2000 rpm wholly firm, though the low-pressure wastegate is shut.
+        // At 2000 rpm with full gain, though the low-pressure wastegate is shut.
         assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.072, 0.09, 5.6, 0.0, 0.171]);
     }
 

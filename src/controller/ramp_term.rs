@@ -1,35 +1,35 @@
-//! What the feedforward lacks along a fast ramp of engine speed, as the feedback finds it.
+//! The feedforward's error on a fast engine speed ramp, as found by the feedback.
 //!
-//! The integral term is of no use there: what it makes up for is missing no longer when the ramp ends, but the term would
-//! go on. This one is proportional to the rate of engine speed, and ends with the ramp.
+//! The integral term does not help there: the error is gone when the ramp ends, but the term would persist. This one is
+//! proportional to the engine speed rate and ends with the ramp.
 
 use fmu_export::Persistent;
 
 use super::feedback::FeedbackSettings;
 
-/// A change of engine speed.
+/// An engine speed ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ramp {
     /// The rate of engine speed (rpm/s).
     pub rate: f64,
-    /// 1 where the integral action is this term's, 0 where it is the integral term's.
+    /// 1 if this term does the integral action, 0 if the integral term does.
     pub share: f64,
 }
 
 /// The memory of the term.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct RampTerm {
-    /// By the rate of engine speed (% s/rpm).
+    /// The term over the engine speed rate (% s/rpm).
     duty_by_rate: f64,
 }
 
 impl RampTerm {
-    /// The duty (%) along a ramp.
+    /// The duty (%) on a ramp.
     pub fn duty(self, ramp: Ramp) -> f64 {
         self.duty_by_rate * ramp.rate
     }
 
-    /// The term for the next sample, by the error (Pa). It begins anew with each ramp.
+    /// Updates the term for the next sample with the error (Pa). It restarts with each ramp.
     pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, ramp: Ramp) {
         if ramp.share > 0.0 {
             self.duty_by_rate += sample_time * tuning.integral_gain * error * ramp.share / ramp.rate;

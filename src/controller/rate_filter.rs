@@ -2,7 +2,7 @@
 
 use fmu_export::Persistent;
 
-/// A first-order filter, from which the rate of change follows.
+/// A first-order filter that gives the rate of change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct RateFilter {
     /// The filtered value; none before the first sample.

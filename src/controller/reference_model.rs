@@ -1,11 +1,10 @@
 //! The reference model of the structure `model_reference` (internal model control).
 //!
-//! With a static feedforward and an integral term, the response to the reference is
-//! `(1 + s (T + λ')) / ((1 + s T) (1 + s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here a
-//! model of the engine, composed of the local models along its path, is driven to the reference with the
-//! time constant λ; the duty that does this is the feedforward, and the feedback sees only how far the
-//! engine is from the model, delayed as the engine is. Because the model gets the duty within its limits,
-//! it does not run away from an engine whose wastegate is at its stop.
+//! With a static feedforward and an integral term, the response to the reference is `(1 + s (T + λ')) / ((1 + s T) (1 +
+//! s λ'))` with `λ' = λ + L/2`: it overshoots by construction. Here an engine model, composed of the local models along
+//! its path, is driven to the reference with the time constant λ. The duty that does so is the feedforward; the
+//! feedback acts only on the difference between the engine and the model, delayed like the engine. Since the model
+//! receives the limited duty, it does not run away from an engine whose wastegate is at its stop.
 
 use fmu_export::Persistent;
 
@@ -17,7 +16,7 @@ use crate::elementary::larger;
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
     pub pressure: f64,
-    /// `y_d`: the same after the engine's delay (Pa); none before the first sample.
+    /// `y_d`: the same, delayed like the engine (Pa); none before the first sample.
     delayed: Option<f64>,
 }
 
@@ -26,9 +25,9 @@ pub struct ReferenceModel {
 pub struct Linearized {
     /// The duty at nominal voltage (%) that would hold its boost pressure.
     holding: f64,
-    /// `K_p`: what 1 % of duty more does to its boost pressure at rest (Pa/%).
+    /// `K_p`: the static gain from duty to its boost pressure (Pa/%).
     pub gain: f64,
-    /// `K_p / T_tf`: how fast 1 % of duty more than that moves it (Pa/(% s)).
+    /// `K_p / T_tf`: the initial rate of change per duty (Pa/(% s)).
     slope: f64,
 }
 
@@ -44,8 +43,8 @@ impl ReferenceModel {
         self.delayed = self.delayed.map(pressure);
     }
 
-    /// The model at its boost pressure, given any operating point of the same engine speed, and the duty (%) that
-    /// holds it where that is not the duty at rest.
+    /// The model at its boost pressure, given any operating point at the same engine speed, and the duty (%) that holds
+    /// it if not the duty at rest.
     pub fn linearize<const COLUMNS: usize>(
         &self,
         operating_point: OperatingPoint<'_, COLUMNS>,
@@ -66,21 +65,20 @@ impl ReferenceModel {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
-    /// How far a measurement (Pa) is below the delayed model. The model begins at the measurement, hence 0
-    /// at first.
+    /// The excess of the delayed model over a measurement (Pa). The model starts at the measurement, hence at 0.
     pub fn error(&self, measurement: f64) -> f64 {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }
 
-    /// Moves a share of the way to a measurement (Pa).
+    /// Moves the model a share of the way to a measurement (Pa).
     pub fn approach(&mut self, measurement: f64, share: f64) {
         let shift = share * self.error(measurement);
         self.pressure -= shift;
         self.delayed = self.delayed.map(|delayed| delayed - shift);
     }
 
-    /// Moves to the next sample with the feedforward's duty (%) within its limits. The delay (s) is
-    /// approximated by a first-order lag of the same length.
+    /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a
+    /// first-order lag of equal time.
     pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
         let delayed = self.delayed.unwrap_or(self.pressure);
         self.delayed = Some(delayed + sample_time / larger(delay, sample_time) * (self.pressure - delayed));

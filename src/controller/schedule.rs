@@ -1,19 +1,19 @@
 //! The gain schedules: tables over boost pressure (rows) and engine speed (columns), interpolated
 //! bilinearly and clamped at their edges.
 //!
-//! The paper linearises the engine "across different desired boost pressures and engine speeds" and
-//! identifies, in each point, the first-order system with time delay of eq. (10). The static map of the
-//! feedforward lies on the same grid, so that a place in it is searched once for all tables.
+//! The paper linearises the engine "across different desired boost pressures and engine speeds" and identifies, at each
+//! point, the first-order system with time delay of eq. (10). The feedforward's static map shares the grid, so a
+//! position is searched once for all tables.
 
 use fmu_export::Error;
 
 use super::variables::{RangeScheduleParameters, ScheduleParameters};
 use crate::elementary::{larger, smaller};
 
-/// How many boost pressures a schedule has.
+/// The number of boost pressures of a schedule.
 const ROWS: usize = 16;
 
-/// The maps of a strategy, over the same grid.
+/// A strategy's maps over a common grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule<'a, const COLUMNS: usize> {
     engine_speed: &'a [f64; COLUMNS],
@@ -54,7 +54,7 @@ impl<'a> From<&'a RangeScheduleParameters> for Schedule<'a, 12> {
 /// `G(s) = K_p / (1 + T_tf s) · e^(-L s)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalModel {
-    /// `K_p`: what 1 % of duty at nominal voltage does to the boost pressure at rest (Pa/%).
+    /// `K_p`: the static gain from duty at nominal voltage to boost pressure (Pa/%).
     pub gain: f64,
     /// `T_tf` (s).
     pub time_constant: f64,
@@ -62,7 +62,7 @@ pub struct LocalModel {
     pub delay: f64,
 }
 
-/// A place on one axis of a grid: between a grid point and the next.
+/// A position on a grid axis, between a grid point and the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct GridPosition {
     /// The grid point below.
@@ -72,24 +72,23 @@ struct GridPosition {
 }
 
 impl GridPosition {
-    /// The place of a value on an axis of at least two points; that of the edge for one outside.
+    /// The position of a value on an axis of at least two points, clamped at the edges.
     #[inline]
     fn on<const POINTS: usize>(axis: &[f64; POINTS], value: f64) -> Self {
-        // One point after the other: the axes are short, and the place seldom moves on, so that the processor
-        // foresees where this ends and nothing waits for it.
+        // Linear search: the axes are short and the position rarely changes, so branch prediction works well.
         let mut below = 0;
         while below + 2 < POINTS && axis[below + 1] <= value {
             below += 1;
         }
         let width = axis[below + 1] - axis[below];
-        // An axis that does not increase is refused before the first step, but initialization must get
-        // as far as that without dividing by zero.
+        // A non-increasing axis is rejected before the first step, but initialization must get that far without
+        // dividing by zero.
         let fraction = if width > 0.0 { ((value - axis[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
         Self { below, fraction }
     }
 }
 
-/// Pressures of two neighbouring columns that correspond: those of the largest duty and of the least (Pa).
+/// Corresponding pressures of two adjacent columns: at the largest and at the smallest duty (Pa).
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Alignment {
     ends: [[f64; 2]; 2],
@@ -125,8 +124,7 @@ pub struct OperatingPoint<'a, const COLUMNS: usize> {
     column: GridPosition,
     /// How the pressures of both columns correspond.
     alignment: Option<Alignment>,
-    /// How much each of the four grid points around it counts: those of the row below, then those of the
-    /// next row.
+    /// The weights of the four surrounding grid points: the row below, then the next row.
     weights: [f64; 4],
     /// The factor of time constants.
     time_scale: f64,
@@ -156,11 +154,11 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { schedule, rows, column, alignment, weights, time_scale: 1.0 }
     }
 
-    /// The same where each column is read at the same share of the way from the boost pressure of the largest duty (%) to
-    /// that of the least.
+    /// The same, with each column read at the same fraction of its range from the boost pressure of the largest duty
+    /// (%) to that of the smallest.
     ///
-    /// Between two columns this follows the lines of equal duty. At equal pressures, one column may be beyond what the
-    /// engine can reach at its speed, where the map is filled, and the other not.
+    /// Between columns this follows lines of equal duty. At equal pressures, one column may be beyond the engine's
+    /// reach, where the map is filled.
     #[must_use]
     pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2]) -> Self {
         let ends = [0.0, 1.0].map(|fraction| {
@@ -192,8 +190,8 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         self.interpolate(self.schedule.duty)
     }
 
-    /// The duty (%) that holds another boost pressure (Pa) at the same engine speed; beyond the rows it goes on with
-    /// the gain of the edge.
+    /// The duty (%) that holds another boost pressure (Pa) at the same engine speed, extrapolated beyond the rows with
+    /// the gain at the edge.
     #[must_use]
     pub fn extrapolated_feedforward(self, boost_pressure: f64) -> f64 {
         let [first, .., last] = *self.schedule.boost_pressure;
@@ -202,8 +200,8 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
-    /// The boost pressure (Pa) that a duty (%) holds at rest, at the same engine speed: the map read backwards. A
-    /// duty beyond the map, or in its part that fills what cannot be reached, holds the pressure of its edge.
+    /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond
+    /// the map or in its filled, unreachable part gives the pressure at the edge.
     #[must_use]
     pub fn pressure_held_by(self, duty: f64) -> f64 {
         let rows = self.schedule.boost_pressure;
@@ -247,12 +245,11 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     }
 }
 
-/// The smallest magnitude of a gain (Pa/%) that is distinguished from 0. The feedback divides by the gain: below
-/// this, 1 kPa of error would ask for a million percent of duty.
+/// The smallest magnitude of a gain (Pa/%) distinguished from 0. The feedback divides by the gain: below this, 1 kPa of
+/// error would demand a million percent of duty.
 const LEAST_GAIN: f64 = 1e-3;
 
-/// Refuses a grid that does not increase, and gains that are or pass through 0: between two gains of
-/// opposite sign the interpolated one does.
+/// Rejects a non-increasing grid, and gains that are 0 or change sign, since interpolation would pass through 0.
 ///
 /// # Errors
 /// Names the elements, of the component with that name, and their values.

@@ -1,21 +1,21 @@
-//! The limit of the high-pressure shaft's speed, at rest and while boost rises.
+//! The high-pressure shaft speed limit, at rest and while boost rises.
 //!
-//! At rest the limit of the reference keeps the shaft within its speed. The schedule has it for the nominal plant. Where
-//! the speed is measured, it is corrected for this plant and day: to the measured pressure, extrapolated over what is left
-//! of the speed, which is exact where nothing is left. The limit is raised wherever that pressure is higher. It is
-//! lowered only above the speed at rest: far below it the extrapolation falls short.
+//! At rest the reference limit keeps the shaft within its speed. The schedule holds it for the nominal plant. If the
+//! speed is measured, it is corrected for the plant and ambient conditions: to the measured pressure, extrapolated over
+//! the remaining speed margin, which is exact at zero margin. The limit is raised wherever that pressure is higher, but
+//! lowered only above the speed at rest, since far below it the extrapolation falls short.
 //!
-//! While boost pressure rises the slow low-pressure stage lags behind, and the high-pressure stage makes up for it with
-//! more speed. Where the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above
-//! it and less below it, by the speed to come. On the schedule's day the reference model gets the duty within its limits, so
-//! it waits. On another day the limits would take it too far from the engine, and fill the integral term: boost would fall too
-//! far, or swing together with the shaft. There they override the duty alone. With 0.001 %/rpm and a lead of 0.3 s, duty and
-//! speed oscillate at 3 Hz at 85 kPa.
+//! While boost pressure rises, the slow low-pressure stage lags and the high-pressure stage compensates with more
+//! speed. If the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above it
+//! and less below it, by the predicted speed. At reference conditions the reference model receives the limited duty, so
+//! it waits. Off reference conditions the limits would take it too far from the engine and fill the integral term:
+//! boost would fall too far, or oscillate with the shaft. There they override only the duty. With 0.001 %/rpm and a
+//! lead of 0.3 s, duty and speed oscillate at 3 Hz at 85 kPa.
 //!
-//! Near the largest speed, also at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure one
-//! is wholly open. An open bypass takes the load off the shaft, in the cold at 5500 rpm to 219 krpm at 120 kPa, where with
-//! it shut 178 krpm would be possible (a search over all valves). The low-pressure wastegate takes boost away, but hardly
-//! slows the shaft down: so where the high-pressure wastegate is wholly open, the limit is not below the pressure there.
+//! Near the maximum speed, even at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure
+//! one is fully open. An open bypass unloads the shaft: in the cold at 5500 rpm and 120 kPa to 219 krpm, where 178 krpm
+//! would be possible with it shut (a search over all valves). The low-pressure wastegate lowers boost but hardly slows
+//! the shaft: so with the high-pressure wastegate fully open, the limit is not below the pressure there.
 
 use fmu_export::Persistent;
 
@@ -25,30 +25,30 @@ use super::schedule;
 use super::variables::{Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
 use crate::elementary::{larger, smaller};
 
-/// The least speed (rpm) that is a measurement: below, the limit is out of reach.
+/// The lowest speed (rpm) that is a measurement: below it, the limit is out of reach.
 const LEAST_MEASUREMENT: f64 = 1e3;
 
-/// The excess of speed (rpm) at which the bypass begins to shut, and that from which on it is shut: with 207.5 krpm, at 199.5
-/// and 203.5 krpm. Nearer to the largest speed it would stay partly open on a shaft that turns too fast.
+/// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 207.5 krpm, at 199.5 and 203.5 krpm.
+/// Closer to the maximum speed it would stay partly open on a shaft that turns too fast.
 const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
 
-/// The excess of speed (rpm) at which the other valves begin to wait for the high-pressure wastegate, and that from which
-/// on they wait until it is open: with 207.5 krpm, at 203.5 and 205.5 krpm.
+/// The excess speeds (rpm) at which the other valves start to wait for the high-pressure wastegate, and wait until it
+/// is open: with 207.5 krpm, at 203.5 and 205.5 krpm.
 const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
 
 /// The filter of the rate of change (s): a fraction of `lead_time`.
 const RATE_FILTER: f64 = 0.05;
 
-/// How far below its speed at rest (rpm) the shaft is near it. There boost is extrapolated with what the high-pressure
-/// shaft alone adds, since that follows at once: with more, the limit swings. Farther away it is extrapolated with a multiple,
-/// since at rest the low-pressure shaft adds to boost as well.
+/// The margin below the speed at rest (rpm) that counts as near. There boost is extrapolated with the contribution of
+/// the high-pressure shaft alone, which follows at once: with more, the limit oscillates. Farther away a multiple is
+/// used, since at rest the low-pressure shaft adds to boost too.
 const NEAR_LIMIT: f64 = 5e3;
 const FAR_FACTOR: f64 = 4.0;
 
-/// The largest correction of the pressure limit (Pa): a stuck sensor must not take it away.
+/// The largest correction of the pressure limit (Pa): a stuck sensor must not disable it.
 const LARGEST_CORRECTION: f64 = 60e3;
 
-/// The least limit of boost pressure (Pa) beyond the columns of the schedule.
+/// The lowest boost pressure limit (Pa) beyond the schedule's columns.
 const LEAST_LIMIT: f64 = 50e3;
 
 /// A speed (rpm) that is a measurement.
@@ -56,10 +56,10 @@ pub fn measured(speed: f64) -> Option<f64> {
     (speed >= LEAST_MEASUREMENT).then_some(speed)
 }
 
-/// The schedule's limit of boost pressure (Pa) for the shaft at an engine speed (rpm).
+/// The schedule's boost pressure limit (Pa) for the shaft at an engine speed (rpm).
 ///
-/// Where the schedule has the absolute limit instead, and beyond its columns, the limit goes on with the slope of the
-/// nearest two columns.
+/// Where the schedule has the absolute limit instead, and beyond its columns, it is extrapolated from the nearest two
+/// columns.
 pub fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let RangeScheduleParameters { engine_speed: speeds, boost_limit: limits, .. } =
         &parameters.range_schedule;
@@ -76,9 +76,9 @@ pub fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     larger(limits[left] + slope * (engine_speed - speeds[left]), LEAST_LIMIT)
 }
 
-/// The boost pressure (Pa) that is left up to the speed at rest, by the measured speed (rpm); where that is less, what is
-/// left until the high-pressure wastegate is wholly open, by the virtual duty (%) and what 1 % of it does (Pa/%), less what
-/// is above the largest speed.
+/// The boost pressure margin (Pa) to the speed at rest, from the measured speed (rpm); or if larger, the margin to the
+/// high-pressure wastegate fully open, from the virtual duty (%) and its gain (Pa/%), minus the excess over the maximum
+/// speed.
 pub fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> f64 {
     let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, boost_per_speed, .. } =
         &parameters.shaft_speed_limit;
@@ -92,13 +92,13 @@ pub fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ShaftSpeedLimit {
     speed: RateFilter,
-    /// By how much the pressure limit differs from that of the schedule (Pa).
+    /// The correction of the schedule's pressure limit (Pa).
     correction: f64,
 }
 
 impl ShaftSpeedLimit {
-    /// By how much the pressure limit differs from that of the schedule (Pa), by how far the boost pressure that the shaft
-    /// allows is above it (Pa), and the measured speed (rpm).
+    /// Updates the correction of the schedule's pressure limit (Pa), from the excess of the boost pressure allowed by
+    /// the shaft (Pa) and the measured speed (rpm).
     pub fn correction(&mut self, parameters: &Parameters, above: f64, speed: f64) -> f64 {
         let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, correction_time, .. } =
             &parameters.shaft_speed_limit;
@@ -113,7 +113,7 @@ impl ShaftSpeedLimit {
         self.correction
     }
 
-    /// By how much a speed to come is above the largest and what is allowed beyond it (rpm), if the speed (rpm) is measured.
+    /// The excess of the predicted speed over the maximum and its allowance (rpm), if the speed (rpm) is measured.
     pub fn excess(&mut self, parameters: &Parameters, speed: f64, allowance: f64) -> Option<f64> {
         let speed = measured(speed)?;
         let &ShaftSpeedLimitParameters { speed: most, lead_time, .. } = &parameters.shaft_speed_limit;
@@ -122,20 +122,20 @@ impl ShaftSpeedLimit {
     }
 }
 
-/// The least virtual duty (%) at an excess of speed (rpm), by the duty that holds the largest speed at rest; at most the
-/// one at which the high-pressure wastegate is wholly open.
+/// The minimum virtual duty (%) at an excess speed (rpm), from the duty that holds the maximum speed at rest; at most
+/// the one that fully opens the high-pressure wastegate.
 pub fn least_duty(parameters: &Parameters, excess: f64, holding_duty: f64) -> f64 {
     smaller(holding_duty + parameters.shaft_speed_limit.gain * excess, parameters.pwm_max)
 }
 
-/// The share of the bypass that stays open at an excess of speed (rpm): open, it takes the load off the shaft.
+/// The share of the bypass that stays open at an excess speed (rpm), since an open bypass unloads the shaft.
 pub fn bypass_share(excess: f64) -> f64 {
     let (begin, end) = BYPASS_SHUTS;
     1.0 - ramp(excess, begin, end)
 }
 
-/// The virtual duty (%) by which the other valves are set at an excess of speed (rpm): near the limit the high-pressure
-/// wastegate opens wholly before they begin to. Opening them lowers boost, but hardly slows the shaft down.
+/// The virtual duty (%) for the other valves at an excess speed (rpm): near the limit the high-pressure wastegate opens
+/// fully before they start to, since opening them lowers boost but hardly slows the shaft.
 pub fn duty_of_other_valves(parameters: &Parameters, excess: f64, virtual_duty: f64) -> f64 {
     let &Parameters { pwm_max, ref allocation, .. } = parameters;
     let (start, open) = (allocation.low_pressure_start, allocation.low_pressure_open());

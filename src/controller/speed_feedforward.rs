@@ -1,27 +1,27 @@
-//! The feedforward from the change of engine speed.
+//! The feedforward from engine speed changes.
 //!
-//! While engine speed rises with the valves held, the shafts lag behind, and boost is below its value at rest by
-//! about S times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure on the way
-//! is the one that holds a pressure higher by that at rest.
+//! While engine speed rises with the valves held, the shafts lag, and boost is below its steady-state value by about S
+//! times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure during the change is
+//! the one that holds a pressure higher by that at rest.
 
 use super::day::Day;
 use super::off_schedule;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
-/// How often the shift of the pressure is computed anew at the shifted pressure. The map is smooth: the third
-/// iteration would change less than the map is accurate to.
+/// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the
+/// map's accuracy.
 const ITERATIONS: usize = 2;
 
-/// The range of the shifted pressure (Pa), that of the measurement: maps with absurd values stay finite.
+/// The range of the shifted pressure (Pa), that of the measurement, to stay finite for absurd maps.
 const PRESSURES: (f64, f64) = (0.0, 1e6);
 
-/// The engine speed (rpm) whose sensitivity counts at a rate (rpm/s) of engine speed (rpm), and an opening of the bypass.
+/// The engine speed (rpm) for the sensitivity, at an engine speed (rpm), its rate (rpm/s) and a bypass opening.
 ///
-/// While the bypass is open, it is that at which the bypass would be open so far at rest, since it lags behind engine speed.
-/// On another day than the schedule's, that of a fall is higher by the width of the range in which the low-pressure wastegate
-/// shuts, up to the end of that range: a fall passes it in less time than the shafts need for the greater sensitivity there,
-/// and the speed that the high-pressure shaft loses for it is missing when the fall ends.
+/// While the bypass is open, it is the speed that corresponds to its opening at rest, since the bypass lags engine
+/// speed. Off reference conditions, a deceleration uses a speed higher by the range in which the low-pressure wastegate
+/// shuts, up to the end of that range: it passes the range before the shafts reach the greater sensitivity there, and
+/// the speed lost by the high-pressure shaft is missing when it ends.
 fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
@@ -37,8 +37,8 @@ fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: 
     larger(of_bypass, smaller(engine_speed + (free - shut), free))
 }
 
-/// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none where
-/// it does not change.
+/// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none at
+/// constant speed.
 pub fn holding_duty(
     parameters: &Parameters,
     day: &Day,
@@ -69,9 +69,9 @@ pub fn holding_duty(
     if !day.is_other {
         return Some(asked);
     }
-    // Where the low-pressure wastegate is held shut, more duty than the one at which it begins to open only takes speed
-    // from the high-pressure shaft, which is missing when engine speed no longer falls. On the schedule's own day the
-    // sensitivity holds, and the law is as it was identified.
+    // With the low-pressure wastegate held shut, duty beyond its opening only slows the high-pressure shaft, whose
+    // speed is missing when a deceleration ends. At reference conditions the identified sensitivity holds and is not
+    // reduced.
     let allocation = &parameters.allocation;
     let start = larger(allocation.low_pressure_start, here.feedforward());
     let beyond = larger(asked - start, 0.0);
@@ -100,7 +100,7 @@ mod tests {
             near(speed(altitude, engine_speed, 1000.0, 0.0), engine_speed);
             near(speed(standard, engine_speed, -1000.0, 0.0), engine_speed);
         }
-        // The bypass would be open by a quarter at 3250 rpm.
+        // The bypass would be a quarter open at 3250 rpm.
         for (day, rate) in [(altitude, -1000.0), (standard, -1000.0), (standard, 1000.0)] {
             near(speed(day, 2300.0, rate, 0.25), 3250.0);
         }

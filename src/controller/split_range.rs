@@ -1,5 +1,5 @@
-//! The strategy `split_range`: one law of control with one integrator commands a virtual duty, from which all three
-//! valves are set. No switch and no hysteresis, hence no bump where one valve takes over from another.
+//! The strategy `split_range`: one control law with one integrator commands a virtual duty that sets all three valves,
+//! without switching or hysteresis, hence without bumps when one valve takes over from another.
 //!
 //! ```text
 //! reference ─ limit ─ reference model ─ feedforward ─ + ─ virtual duty ─ allocation ┬─ high-pressure wastegate
@@ -26,7 +26,7 @@ use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
 use crate::elementary::{larger, smaller};
 
-/// The memory of the strategy, beside the law's.
+/// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
     engine_speed: RateFilter,
@@ -37,11 +37,11 @@ pub struct SplitRange {
     duty_lead: DutyLead,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
-    /// At the last sample (%).
+    /// The virtual duty at the last sample (%).
     virtual_duty: f64,
-    /// The reference within its limits at the last sample (Pa, as on the day of the schedule).
+    /// The limited reference at the last sample (Pa, at reference conditions).
     reference: f64,
-    /// The day of the law's pressures.
+    /// The ambient conditions of the law's pressures.
     day: Day,
 }
 
@@ -63,7 +63,7 @@ impl SplitRange {
         let (pressure, bypass) = (law.model_pressure(), self.bypass.opening());
         let factor = day.speed_factor(pressure);
         let engine_speed = factor * inputs.engine_speed;
-        // The sensitivity grows with the time constants.
+        // The sensitivity scales with the time constants.
         let filter_time = off_schedule::filter_time(parameters, &day);
         let acceleration = self.engine_speed.sample(sample_time, filter_time, inputs.engine_speed);
         self.motion.sample(sample_time, acceleration);
@@ -79,7 +79,7 @@ impl SplitRange {
                     day.limit_of_shaft(speed, |speed| shaft_speed_limit::uncapped_limit(parameters, speed))
                 };
                 let here = limit_at(inputs.engine_speed);
-                // Boost follows its reference by λ, and the rate by the filter: a limit that rises counts ahead.
+                // Boost lags its reference by λ, and the rate by the filter: take a rising limit that far ahead.
                 let ahead = model_lambda + filter_time;
                 let to_come = limit_at(larger(inputs.engine_speed + ahead * acceleration, 0.0));
                 let gain = day.operating_point(parameters, pressure, engine_speed).local_model().gain;
@@ -109,7 +109,7 @@ impl SplitRange {
                 waits = waits && motion.changed_lately();
             }
         }
-        // On the schedule's day the law sees the shaft's limits: the reference model, which holds there, then waits.
+        // At reference conditions the law sees the shaft's limits, so the reference model, valid there, waits.
         let own_limits = if day.is_other { own_limits } else { limits };
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
@@ -150,8 +150,8 @@ impl SplitRange {
         Command { hp_duty: self.duty_lead.sample(parameters, &day, command.hp_duty), ..command }
     }
 
-    /// The inputs and the reference of the boost pressure (Pa) at the last sample as on the day of the schedule, and the
-    /// pressure there (Pa) of the largest reference.
+    /// The inputs and the boost pressure reference (Pa) at the last sample, and the pressure (Pa) of the largest
+    /// reference, all at reference conditions.
     pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
         let day = &self.day;
         let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
@@ -173,7 +173,7 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-/// The part of the duty's limits in which the high-pressure wastegate is off its seat.
+/// The part of the duty limits in which the high-pressure wastegate is off its seat.
 fn lifting(parameters: &Parameters, limits: Limits) -> Limits {
     let lift_off = actuator_inverse::duty(&parameters.actuator_inverse, 0.0);
     Limits { least: larger(limits.least, lift_off), ..limits }
@@ -191,14 +191,13 @@ fn command(
     Command { terms, limits, hp_duty, openings }
 }
 
-/// The limit of the reference that keeps the high-pressure shaft within its speed at rest (Pa, as on the day of the
-/// schedule).
+/// The reference limit that keeps the high-pressure shaft within its speed at rest (Pa, at reference conditions).
 fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let schedule = &parameters.range_schedule;
     schedule::interpolate(&schedule.engine_speed, &schedule.boost_limit, engine_speed)
 }
 
-/// Rejects parameters of the strategy that contradict each other.
+/// Rejects contradictory parameters of the strategy.
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     allocation::check(parameters)?;
     schedule::check("range_schedule", &parameters.range_schedule)

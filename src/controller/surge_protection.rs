@@ -1,9 +1,9 @@
-//! The surge valve: where the throttle shuts, the compressors' flow has nowhere to go, and they would surge.
+//! The surge valve: when the throttle shuts, the compressors' flow has nowhere to go, and they would surge.
 //!
-//! The controller does not know the throttle, but boost pressure: with the flow blocked, it rises by more in one sample
-//! than the wastegates can make it. Then the valve opens at once, the wider the faster the rise: a small flow needs a
-//! small opening, or the low-pressure compressor would surge instead. It stays open for a while and shuts slowly; if
-//! the throttle is still shut, the pressure rises again.
+//! The controller sees boost pressure, not the throttle: with the flow blocked, boost rises more in one sample than the
+//! wastegates can cause. The valve then opens at once, wider for a faster rise: a small flow needs a small opening, or
+//! the low-pressure compressor would surge instead. It stays open for a while and shuts slowly; if the throttle is
+//! still shut, the pressure rises again.
 
 use fmu_export::Persistent;
 
@@ -16,13 +16,13 @@ use crate::elementary::larger;
 pub struct SurgeValve {
     /// Boost pressure at the last sample (Pa).
     before: Option<f64>,
-    /// For how long the valve stays open (s).
+    /// The remaining time the valve stays open (s).
     open_for: f64,
     opening: f64,
 }
 
 impl SurgeValve {
-    /// The opening at a sample with a boost pressure (Pa), and one that the law expects (Pa).
+    /// The opening at a sample, from the boost pressure (Pa) and the one expected by the law (Pa).
     pub fn sample(&mut self, parameters: &Parameters, boost_pressure: f64, expected: f64) -> f64 {
         let &Parameters { sample_time, ref surge_protection, .. } = parameters;
         let &SurgeProtectionParameters { rate, full_rate, excess, opening_time, closing_time } =

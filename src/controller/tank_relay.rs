@@ -1,4 +1,4 @@
-//! The relay that keeps the vacuum tank between two pressures by its pump (paper, section 6).
+//! The relay that keeps the vacuum tank between two pressures with its pump (paper, section 6).
 
 use fmu_export::{Error, Persistent};
 
@@ -11,7 +11,7 @@ pub struct TankRelay {
 }
 
 impl TankRelay {
-    /// Whether the pump is on at a tank pressure (Pa): on above the one limit until below the other.
+    /// Whether the pump is on at a tank pressure (Pa): on above one limit, off below the other.
     pub fn sample(&mut self, parameters: &Parameters, tank_pressure: f64) -> bool {
         if tank_pressure > parameters.tank_pressure_on {
             self.on = true;

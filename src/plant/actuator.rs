@@ -1,14 +1,12 @@
 //! The wastegate actuator: a membrane between the chamber and ambient, a spring, and the rod that opens
 //! the high-pressure wastegate (paper, eqs. (3) to (5) and fig. 4).
 //!
-//! Vacuum opens: in eq. (4) ambient pressure and the exhaust's force on the wastegate's plate act together
-//! against chamber pressure and spring. More duty means less chamber pressure, a wider wastegate and less
-//! boost.
+//! Vacuum opens: in eq. (4) ambient pressure and exhaust force on the wastegate plate act together against chamber
+//! pressure and spring. More duty means less chamber pressure, a wider wastegate and less boost.
 //!
-//! The spring has a preload and hardens towards full stroke (paper, fig. 8a); the stops are stiff springs
-//! with damping that sets in with depth. Friction is Dahl's (eq. (5)), written as
-//! σ·|1 − r|^α·sgn(1 − r)·v so that an overshoot of the friction force beyond the Coulomb force does
-//! not lead to a power of a negative number.
+//! The spring is preloaded and hardens towards full stroke (paper, fig. 8a); the stops are stiff springs whose damping
+//! rises with depth. Friction follows Dahl (eq. (5)), written as σ·|1 − r|^α·sgn(1 − r)·v so that a friction force
+//! beyond the Coulomb force does not raise a negative number to a power.
 
 use super::gas::Gas;
 use super::scalar::Scalar;
@@ -17,17 +15,17 @@ use super::variables::{ActuatorLocals, ActuatorParameters};
 /// A wastegate actuator.
 #[derive(Clone, Copy, Debug)]
 pub struct Actuator<D = f64> {
-    /// Its parameters.
+    /// The parameters.
     pub parameters: ActuatorParameters<D>,
     /// The gas in the chamber.
     pub air: Gas<D>,
-    /// The opening at which the wastegate's flap is stuck, if it is.
+    /// The opening at which the flap is stuck, if it is.
     pub stuck: Option<D>,
 }
 
 impl<D: Scalar> Actuator<D> {
-    /// The chamber's volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure (Pa) and the
-    /// pressure difference (Pa) across the wastegate.
+    /// The chamber volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure
+    /// (Pa) and the pressure difference (Pa) across the wastegate.
     #[must_use]
     pub fn evaluate(
         &self,
@@ -94,23 +92,23 @@ impl<D: Scalar> Actuator<D> {
         self.parameters.friction_stiffness * share * velocity
     }
 
-    /// Volume of the chamber in m³ at a position in m. The floor is for trial states of solvers; the
-    /// stops keep the rod far from it.
+    /// Chamber volume in m³ at a position in m. The lower limit is for solvers' trial states; the stops keep the rod
+    /// far from it.
     #[must_use]
     pub fn volume(&self, position: D) -> D {
         (self.parameters.chamber_volume - self.parameters.membrane_area * position)
             .at_least(self.parameters.chamber_volume * 1e-3)
     }
 
-    /// Eq. (3) for a moving wall: rate of change of the chamber's pressure (Pa) in Pa/s, when `mass_flow`
-    /// in kg/s goes in on balance.
+    /// Eq. (3) for a moving wall: rate of change of chamber pressure (Pa) in Pa/s, for a net inflow `mass_flow` in
+    /// kg/s.
     #[must_use]
     pub fn pressure_rate(&self, pressure: D, temperature: D, volume: D, velocity: D, mass_flow: D) -> D {
         let inflow = self.air.parameters.gas_constant * temperature * mass_flow;
         (inflow + pressure * self.parameters.membrane_area * velocity) / volume
     }
 
-    /// How far the wastegate is open, from 0 to 1.
+    /// The wastegate opening, from 0 to 1.
     #[must_use]
     pub fn opening(&self, position: D) -> D {
         match self.stuck {
@@ -119,9 +117,9 @@ impl<D: Scalar> Actuator<D> {
         }
     }
 
-    /// The position in m at which spring and stops hold a force in N that opens, without friction.
+    /// The position in m at which spring and stops balance an opening force in N, without friction.
     ///
-    /// Newton's method, kept within a bracket that shrinks: the force rises with position everywhere.
+    /// Newton's method within a shrinking bracket: the force rises monotonically with position.
     #[must_use]
     #[allow(clippy::float_cmp, reason = "ends where numbers lie no closer")]
     pub fn position_at_rest(&self, opening_force: D) -> D {
@@ -151,7 +149,7 @@ impl<D: Scalar> Actuator<D> {
             }
             position = next;
         }
-        // The derivative follows from the balance of forces, by the implicit function theorem.
+        // The derivative follows from the force balance, by the implicit function theorem.
         let left = excess(position);
         (left - left.re()) / -stiffness(position) + position
     }
@@ -173,8 +171,8 @@ mod tests {
         for force in [-50.0, 0.0, 18.9, 19.0, 25.0, 40.0, 74.3, 74.4, 200.0] {
             let position = actuator.position_at_rest(force);
             let held = actuator.spring_force(position) + actuator.stop_force(position, 0.0);
-            // The stiffest spring, 3e5 N/m, times the spacing of numbers at 0.01 m, 2e-18 m, and the
-            // rounding of the forces themselves.
+            // The stiffest spring, 3e5 N/m, times the spacing of numbers at 0.01 m, 2e-18 m, plus the rounding of the
+            // forces.
             assert!((held - force).abs() < 1e-12 * force.abs().max(1.0), "{force} N: {held} N");
         }
     }

@@ -1,4 +1,4 @@
-//! The air filter: a flow resistance before the low-pressure compressor.
+//! The air filter: a flow resistance upstream of the low-pressure compressor.
 
 use super::flow_resistance::mass_flow;
 use super::gas::Volume;
@@ -13,7 +13,7 @@ pub struct AirFilter<D = f64> {
 }
 
 impl<D: Scalar> AirFilter<D> {
-    /// The flow from ambient (pressure in Pa, temperature in K) to a pressure (Pa) behind the filter.
+    /// The flow from ambient (pressure in Pa, temperature in K) to a pressure (Pa) downstream of the filter.
     pub fn evaluate(&self, ambient: (D, D), pressure: D) -> AirFilterLocals<D> {
         let AirFilterParameters { flow_resistance, linear_pressure, .. } = self.parameters;
         AirFilterLocals {

@@ -1,11 +1,10 @@
 //! A centrifugal compressor by its head and flow coefficients (Eriksson, Modeling and control of
 //! turbocharged SI and DI engines, OGST 62(4), 2007).
 //!
-//! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and
-//! the flow coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squares of speeds it is
-//! defined at standstill and for pressure ratios below 1 as well; beyond the head of zero flow it is
-//! continued as an odd function, which is the back flow of surge. Efficiency is a parabola over Φ and
-//! includes mechanical and heat losses.
+//! Speed lines are the parabola `Ψ = Ψ_m·(1 − (Φ/Φ_m)²)` between the head coefficient `Ψ = 2·Δh_is/U²` and the flow
+//! coefficient `Φ = W/(ρ₁·πD²/4·U)`, solved for the flow. Written with squared speeds it is defined at standstill and
+//! for pressure ratios below 1; beyond the head of zero flow it continues as an odd function, the reverse flow of
+//! surge. Efficiency is a parabola over Φ and includes mechanical and heat losses.
 
 use std::f64::consts::PI;
 
@@ -18,13 +17,13 @@ pub struct Compressor<D = f64> {
     parameters: CompressorParameters<D>,
     /// Radius of the impeller in m.
     radius: D,
-    /// Area of the impeller's circle over the gas constant, in m² kg K/J.
+    /// Impeller area over the gas constant, in m² kg K/J.
     inlet_area_by_gas_constant: D,
     /// Twice the specific heat over the head coefficient at zero flow, `2·c_p/Ψ_m`, in J/(kg K).
     head_slope: D,
-    /// Reciprocal of the flow coefficient of the best efficiency.
+    /// Reciprocal of the flow coefficient at peak efficiency.
     by_peak_efficiency_flow_coefficient: D,
-    /// The volume behind the compressor.
+    /// The volume downstream of the compressor.
     pub outlet_volume: Volume<D>,
     pub air: Gas<D>,
 }
@@ -43,15 +42,15 @@ impl<D: Scalar> Compressor<D> {
         }
     }
 
-    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
-    /// compression to the outlet's pressure raises the temperature by a ratio.
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio
+    /// of isentropic compression to outlet pressure.
     pub fn compress(&self, inlet: (D, D), temperature_ratio: D, speed: D) -> CompressorLocals<D> {
         let (pressure, temperature) = inlet;
         let specific_heat = self.air.parameters.specific_heat;
         let tip_speed_squared = (self.radius * speed).powi(2);
-        // Isentropic rise of temperature; its product with the specific heat is Δh_is.
+        // Isentropic temperature rise; times the specific heat it is Δh_is.
         let rise = temperature * (temperature_ratio - 1.0);
-        // The square of (tip speed times Φ/Φ_m), by the parabola of the speed lines.
+        // The square of (tip speed times Φ/Φ_m), by the speed line parabola.
         let flow_speed_squared = tip_speed_squared - self.head_slope * rise;
         let flow_speed = self.parameters.peak_flow_coefficient
             * signed_root(flow_speed_squared, self.parameters.head_smoothing);

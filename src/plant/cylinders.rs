@@ -1,7 +1,7 @@
 //! The cylinders: air and fuel flow, exhaust temperature and torque, averaged over the working cycles
 //! (Eriksson, Modeling and control of turbocharged SI and DI engines, OGST 62(4), 2007).
 //!
-//! The engine burns a stoichiometric mixture; its speed is an input (the dynamometer holds it).
+//! The engine burns a stoichiometric mixture; its speed is an input, set by the dynamometer.
 
 use std::f64::consts::PI;
 
@@ -9,14 +9,14 @@ use super::gas::Gas;
 use super::scalar::Scalar;
 use super::variables::{CylindersLocals, CylindersParameters};
 
-/// The cylinders of an engine with four strokes.
+/// The cylinders of a four-stroke engine.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinders<D = f64> {
     pub parameters: CylindersParameters<D>,
     /// Fuel per air in a stoichiometric mixture.
     pub fuel_air_ratio: D,
     pub air: Gas<D>,
-    /// Exponent of the pressure ratio with which residual gas expands.
+    /// Exponent of the pressure ratio in the expansion of residual gas.
     pub residual_exponent: D,
 }
 
@@ -31,22 +31,22 @@ pub struct CylinderFlows<D = f64> {
     pub fuel: D,
     /// Exhaust gas in kg/s.
     pub exhaust: D,
-    /// Temperature of the exhaust at the valves in K.
+    /// Exhaust temperature at the valves in K.
     pub exhaust_temperature: D,
 }
 
 impl<D: Scalar> Cylinders<D> {
     /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
-    /// The volumetric efficiency is that of residual gas expanding to intake pressure, by the ratio `residual`
-    /// of volumes. Where residual gas fills the cylinders completely (the throttle is shut), no air comes in.
+    /// The volumetric efficiency accounts for residual gas expanding to intake pressure by the volume ratio `residual`.
+    /// Where residual gas fills the cylinders (throttle shut), no air enters.
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
         let volumetric_efficiency = self.parameters.volumetric_efficiency_factor
             * (self.parameters.compression_ratio - residual).at_least(0.0)
             / (self.parameters.compression_ratio - 1.0);
         let density = pressure / (self.air.parameters.gas_constant * temperature);
-        // One filling in two revolutions: rpm / 120 cycles a second.
+        // One filling per two revolutions: rpm / 120 cycles per second.
         let air = volumetric_efficiency * self.parameters.displacement * engine_speed / 120.0 * density;
         let fuel = air * self.fuel_air_ratio;
         let exhaust = air + fuel;
@@ -60,11 +60,11 @@ impl<D: Scalar> Cylinders<D> {
         }
     }
 
-    /// The local variables, and the brake torque in N m, at an engine speed (rpm), with the flows there and the
-    /// pressures (Pa) of both manifolds. No state depends on the work, so the right-hand side does without it.
+    /// The local variables and the brake torque in N m, for an engine speed (rpm), its flows and the pressures (Pa) of
+    /// both manifolds. No state depends on the work, so the right-hand side omits it.
     ///
-    /// Friction after the boost-layout model of the Linköping engine models (there after Heywood's
-    /// textbook correlation): a part that grows with piston speed and one with load.
+    /// Friction follows the boost-layout model of the Linköping engine models (there after Heywood's textbook
+    /// correlation): one part grows with piston speed, one with load.
     pub fn work(
         &self,
         engine_speed: D,

@@ -1,27 +1,27 @@
-//! The option that a commanded duty takes effect at the start of the next PWM period, as in a PWM unit
-//! (paper, section 3.3: 300 Hz, while the controller runs at 80 Hz).
+//! Optionally, a commanded duty takes effect at the start of the next PWM period, as in a PWM unit (paper, section 3.3:
+//! 300 Hz, with the controller at 80 Hz).
 //!
-//! The instants are counted in integers from the experiment's start, so that they do not drift. The held
-//! duty is part of the model's state. The voltage is not held: it acts at once.
+//! Periods are counted in integers from the experiment's start, so they do not drift. The held duty is part of the
+//! model's state. The voltage is not held: it acts at once.
 
 use fmu_export::Persistent;
 
-/// Instants nearer than this share of a period to the end of a step belong to the next step.
+/// Period starts closer than this share of a period to the end of a step belong to the next step.
 const ROUNDING: f64 = 1e-6;
 
-/// The held duty and the count of the periods.
+/// The held duty and the period count.
 #[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct DutyLatch {
     /// When the experiment starts, in s.
     pub start_time: f64,
     /// The duty in percent until the next period starts.
     pub held: f64,
-    /// How many periods have started.
+    /// The number of periods started.
     started: u64,
 }
 
 impl DutyLatch {
-    /// Before the first period, which starts with the experiment (s), with a duty in percent.
+    /// The state before the first period, which starts with the experiment (s), with a duty in percent.
     pub fn new(start_time: f64, duty: f64) -> Self {
         Self { start_time, held: duty, started: 0 }
     }
@@ -42,8 +42,7 @@ impl DutyLatch {
         self.started += 1;
     }
 
-    /// The time in s from the experiment's start to the next start of a period, if it lies before `end`
-    /// (s from there too).
+    /// The time in s from the experiment's start to the next period, if it is before `end` (likewise from the start).
     pub fn next_before(&self, end: f64, frequency: f64) -> Option<f64> {
         let instant = self.next_after_start(frequency);
         (instant < end - ROUNDING / frequency).then_some(instant)
@@ -52,7 +51,7 @@ impl DutyLatch {
     /// Starts all periods before `end` (s from the experiment's start) with a duty in percent.
     pub fn take_until(&mut self, end: f64, frequency: f64, duty: f64) {
         self.held = duty;
-        // The product may miss the next instant by its rounding; the comparison with it does not.
+        // Rounding may put the product off by one period; the comparison corrects it.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times after the start")]
         let nearly = (end * frequency) as u64;
         self.started = self.started.max(nearly.saturating_sub(1));
@@ -70,7 +69,7 @@ mod tests {
     fn periods_are_counted_without_drift() {
         let mut latch = DutyLatch::new(0.0, 40.0);
         let mut instants = 0;
-        // An hour in controller samples: the ends carry rounding, the count must not.
+        // An hour of controller samples: rounding in the step ends must not affect the count.
         for sample in 1..=288_000 {
             let end = f64::from(sample) * 0.0125;
             let Some(instant) = latch.next_before(end, 300.0) else { continue };

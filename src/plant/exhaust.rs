@@ -1,4 +1,4 @@
-//! The exhaust behind the turbines: a pipe with a catalyst, whose flow resistance is that to ambient.
+//! The exhaust downstream of the turbines: a pipe with a catalyst, and its flow resistance to ambient.
 
 use super::flow_resistance::mass_flow;
 use super::gas::Volume;
@@ -13,7 +13,7 @@ pub struct Exhaust<D = f64> {
 }
 
 impl<D: Scalar> Exhaust<D> {
-    /// The flow from before the catalyst to ambient, each given by pressure (Pa) and temperature (K).
+    /// The flow from upstream of the catalyst to ambient, each given by pressure (Pa) and temperature (K).
     pub fn evaluate(&self, inlet: (D, D), ambient: (D, D)) -> ExhaustLocals<D> {
         let ExhaustParameters { flow_resistance, linear_pressure, .. } = self.parameters;
         ExhaustLocals {

@@ -12,10 +12,10 @@ pub struct ExhaustManifold<D = f64> {
 }
 
 impl<D: Scalar> ExhaustManifold<D> {
-    /// The temperature in K before the turbine, for the gas at the valves (flow in kg/s, temperature in
-    /// K): a pipe in surroundings of constant temperature.
+    /// The temperature in K upstream of the turbine, for the gas at the valves (flow in kg/s, temperature in K): a pipe
+    /// in surroundings of constant temperature.
     ///
-    /// A flow back into the cylinders counts as zero.
+    /// Reverse flow into the cylinders counts as zero.
     pub fn evaluate(&self, gas: (D, D), ambient_temperature: D) -> ExhaustManifoldLocals<D> {
         // 1 mW/K keeps the exponent finite without flow.
         let heat_capacity_flow = gas.0.at_least(0.0) * self.gas.parameters.specific_heat + 1e-3;

@@ -5,8 +5,8 @@ use super::gas::signed_root;
 use super::scalar::Scalar;
 
 /// The flow in kg/s by the law W = √(p·Δp/(H·T)) from the first to the second side, each given by pressure (Pa)
-/// and temperature (K), through a resistance H in Pa² s²/(kg² K). Density is that of the side from which the flow
-/// comes. Below a pressure difference of `linear_pressure` (Pa) the flow is linear, so that its slope stays finite.
+/// and temperature (K), through a resistance H in Pa² s²/(kg² K), with upstream density. Below a pressure difference of
+/// `linear_pressure` (Pa) the flow is linear, to keep its slope finite.
 pub fn mass_flow<D: Scalar>(resistance: D, linear_pressure: D, first: (D, D), second: (D, D)) -> D {
     let difference = first.0 - second.0;
     let (pressure, temperature) = if difference >= 0.0 { first } else { second };

@@ -1,5 +1,5 @@
-//! Gases and what several components need of them: ideal gas with constant specific heats, and the
-//! smooth functions that keep the equations differentiable where flows reverse.
+//! Ideal gases with constant specific heats, and the smooth functions that keep the equations differentiable where
+//! flows reverse.
 
 use super::scalar::Scalar;
 use super::variables::GasParameters;
@@ -30,8 +30,8 @@ pub struct Volume<D = f64> {
 }
 
 impl<D: Scalar> Volume<D> {
-    /// dp/dt in Pa/s at a temperature (K) when `mass_flow` (kg/s) goes in on balance: the ideal gas law, with
-    /// the variation of temperature neglected (paper, eq. (3)).
+    /// dp/dt in Pa/s at a temperature (K) for a net inflow `mass_flow` (kg/s): the ideal gas law, neglecting
+    /// temperature changes (paper, eq. (3)).
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         self.stiffness * temperature * mass_flow
     }
@@ -48,13 +48,13 @@ pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
     x / (x * x + width * width).sqrt().sqrt()
 }
 
-/// The temperature in K where two flows (kg/s, K) are mixed; backward flows do not count.
+/// The temperature in K of two mixed flows (kg/s, K); reverse flows do not count.
 ///
 /// `width` in kg/s blends the temperatures where both flows vanish.
 pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);
-    // In this order the flows, which are known first, are combined while the temperatures are computed.
+    // The flows are known first; this order combines them while the temperatures are computed.
     let share = b / (a + b);
     first.1 + share * (second.1 - first.1)
 }
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_smooth_functions_meet_the_sharp_ones_far_from_the_kink() {
-        // The deviation of the smooth maximum is width²/(4·distance), of the root (width/x)²/4 relatively.
+        // The smooth maximum deviates by width²/(4·distance), the root by a share of (width/x)²/4.
         assert!((smooth_max(3.0_f64, 1.0, 1e-4) - 3.0).abs() < 2e-9);
         assert!((signed_root(-4.0_f64, 1e-4) + 2.0).abs() < 1e-9);
         assert!(smooth_max(-1.0_f64, 0.0, 1e-4) > 0.0);
@@ -75,7 +75,7 @@ mod tests {
     fn mixing_goes_by_the_inflows() {
         let temperature = mixed_temperature((0.03_f64, 400.0), (0.01, 300.0), 1e-5);
         assert!((temperature - 375.0).abs() < 1e-3);
-        // What flows out does not count: to the share of the smoothing, 1e-10/(4·0.01·0.03).
+        // Outflow does not count, up to the smoothing's share, 1e-10/(4·0.01·0.03).
         let temperature = mixed_temperature((0.03_f64, 400.0), (-0.01, 300.0), 1e-5);
         assert!((temperature - 400.0).abs() < 1e-3);
     }

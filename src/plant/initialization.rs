@@ -1,9 +1,9 @@
 //! The states at the start of an experiment.
 //!
-//! [`running`] is an engine that has just been started: no boost, both shafts turning slowly, the
-//! wastegate shut. [`settled`] is the steady state for the inputs at the start, so that an experiment
-//! begins at rest: the actuation is solved in closed form, the gas path with the solver of steady states.
-//! In both the vacuum tank has its start pressure: since it leaks, it is never in equilibrium.
+//! [`running`] is an engine just started: no boost, both shafts turning slowly, the wastegate shut. [`settled`] is the
+//! steady state for the initial inputs, so that an experiment starts at rest: the actuation is solved in closed form,
+//! the gas path with the steady-state solver. In both, the vacuum tank has its start pressure: it leaks and is never in
+//! equilibrium.
 
 use std::array;
 
@@ -20,19 +20,19 @@ use crate::solver::steady_state::{self, NoSteadyState};
 
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// For how long at most the transient is simulated where there is no steady state to solve for, in s.
+/// The longest simulated transient if no steady state is found, in s.
 const LONGEST_TRANSIENT: u32 = 60;
-/// The rate of change in 1/s of the scaled states below which a transient has come to rest.
+/// The rate of change in 1/s of the scaled states below which a transient has settled.
 const AT_REST: f64 = 1e-9;
 
-/// The rate of change in 1/s of the scaled states up to which they are a steady state: rounding leaves
-/// some 1e-10, a transient far more.
+/// The largest rate of change in 1/s of the scaled states in a steady state: rounding leaves some 1e-10, a transient
+/// far more.
 const SETTLED: f64 = 1e-8;
 
-/// The states of an engine that has just been started, with the vacuum tank at a pressure in Pa.
+/// The states of an engine just started, with the vacuum tank at a pressure in Pa.
 pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
     let ambient_pressure = inputs.ambient_pressure;
-    // The speeds of the shafts and the rest of the actuator are those of the declared start values.
+    // Shaft speeds and the rest of the actuator keep their declared start values.
     let mut states = States::default().map(D::from);
     states.supply_sensor.voltage = system.command(inputs).0;
     states.tank.pressure = tank_pressure;
@@ -53,22 +53,22 @@ pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure:
 pub struct Settled {
     /// The states to start from.
     pub states: States,
-    /// Why they are not a steady state, if they are not.
+    /// Why they are not a steady state, if so.
     pub shortcoming: Option<Shortcoming>,
 }
 
 /// Why an experiment does not start in a steady state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcoming {
-    /// What the solver found.
+    /// The solver's outcome.
     pub failure: NoSteadyState,
-    /// For how many seconds the transient of [`running`] was followed instead.
+    /// The time in s for which the transient from [`running`] was simulated instead.
     pub followed: f64,
 }
 
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
-/// Where there is none, or none is found, the states at the end of the transient from [`running`].
+/// If none is found, the states at the end of the transient from [`running`].
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
     let mut system = System::new(parameters);
     system.freeze_tank(true);
@@ -94,7 +94,7 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     }
 }
 
-/// The rates of the gas path where the rod is at rest at the chamber's pressure in Pa.
+/// The rates of the gas path with the rod at rest at the chamber pressure in Pa.
 fn settled_rates<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
@@ -122,7 +122,7 @@ fn settled_rates_along(
 /// The settled states with their derivatives along the direction in which parameters, inputs and the
 /// tank's pressure change, by the implicit function theorem.
 ///
-/// `None` where the states are no steady state, or not an isolated one.
+/// `None` if the states are not a steady state, or not an isolated one.
 pub fn differentiate_settled(
     parameters: &Parameters<Dual64>,
     inputs: &Inputs<Dual64>,
@@ -136,7 +136,7 @@ pub fn differentiate_settled(
     })
 }
 
-/// The same as a function of what is recorded.
+/// The same as a function of recorded numbers.
 pub fn record_settled<'t>(
     parameters: &Parameters<Recorded<'t>>,
     inputs: &Inputs<Recorded<'t>>,
@@ -157,8 +157,8 @@ pub fn record_settled<'t>(
     })
 }
 
-/// The settled states as a function of parameters, inputs and the tank's pressure. `solve` makes the unknowns of the gas
-/// path, at their values, such that the rates along them vanish; it is given the rates' scaled Jacobian too.
+/// The settled states as a function of parameters, inputs and tank pressure. `solve` returns the gas path's unknowns,
+/// at their values, such that the rates along them vanish; it also receives the rates' scaled Jacobian.
 fn follow_settled<D: Scalar>(
     parameters: &Parameters<D>,
     inputs: &Inputs<D>,
@@ -174,7 +174,7 @@ fn follow_settled<D: Scalar>(
     if (0..GAS_PATH).any(|i| along[i].re().abs() > SETTLED * scales[i]) {
         return None;
     }
-    // The same without what changes, so that the unknowns alone change.
+    // The same without the changes, so that only the unknowns change.
     let still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re())));
     let still_inputs = inputs.map(|input| Dual64::from(input.re()));
     let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
@@ -190,8 +190,8 @@ fn follow_settled<D: Scalar>(
 
 /// Brings the plunger and the chamber to rest.
 ///
-/// The closed form holds where a search would meet a double root: at low duties the valve's target is
-/// ambient pressure over a whole range.
+/// The closed form works where a search would meet a double root: at low duties the valve's target is ambient pressure
+/// over a whole range.
 fn settle_actuation<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut states: States<D>) -> States<D> {
     let duty = system.command(inputs).1;
     states.valve.plunger_duty = duty;
@@ -200,8 +200,7 @@ fn settle_actuation<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut state
     states
 }
 
-/// The position in m at which the rod rests without friction: there the forces of membrane and exhaust meet
-/// those of spring and stops.
+/// The position in m at which the rod rests without friction: membrane and exhaust forces balance spring and stops.
 fn position_at_rest<D: Scalar>(
     system: &System<D>,
     inputs: &Inputs<D>,
@@ -233,10 +232,10 @@ fn settle_gas_path<D: Scalar>(
     states
 }
 
-/// Integrates until everything is at rest, for [`LONGEST_TRANSIENT`] at most and within the budget of a short
-/// step. Returns the states and the time in s; where the integration fails those of the last whole second.
+/// Integrates until everything is at rest, for at most [`LONGEST_TRANSIENT`] and within the budget of a short step.
+/// Returns the states and the time in s, those of the last whole second if the integration fails.
 fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
-    // The parameter's default, not its value: a start does not depend on how the steps are integrated.
+    // The parameter's default, not its value, so that the start does not depend on integration settings.
     let tolerance = Parameters::default().solver.relative_tolerance;
     let signal = IntervalInputs { at: |_| *inputs, is_constant: true };
     let mut pace = Pace::default();

@@ -1,14 +1,14 @@
 //! The integration of the plant over time.
 //!
-//! The actuation is cheap, swings and meets kinks (stops, the reversal of friction, the valve's change of
-//! ports); the gas path is several times as expensive, stiff, does not swing, and is smooth. And as long as the
-//! exhaust does not push the wastegate, the actuation drives the gas path but not the other way round. So
-//! each takes its own steps ([`multirate`]). Where the exhaust does push, both take the same steps.
+//! The actuation is cheap, oscillates and has kinks (stops, friction reversal, the valve changing ports); the gas path
+//! is several times as expensive, stiff, smooth and does not oscillate. Unless the exhaust pushes the wastegate, the
+//! actuation drives the gas path but not vice versa, so each takes its own steps ([`multirate`]). If the exhaust does
+//! push, both take the same steps.
 //!
-//! Both take steps of ROS34PW2, which keep their order with a Jacobian that is out of date. A Jacobian serves for
-//! 25 steps; one from before a jump of the inputs is not used any more, and the first step after the jump is short.
+//! Both use ROS34PW2, which keeps its order with an outdated Jacobian. A Jacobian serves 25 steps; one from before an
+//! input jump is discarded, and the first step after the jump is short.
 //!
-//! `docs/integration.md` compares the methods that were tried.
+//! `docs/integration.md` compares the methods tried.
 
 use fmu_export::Persistent;
 
@@ -23,15 +23,15 @@ use crate::solver::rosenbrock::{Blocks, step};
 const ACTUATION: usize = ActuationStates::COUNT;
 const GAS_PATH: usize = GasPathStates::COUNT;
 
-/// Errors of the tank's pressure do not decay, so they count this much more than its full scale says.
+/// Extra weight of tank pressure errors, since they do not decay.
 const TANK_STRICTNESS: f64 = 35.0;
-/// The rod's speed is fast and tiny: its errors may be this many times as large.
+/// Slack for rod speed, which is fast and tiny.
 const ROD_SPEED_SLACK: f64 = 10.0;
-/// The same for the friction force, which kinks where the rod turns. Where the exhaust pushes the wastegate there is
-/// no slack: the rod creeps with its pressure then, and the errors of many steps add up.
+/// Slack for the friction force, which kinks where the rod reverses. If the exhaust pushes the wastegate there is none:
+/// the rod then creeps with exhaust pressure, and the errors of many steps add up.
 const FRICTION_SLACK: f64 = 1.25;
 
-/// What counts as 100 % of the actuation's states where steps are judged.
+/// The 100 % of the actuation's states in error control.
 const ACTUATION_SCALES: ActuationStates = {
     let mut scales = ActuationStates::NOMINAL;
     scales.tank.pressure /= TANK_STRICTNESS;
@@ -40,23 +40,23 @@ const ACTUATION_SCALES: ActuationStates = {
     scales
 };
 
-/// The same where the exhaust pushes the wastegate.
+/// The same if the exhaust pushes the wastegate.
 const PUSHED_ACTUATION_SCALES: ActuationStates = {
     let mut scales = ACTUATION_SCALES;
     scales.actuator.friction_force = ActuationStates::NOMINAL.actuator.friction_force;
     scales
 };
 
-/// The flows between the volumes beside a compressor or a wastegate depend steeply on their pressures, so errors of
-/// these count more than their full scales say: 0.01 % of the flow's full scale is then within reach, too. These are
-/// the shares of the full scales that count as 100 %.
+/// Flows between the volumes at a compressor or wastegate depend steeply on their pressures, so errors of these count
+/// more than by full scale, to reach 0.01 % of the flow's full scale too. These shares of the full scales count as 100
+/// %.
 const BEFORE_LP_COMPRESSOR: f64 = 0.6;
 const BETWEEN_COMPRESSORS: f64 = 0.3;
 const BEHIND_HP_COMPRESSOR: f64 = 0.75;
 const BEFORE_HP_WASTEGATE: f64 = 0.6;
 const BETWEEN_WASTEGATES: f64 = 2.0 / 3.0;
 
-/// What counts as 100 % of the gas path's states where steps are judged.
+/// The 100 % of the gas path's states in error control.
 const GAS_PATH_ERROR_SCALES: GasPathStates = {
     let mut scales = GAS_PATH_SCALES;
     scales.air_filter.pressure *= BEFORE_LP_COMPRESSOR;
@@ -67,7 +67,7 @@ const GAS_PATH_ERROR_SCALES: GasPathStates = {
     scales
 };
 
-/// The least that each state of the gas path can be: no pressure is negative, and no shaft turns backwards.
+/// The lower limits of the gas path's states: no negative pressure, no shaft turning backwards.
 const GAS_PATH_LEAST: GasPathStates = {
     let mut least = GasPathStates::MIN;
     least.hp_shaft.speed = 0.0;
@@ -75,22 +75,22 @@ const GAS_PATH_LEAST: GasPathStates = {
     least
 };
 
-/// The length of the first steps in s.
+/// The initial step size in s.
 const FIRST_STEP: f64 = 1e-3;
 /// The longest step in s.
 const LONGEST_STEP: f64 = 0.025;
-/// For how many steps at most a linearization serves.
+/// The longest use of a linearization, in steps.
 const LINEARIZATION_SERVES: u32 = 25;
-/// How many steps a call may try whatever its length …
+/// The number of steps a call may try, whatever its length …
 const MOST_TRIALS: f64 = 50_000.0;
-/// … and for each second of it: 20 times as many as where nothing happens.
+/// … plus this number per second: 20 times as many as at rest.
 const MOST_TRIALS_PER_SECOND: f64 = 2_000.0;
-/// The difference of shares of the wastegate's area for derivatives with respect to it.
+/// The finite difference of the wastegate's area share for its derivatives.
 const AREA_DIFFERENCE: f64 = 1e-3;
 
-/// How the actuation's steps are judged. The errors of several steps and of the kinks add up, and what the gas path
-/// makes of the rod's position is up to three times as much: hence the share. It, and how steps are shortened after
-/// a jump, where the rod swings, were found by experiment, like those of the gas path.
+/// Error control of the actuation. The errors of several steps and of kinks add up, and the gas path amplifies rod
+/// position errors up to three times: hence the share. It and the step reduction after a jump, where the rod
+/// oscillates, were found by experiment, as were the gas path's.
 const ACTUATION_RULES: Rules<ACTUATION> = Rules {
     names: ActuationStates::NAMES,
     error_scales: ACTUATION_SCALES.to_array(),
@@ -102,7 +102,7 @@ const ACTUATION_RULES: Rules<ACTUATION> = Rules {
     linearization_serves: LINEARIZATION_SERVES,
 };
 
-/// How the gas path's steps are judged.
+/// Error control of the gas path.
 const GAS_PATH_RULES: Rules<GAS_PATH> = Rules {
     names: GasPathStates::NAMES,
     error_scales: GAS_PATH_ERROR_SCALES.to_array(),
@@ -114,7 +114,7 @@ const GAS_PATH_RULES: Rules<GAS_PATH> = Rules {
     linearization_serves: LINEARIZATION_SERVES,
 };
 
-/// How the steps of both together are judged.
+/// Error control of both together.
 const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
     names: joined(ActuationStates::NAMES, GasPathStates::NAMES),
     error_scales: joined(PUSHED_ACTUATION_SCALES.to_array(), GAS_PATH_RULES.error_scales),
@@ -126,16 +126,15 @@ const PUSHED_RULES: Rules<{ States::COUNT }> = Rules {
     linearization_serves: LINEARIZATION_SERVES,
 };
 
-/// What is remembered from one communication step to the next: the lengths of steps, the linearizations and the last
-/// derivatives. It only saves work, but it belongs to the plant's state, so that a restored plant goes on bit for
-/// bit.
+/// Kept from one communication step to the next: step sizes, linearizations and the last derivatives. It only saves
+/// work, but is part of the plant's state, so that a restored plant continues bit for bit.
 #[derive(Clone, Copy, Debug, Persistent)]
 pub struct Pace {
     actuation: StepMemory<ACTUATION, ACTUATION_INPUTS>,
     gas_path: SlowMemory<GAS_PATH, GAS_PATH_INPUTS>,
-    /// Whether the vacuum tank was held: the actuation's derivatives are others then.
+    /// Whether the vacuum tank was held, which changes the actuation's derivatives.
     tank_is_frozen: bool,
-    /// The faults: with others, all derivatives are others.
+    /// The faults, which change all derivatives.
     fault: FaultParameters,
 }
 
@@ -164,9 +163,9 @@ pub struct IntervalInputs<F> {
     pub is_constant: bool,
 }
 
-/// How many inputs the actuation has.
+/// The number of the actuation's inputs.
 const ACTUATION_INPUTS: usize = 5;
-/// How many inputs the gas path has.
+/// The number of the gas path's inputs.
 const GAS_PATH_INPUTS: usize = 7;
 
 /// A plant whose actuation is integrated ahead of its gas path.
@@ -250,7 +249,7 @@ impl<F: Fn(f64) -> Inputs> Slow<GAS_PATH, GAS_PATH_INPUTS> for Apart<'_, F> {
         gas_path.derivatives.to_array()
     }
 
-    /// The share of the wastegate's area.
+    /// The wastegate's area share.
     #[inline]
     fn effect(&self, position: f64) -> f64 {
         self.system.actuator.opening(position).powi(2)
@@ -295,7 +294,7 @@ impl Pace {
         }
     }
 
-    /// Advances the actuation and the gas path each with its own steps.
+    /// Advances actuation and gas path with separate steps.
     fn advance_apart(
         &mut self,
         system: &System,
@@ -318,7 +317,7 @@ impl Pace {
         Ok(Evaluation { actuation: evaluations.0, gas_path: evaluations.1 })
     }
 
-    /// Advances everything with the same steps. The linearization omits the coupling of the halves.
+    /// Advances everything with the same steps. The linearization omits the coupling between the halves.
     fn advance_together(
         &mut self,
         system: &System,
@@ -365,7 +364,7 @@ impl Pace {
         }
     }
 
-    /// Renews the linearizations of the halves that are used up.
+    /// Renews the halves' expired linearizations.
     fn linearize(&mut self, system: &System, inputs: &Inputs, course: &Course<'_, { States::COUNT }>) {
         let (actuation, gas_path) = split(&course.states);
         let (actuation_slopes, gas_path_slopes) = split(&course.slopes);
@@ -422,7 +421,7 @@ mod tests {
     use crate::plant::initialization::running;
     use crate::plant::variables::Parameters;
 
-    /// The states after 2 s of inputs that change at 0.5 s and 1 s, taken in equal intervals.
+    /// The states after 2 s with inputs that change at 0.5 s and 1 s, in equal intervals.
     fn travelled(system: &System, tolerance: f64, intervals: u32) -> States {
         let mut pace = Pace::default();
         let mut states = running(system, &Inputs::default(), 32_500.0);
@@ -449,8 +448,7 @@ mod tests {
         states
     }
 
-    /// The largest difference relative to the full scales; the rod's speed and the friction force count
-    /// where they are compared in the trace alone.
+    /// The largest difference relative to full scale; rod speed and friction force are compared only in the trace.
     fn difference(a: &States, b: &States) -> f64 {
         let mut scales = ACTUATION_SCALES;
         scales.tank.pressure = ActuationStates::NOMINAL.tank.pressure;
@@ -508,7 +506,7 @@ mod tests {
             let interval = Interval { from: 0.0, to: 1e-3, tolerance: 1e-4, budget: &budget };
             pace.advance(&system, &signal, &mut states, interval).is_ok()
         };
-        // Each needs a step of the actuation and one of the gas path at least.
+        // Each needs at least one step of the actuation and one of the gas path.
         let done = (0..30_000).take_while(interval).count();
         assert!(done > 20_000, "{done}");
         assert!(done < 27_000, "{done} intervals with a budget of 52,000 trials");

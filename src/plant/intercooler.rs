@@ -13,8 +13,8 @@ pub struct Intercooler<D = f64> {
 }
 
 impl<D: Scalar> Intercooler<D> {
-    /// Flow and cooling from the inlet (pressure in Pa, temperature in K) to a pressure (Pa) behind the
-    /// intercooler, for the temperature (K) of the coolant.
+    /// Flow and cooling from the inlet (pressure in Pa, temperature in K) to a pressure (Pa) downstream of the
+    /// intercooler, for a coolant temperature (K).
     pub fn evaluate(
         &self,
         inlet: (D, D),

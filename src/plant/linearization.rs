@@ -1,5 +1,4 @@
-//! The plant near an operating point: the linear system that tuning and analysis start from, exact but for
-//! rounding.
+//! The plant linearized at an operating point, for tuning and analysis, exact up to rounding.
 
 use fmu_export::Inputs as _;
 use num_dual::Dual64;
@@ -10,8 +9,8 @@ use super::variables::{Inputs, Outputs, Parameters, States};
 /// The number of inputs.
 pub const INPUTS: usize = Inputs::REALS.len();
 
-/// `dx/dt = f + A·Δx + B·Δu`, `y = g + C·Δx + D·Δu`. States, inputs and outputs are in the order of their
-/// declaration, in the units of the variables.
+/// `dx/dt = f + A·Δx + B·Δu`, `y = g + C·Δx + D·Δu`. States, inputs and outputs are in declaration order and in their
+/// variables' units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateSpace {
     /// f: the states' derivatives at the point, 0 at a steady state.
@@ -28,8 +27,7 @@ pub struct StateSpace {
     pub feedthrough_matrix: Vec<[f64; INPUTS]>,
 }
 
-/// Linearizes the plant with these parameters about inputs and states. The duty acts at once, as it does
-/// without the latch.
+/// Linearizes the plant with these parameters at inputs and states. The duty acts at once, as without the latch.
 #[must_use]
 pub fn linearize(parameters: &Parameters, inputs: &Inputs, states: &States) -> StateSpace {
     let system = System::new(&parameters.map(Dual64::from));

@@ -1,14 +1,13 @@
-//! The plant: a two-stage turbocharged petrol engine whose boost pressure is set by a vacuum-actuated
-//! wastegate.
+//! The plant: a two-stage turbocharged petrol engine with a vacuum-actuated wastegate.
 //!
 //! A PWM signal drives a solenoid valve, which mixes ambient air and the vacuum of a tank into the chamber of
 //! the [actuator]; its rod opens the high-pressure turbine's wastegate. A mean value engine model gives the
 //! effect on boost: flow resistances, valves, compressors, turbines, shafts, intercooler and cylinders, connected
 //! by volumes with pressures as states. [`system`] is the assembly, in the order of the paper's fig. 2.
 //!
-//! Each component has a file of its own with its equations, their sources and units. It knows nothing of
-//! importers or time steps. Pressures are in Pa, temperatures in K, mass flows in kg/s. A side of a flow is given
-//! as a pair of pressure and temperature.
+//! Each component has its own file with its equations, their sources and units, independent of importers and time
+//! steps. Pressures are in Pa, temperatures in K, mass flows in kg/s. A side of a flow is a pair of pressure and
+//! temperature.
 //!
 //! The paper describes the actuation system and refers to the literature for the engine; the turbocharger maps
 //! and volumes are not published. They are chosen here to reproduce the paper's figures; the description of each
@@ -60,20 +59,20 @@ use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
 use crate::solver::steady_state::NoSteadyState;
 
-/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes
-/// faster than the reference implementation, which steps by 1/2400 s, resolves.
+/// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes too fast for
+/// the 1/2400 s steps of the reference implementation.
 pub const STIFFEST_FRICTION: f64 = 2000.0;
-/// The part of it by which rounding may exceed it.
+/// Relative tolerance of that limit, for rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// The smallest tolerance, also the minimum of `solver.relative_tolerance`: below it, rounding decides about a
-/// step.
+/// The smallest tolerance, and the minimum of `solver.relative_tolerance`: below it, rounding dominates the error
+/// estimate.
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as a co-simulation model.
 #[derive(Clone, Debug, Persistent)]
 pub struct BoostPlant {
-    /// What follows from the parameters.
+    /// Derived from the parameters.
     #[persistent(skip)]
     system: System,
     latch: DutyLatch,
@@ -161,7 +160,7 @@ impl Model for BoostPlant {
         if parameters.valve.duty_latch {
             let begin = step.start - self.latch.start_time;
             let frequency = parameters.valve.pwm_frequency;
-            // The duty is discrete: all periods that start within a step have the same.
+            // The duty is discrete: all periods that start within a step have the same one.
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 done = (instant - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
@@ -301,8 +300,8 @@ impl Model for BoostPlant {
     }
 }
 
-/// The importer's solver takes the place of `integration`. Periods of the duty are time events. The kinks of the
-/// equations, such as the rod's stops and reversals, are not events: a solver does not need them (`docs/integration.md`).
+/// The importer's solver replaces `integration`. PWM periods are time events. Kinks of the equations, such as the rod's
+/// stops and reversals, are not events: solvers do not need them (`docs/integration.md`).
 impl ModelExchange for BoostPlant {
     fn next_event(&self, _time: f64, variables: &mut Variables, _inputs: &Inputs) -> Option<f64> {
         let valve = &variables.parameters.valve;
@@ -324,7 +323,7 @@ impl ModelExchange for BoostPlant {
 }
 
 impl BoostPlant {
-    /// The inputs with the duty that acts on the valve.
+    /// The inputs with the duty seen by the valve.
     fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
         if variables.parameters.valve.duty_latch {
             inputs.hp_wastegate_pwm = self.latch.held;
@@ -338,8 +337,8 @@ impl BoostPlant {
         (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
     }
 
-    /// Advances the states over an interval, its times in s after the step's begin. Returns the evaluation
-    /// at its end, unless it is empty.
+    /// Advances the states over an interval, in s from the start of the step. Returns the evaluation at its end, unless
+    /// it is empty.
     fn integrate(
         &mut self,
         states: &mut States,
@@ -377,7 +376,7 @@ impl BoostPlant {
     }
 }
 
-/// The derivatives of all variables that are calculated from inputs and states.
+/// The derivatives of all variables calculated from inputs and states.
 fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
     let (outputs, locals) = system.quantities(inputs, states, &evaluation);
@@ -389,7 +388,7 @@ fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &Sta
     derivatives
 }
 
-/// Goes back on a tape from all variables that are calculated from inputs and states, with their weights.
+/// Backward pass of a tape from all variables calculated from inputs and states, with their weights.
 fn weigh<'t>(
     system: &System<Recorded<'t>>,
     inputs: &Inputs<Recorded<'t>>,
@@ -412,13 +411,13 @@ fn not_settled() -> Error {
     Error::new("the experiment does not start settled, so that its start has no derivative")
 }
 
-/// The tolerance of the integration: the parameter's, or the importer's where that is smaller.
+/// The integration tolerance: the parameter's, or the importer's if smaller.
 fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
     let asked = experiment.tolerance.unwrap_or(f64::INFINITY);
     parameters.solver.relative_tolerance.min(asked).max(SMALLEST_TOLERANCE)
 }
 
-/// Warns of inputs for which the experiment does not start at rest.
+/// Warns if the experiment does not start at rest.
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
@@ -437,7 +436,7 @@ fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Con
     ));
 }
 
-/// Warns of start values that the mode of initialization does not use.
+/// Warns of start values ignored by the initialization mode.
 fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
     if variables.parameters.initialization.mode == InitializationMode::Given {
         return;

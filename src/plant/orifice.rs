@@ -1,11 +1,10 @@
 //! Compressible flow through an opening (paper, eqs. (1) and (2)).
 //!
-//! Two things differ from the print. The choked branch of eq. (2) is printed as
-//! √γ·(2γ/(γ+1))^((γ+1)/(2(γ−1))), which is not continuous; without the γ in the base it meets the other
-//! branch at the critical pressure ratio, so here the pressure ratio is simply kept above the critical
-//! one. And the slope of Ψ is infinite at equal pressures, which no integrator can follow: above a
-//! pressure ratio `Π_l` the function is the straight line to Ψ(1) = 0 (as in the Linköping mean value
-//! engine models).
+//! Two things differ from the print. The choked branch of eq. (2) is printed as √γ·(2γ/(γ+1))^((γ+1)/(2(γ−1))), which
+//! is discontinuous; without the γ in the base it meets the other branch at the critical pressure ratio, so here the
+//! pressure ratio is simply limited to the critical one. And the slope of Ψ is infinite at equal pressures, which no
+//! integrator can follow: above a pressure ratio `Π_l` the function is the straight line to Ψ(1) = 0 (as in the
+//! Linköping mean value engine models).
 
 use super::gas::Gas;
 use super::scalar::Scalar;
@@ -56,13 +55,13 @@ impl<D: Scalar> Orifice<D> {
         }
     }
 
-    /// Ψ of eq. (2) where the flow is not choked. Π^(1/γ) = Π/Π^((γ−1)/γ) saves the second power.
+    /// Ψ of eq. (2) for unchoked flow. Π^(1/γ) = Π/Π^((γ−1)/γ) saves the second power.
     fn isentropic(&self, pressure_ratio: D, temperature_ratio: D) -> D {
         pressure_ratio / temperature_ratio * (self.factor * (-temperature_ratio + 1.0)).sqrt()
     }
 
     /// The flow in kg/s through an effective area (m²) from the first to the second side, each given by
-    /// pressure (Pa) and temperature (K); negative when the second pressure is the higher one.
+    /// pressure (Pa) and temperature (K); negative if the second pressure is higher.
     #[inline]
     pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
         let temperature_ratio = |pressure_ratio: D| pressure_ratio.power(self.gas.isentropic_exponent);
@@ -75,8 +74,7 @@ impl<D: Scalar> Orifice<D> {
         }
     }
 
-    /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
-    /// temperature.
+    /// The same for a known temperature ratio of isentropic flow from the first to the second side.
     pub fn mass_flow_at(&self, area: D, first: (D, D), second: (D, D), temperature_ratio: D) -> D {
         if area.vanishes() {
             0.0.into()

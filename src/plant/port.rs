@@ -1,4 +1,4 @@
-//! Valves in the gas path: wastegates, bypass and surge valve, each an area that its opening uncovers.
+//! Valves in the gas path: wastegates, bypass and surge valve, each an area uncovered by its opening.
 
 use super::orifice::Orifice;
 use super::scalar::Scalar;
@@ -24,8 +24,7 @@ impl<D: Scalar> Port<D> {
         PortLocals { effective_area, mass_flow: self.orifice.mass_flow(effective_area, first, second) }
     }
 
-    /// The same where it is known by which ratio isentropic flow from the first to the second side changes the
-    /// temperature.
+    /// The same for a known temperature ratio of isentropic flow from the first to the second side.
     pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortLocals<D> {
         let effective_area = opening * self.open_area;
         PortLocals {

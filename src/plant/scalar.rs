@@ -1,8 +1,7 @@
-//! The numbers that the plant's equations are written in: with `f64` they give the values, with dual numbers their
-//! exact derivatives, too, and with recorded ones adjoint derivatives.
+//! The number types of the plant's equations: `f64` gives values, dual numbers also exact derivatives, and recorded
+//! numbers adjoint derivatives.
 //!
-//! Where an equation has a kink, the derivative is that of the branch that the value is on; at the kink
-//! itself that of the branch stated there.
+//! At a kink, the derivative is that of the value's branch; exactly at the kink, of the branch stated there.
 
 use std::array;
 use std::f64::consts::{LN_2, LOG2_E};
@@ -36,7 +35,7 @@ pub trait Scalar:
     /// Whether the numbers carry derivatives.
     const HAS_DERIVATIVES: bool;
 
-    /// The value alone.
+    /// The value without derivatives.
     #[must_use]
     fn re(self) -> f64;
 
@@ -52,46 +51,46 @@ pub trait Scalar:
     #[must_use]
     fn powi(self, exponent: i32) -> Self;
 
-    /// A function of this number, from its value and its slope, which gives the first derivatives.
+    /// A function of this number, from its value and slope, which gives the first derivatives.
     ///
-    /// So the derivatives, too, use our own elementary functions, which are the same on every platform.
+    /// Thus the derivatives also use our elementary functions, which are the same on every platform.
     #[must_use]
     fn mapped(self, value: f64, slope: f64) -> Self;
 
-    /// The larger of two; this one where they are equal.
+    /// The larger of two; this one if they are equal.
     #[must_use]
     fn at_least(self, bound: impl Into<Self>) -> Self {
         let bound = bound.into();
         if self >= bound { self } else { bound }
     }
 
-    /// The smaller of two; this one where they are equal.
+    /// The smaller of two; this one if they are equal.
     #[must_use]
     fn at_most(self, bound: impl Into<Self>) -> Self {
         let bound = bound.into();
         if self <= bound { self } else { bound }
     }
 
-    /// This power of a number that is not negative; the exponent is not negative either.
+    /// A power with nonnegative base and exponent.
     #[must_use]
     fn power(self, exponent: Self) -> Self {
         if self > 0.0 {
             let [logarithm] = Self::logarithms([self]);
             Self::powers_of_two([exponent * logarithm])[0]
         } else {
-            // The derivative is 0 for exponents above 1, and not defined below.
+            // The derivative is 0 for exponents above 1, undefined below.
             Self::from(self.re().powf(exponent.re()))
         }
     }
 
-    /// The logarithms to base 2 of several numbers, side by side.
+    /// The logarithms to base 2 of several numbers, in parallel.
     #[must_use]
     fn logarithms<const N: usize>(numbers: [Self; N]) -> [Self; N] {
         let values = elementary::log2s(numbers.map(Self::re));
         array::from_fn(|index| numbers[index].mapped(values[index], LOG2_E / numbers[index].re()))
     }
 
-    /// 2 to several powers, side by side.
+    /// 2 to several powers, in parallel.
     #[must_use]
     fn powers_of_two<const N: usize>(exponents: [Self; N]) -> [Self; N] {
         let values = elementary::exp2s(exponents.map(Self::re));

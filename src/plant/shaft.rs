@@ -1,4 +1,4 @@
-//! The shaft of a turbocharger, between the power of the turbine and that of the compressor.
+//! A turbocharger shaft, between turbine power and compressor power.
 
 use super::gas::smooth_max;
 use super::scalar::Scalar;
@@ -20,8 +20,8 @@ impl<D: Scalar> Shaft<D> {
 
     /// Angular acceleration in rad/s² at a speed (rad/s), for the powers (W) of turbine and compressor.
     ///
-    /// Torque is power over speed, kept finite below 100 rad/s. There the compressor's power fades, so that
-    /// what the smoothing of its equations leaves at standstill does not drive the shaft backwards.
+    /// Torque is power over speed, kept finite below 100 rad/s. There the compressor power fades, so that its smoothed
+    /// equations cannot drive a stationary shaft backwards.
     pub fn acceleration(&self, speed: D, turbine_power: D, compressor_power: D) -> D {
         let net_power = turbine_power - compressor_power * (speed * 0.01).at_least(0.0).at_most(1.0);
         net_power / (self.inertia * smooth_max(speed, 0.0.into(), 100.0.into()))

@@ -1,16 +1,14 @@
-//! The solenoid valve that sets the pressure in the actuator's chamber (paper, section 4).
+//! The solenoid valve that sets the actuator chamber pressure (paper, section 4).
 //!
-//! The PWM carrier is not resolved: the plunger is slow compared to it and follows the moving average of
-//! the magnetic field (paper, section 5), a first-order lag of the duty scaled with the voltage — the
-//! proportionality that eq. (9) compensates. The plunger's duty fixes the chamber pressure at which the
-//! forces on it balance, eq. (7): below that pressure the valve lets ambient air into the chamber, above
-//! it it connects the chamber to the vacuum tank.
+//! The PWM carrier is not resolved: the plunger is slow compared with it and follows the moving average of the magnetic
+//! field (paper, section 5), a first-order lag of the duty scaled with the voltage, as compensated by eq. (9). The
+//! plunger duty determines the chamber pressure at which the plunger's forces balance, eq. (7): below that pressure the
+//! valve admits ambient air to the chamber, above it the valve connects the chamber to the vacuum tank.
 //!
-//! Eq. (8) as printed has flow whenever the upstream pressure is above that target, which for the ambient
-//! port is always. The reading here is the one under which eq. (7) is an equilibrium: the tank port is
-//! open above the target and the ambient port below it, each the wider the farther the chamber is from
-//! the target. Of the printed coefficients of eq. (7) the third has the wrong sign (the chamber would
-//! rise above ambient), and the polynomial is limited to ambient pressure (it exceeds it below 9.6 %).
+//! As printed, eq. (8) has flow whenever the upstream pressure is above that target, which for the ambient port is
+//! always. Here it is read such that eq. (7) is an equilibrium: the tank port opens above the target and the ambient
+//! port below it, wider with distance from the target. The third printed coefficient of eq. (7) has the wrong sign (the
+//! chamber would rise above ambient), and the polynomial is limited to ambient pressure (exceeded below 9.6 %).
 
 use super::orifice::Orifice;
 use super::scalar::Scalar;
@@ -21,12 +19,12 @@ pub struct SolenoidValve<D = f64> {
     pub parameters: ValveParameters<D>,
     /// The flow function of the ports.
     pub orifice: Orifice<D>,
-    /// The area (m²) of a leak into the tank, beside the valve's leakage.
+    /// The area (m²) of a leak into the tank, in addition to the valve's leakage.
     pub leak_area: D,
 }
 
 impl<D: Scalar> SolenoidValve<D> {
-    /// The duty in percent at nominal voltage that has the effect of `duty` at `voltage` (V).
+    /// The duty in percent at nominal voltage equivalent to `duty` at `voltage` (V).
     pub fn commanded_duty(&self, duty: D, voltage: D) -> D {
         let relative = voltage / self.parameters.nominal_voltage;
         let gain = if (self.parameters.voltage_exponent - 1.0).vanishes() {
@@ -49,9 +47,9 @@ impl<D: Scalar> SolenoidValve<D> {
         (((k1 * u + k2) * u + k3) * u + k4).at_most(ambient_pressure)
     }
 
-    /// What the valve does at a plunger's duty in percent: the flows between ambient (pressure in Pa, temperature
-    /// in K), chamber and tank (pressures in Pa); the whole vacuum system has ambient temperature. Its voltage in V
-    /// and commanded duty in percent act on the plunger alone.
+    /// The valve at a plunger duty in percent: the flows between ambient (pressure in Pa, temperature in K), chamber
+    /// and tank (pressures in Pa), all at ambient temperature. Voltage in V and commanded duty in percent act only on
+    /// the plunger.
     pub fn flows(
         &self,
         (voltage, commanded_duty): (D, D),
@@ -70,7 +68,7 @@ impl<D: Scalar> SolenoidValve<D> {
         let leakage_area = self.parameters.leakage_area_scale
             * ((k1 * plunger_duty + k2) * plunger_duty + k3).at_least(0.0)
             + self.leak_area;
-        // At the target itself it is the tank's port that is about to open.
+        // At the target itself, the tank port is about to open.
         let (tank_opening, ambient_opening) =
             if opening >= 0.0 { (opening, 0.0.into()) } else { (0.0.into(), -opening) };
         ValveLocals {
@@ -88,7 +86,7 @@ impl<D: Scalar> SolenoidValve<D> {
         }
     }
 
-    /// The pressure in Pa at which the chamber comes to rest: the target, as far as tank and ambient allow.
+    /// The pressure in Pa at which the chamber settles: the target, within tank and ambient pressure.
     pub fn chamber_pressure_at_rest(&self, plunger_duty: D, ambient_pressure: D, tank_pressure: D) -> D {
         self.pressure(plunger_duty, ambient_pressure).at_least(tank_pressure).at_most(ambient_pressure)
     }

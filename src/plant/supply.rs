@@ -1,8 +1,7 @@
 //! The electric supply: the voltage at the valve's terminals, and its measurement.
 //!
-//! The running vacuum pump pulls the voltage down (paper, fig. 8). The sensor sits on the same terminals
-//! as the valve, so it sees that dip too, and filters it: what the controller compensates with
-//! (paper, eq. (9)) is a little late.
+//! The running vacuum pump pulls the voltage down (paper, fig. 8). The sensor shares the valve's terminals, so it sees
+//! that dip too, but filters it: the controller's compensation (paper, eq. (9)) is slightly late.
 
 use super::scalar::Scalar;
 use super::variables::{PumpParameters, SupplySensorParameters};
@@ -10,9 +9,9 @@ use super::variables::{PumpParameters, SupplySensorParameters};
 /// Voltage drop and measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Supply<D = f64> {
-    /// The pump that loads the supply.
+    /// The pump, which loads the supply.
     pub pump: PumpParameters<D>,
-    /// The sensor of the voltage.
+    /// The voltage sensor.
     pub sensor: SupplySensorParameters<D>,
 }
 

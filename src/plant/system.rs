@@ -1,6 +1,5 @@
-//! The assembly: how the components are connected (paper, figs. 2 and 3), and the differential equations
-//! that follow. The integrator, the steady-state solver, the outputs and all local variables use
-//! [`System::evaluate`].
+//! The assembly: the components' connections (paper, figs. 2 and 3) and the resulting differential equations. The
+//! integrator, the steady-state solver, outputs and local variables all use [`System::evaluate`].
 //!
 //! ```text
 //! ambient ─ air filter ─ LPC ─┬─ HPC ────┬─ intercooler ─┬─ throttle ─ intake manifold ─ cylinders
@@ -12,8 +11,7 @@
 //! ambient ─ solenoid valve ─ chamber of the actuator      solenoid valve ─ vacuum tank ─ pump ─ ambient
 //! ```
 //!
-//! Volumes between the components carry pressures as states; temperatures are static, those of the gas
-//! that flows in.
+//! Volumes between the components have pressures as states; temperatures are static, those of the inflowing gas.
 
 use std::f64::consts::PI;
 
@@ -42,15 +40,15 @@ use super::variables::{
     ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
 
-/// The lower limit in Pa of pressures in the equations: a solver's trial states may be at or
-/// below zero, where powers and roots of pressure ratios do not exist.
+/// The lower limit in Pa of pressures in the equations: trial states of a solver may be zero or negative, where powers
+/// and roots of pressure ratios do not exist.
 const LOWEST_PRESSURE: f64 = 1.0;
 /// Flow in kg/s below which the temperatures of mixed air flows are blended.
 const AIR_MIXING_WIDTH: f64 = 1e-4;
 /// The same for exhaust gas.
 const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 
-/// All components with their parameters, and the constants that follow from these.
+/// All components with their parameters and derived constants.
 #[derive(Clone, Copy, Debug)]
 pub struct System<D = f64> {
     supply: Supply<D>,
@@ -80,9 +78,9 @@ pub struct System<D = f64> {
     fault: FaultParameters<D>,
 }
 
-/// The full scale of the high-pressure shaft's speed over the nominal value that both shafts have.
+/// The full scale of high-pressure shaft speed over the nominal value of both shafts.
 const HP_SHAFT_SCALE: f64 = 2.0;
-/// What counts as 100 % of the gas path's states.
+/// The full scales of the gas path's states.
 pub const GAS_PATH_SCALES: GasPathStates = {
     let mut scales = GasPathStates::NOMINAL;
     scales.hp_shaft.speed *= HP_SHAFT_SCALE;
@@ -211,26 +209,26 @@ impl<D: Scalar> System<D> {
         &self.fault
     }
 
-    /// Holds the vacuum tank's pressure, or releases it.
+    /// Holds or releases the vacuum tank pressure.
     pub fn freeze_tank(&mut self, frozen: bool) {
         self.tank.parameters.frozen = frozen;
     }
 
-    /// Whether the vacuum tank's pressure is held.
+    /// Whether the vacuum tank pressure is held.
     #[must_use]
     pub fn is_tank_frozen(&self) -> bool {
         self.tank.parameters.frozen
     }
 
-    /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage
-    /// with the same effect as the commanded one.
+    /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage equivalent to
+    /// the commanded one.
     #[must_use]
     pub fn command(&self, inputs: &Inputs<D>) -> (D, D) {
         let voltage = self.supply.voltage(inputs.supply_voltage, self.running_pump(inputs));
         (voltage, self.valve.commanded_duty(inputs.hp_wastegate_pwm, voltage))
     }
 
-    /// The vacuum pump (0 … 1) as it runs.
+    /// The actual state of the vacuum pump (0 … 1).
     fn running_pump(&self, inputs: &Inputs<D>) -> D {
         if self.fault.pump_dead { 0.0.into() } else { inputs.vacuum_pump }
     }
@@ -252,8 +250,8 @@ impl<D: Scalar> System<D> {
         upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
     }
 
-    /// The actuation (fig. 3) at an instant. It depends on the gas path by the pressure difference in Pa across
-    /// the high-pressure wastegate alone.
+    /// The actuation (fig. 3) at an instant. It depends on the gas path only through the pressure difference in Pa
+    /// across the high-pressure wastegate.
     #[must_use]
     pub fn actuation(
         &self,
@@ -305,8 +303,8 @@ impl<D: Scalar> System<D> {
         }
     }
 
-    /// The gas path (fig. 2) at an instant. It depends on the actuation by the high-pressure wastegate's opening
-    /// (0 … 1) alone.
+    /// The gas path (fig. 2) at an instant. It depends on the actuation only through the high-pressure wastegate's
+    /// opening (0 … 1).
     #[must_use]
     #[allow(clippy::too_many_lines)] // One line a component: the figure above in words.
     pub fn gas_path(
@@ -329,8 +327,8 @@ impl<D: Scalar> System<D> {
         .map(|pressure| pressure.at_least(LOWEST_PRESSURE));
         let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
 
-        // The powers of all pressure ratios at once, so that the processor computes them in parallel: the ratios of temperatures
-        // in isentropic flow, of volumes for the residual gas, and the drops that drive the turbines.
+        // All powers of pressure ratios at once, so that the processor computes them in parallel: temperature ratios of
+        // isentropic flow, the volume ratio of the residual gas, and the drops that drive the turbines.
         let [lpc_rise, hpc_rise, intake, overlap, hpt_fall, lpt_fall] =
             D::logarithms([p_1 / p_af, p_2 / p_1, p_im / p_ic, p_em / p_im, p_it / p_em, p_t / p_it]);
         let (by_air, by_exhaust) =
@@ -370,9 +368,8 @@ impl<D: Scalar> System<D> {
             self.exhaust_manifold.evaluate((cylinders.exhaust, cylinders.exhaust_temperature), ambient.1);
         let t_em = exhaust_manifold.temperature;
         let hpt = self.hp_turbine.expand((p_em, t_em), hpt_ratio, hpt_drop, w_hp);
-        // The flap's area grows with the square of the opening. With a linear law the boost pressure would react
-        // far more strongly to the first opening than to the rest, and the control loop relies on a gain that
-        // varies less.
+        // The flap's area grows with the square of the opening. A linear law would make boost far more sensitive to the
+        // first opening than to the rest, and the control loop relies on a gain that varies less.
         let flap = hp_wastegate_opening * hp_wastegate_opening;
         let hp_wastegate = self.hp_wastegate.flow_at(flap, (p_em, t_em), (p_it, t_em), hpt_ratio);
         let t_it = mixed_temperature(
@@ -390,7 +387,7 @@ impl<D: Scalar> System<D> {
         );
         let exhaust = self.exhaust.evaluate((p_t, t_t), ambient);
 
-        // The balances of the volumes and the shafts.
+        // Balances of volumes and shafts.
         let derivatives = GasPathStates {
             air_filter: AirFilterStates {
                 pressure: self
@@ -463,7 +460,7 @@ impl<D: Scalar> System<D> {
         }
     }
 
-    /// The outputs and local variables that belong to inputs, states and their evaluation.
+    /// The outputs and local variables for inputs, states and their evaluation.
     #[must_use]
     pub fn quantities(
         &self,

@@ -10,7 +10,7 @@ pub struct Turbine<D = f64> {
     pub parameters: TurbineParameters<D>,
     /// Radius of the wheel in m.
     radius: D,
-    /// Reciprocal of the blade speed ratio of the best efficiency.
+    /// Reciprocal of the blade speed ratio at peak efficiency.
     by_peak_efficiency_speed_ratio: D,
     /// Reciprocal of the specific heat, in kg K/J.
     by_specific_heat: D,
@@ -28,9 +28,9 @@ impl<D: Scalar> Turbine<D> {
         }
     }
 
-    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), where isentropic
-    /// expansion to the outlet's pressure lowers the temperature by a ratio, and `drop` is the ratio of
-    /// pressures to the power of [`TurbineParameters::flow_exponent`].
+    /// The flow from the inlet (pressure in Pa, temperature in K) at a shaft speed (rad/s), for the temperature ratio
+    /// of isentropic expansion to outlet pressure; `drop` is the pressure ratio to the power of
+    /// [`TurbineParameters::flow_exponent`].
     pub fn expand(&self, inlet: (D, D), temperature_ratio: D, drop: D, speed: D) -> TurbineLocals<D> {
         let (pressure, temperature) = inlet;
         let drive = -drop + 1.0;

@@ -1,37 +1,35 @@
 //! The vacuum tank and its pump (paper, section 3.2 and eq. (3)).
 //!
-//! The running pump draws a constant mass flow: the paper finds that accurate enough between 30 and 35 kPa,
-//! where the controller keeps the tank. A pump cannot draw from a perfect vacuum, so below 1 kPa, far outside that
-//! band, its flow falls in proportion to the pressure and is zero at the pump's ultimate vacuum,
-//! which is the lowest pressure that the tank can reach.
+//! The running pump draws a constant mass flow, accurate enough between 30 and 35 kPa according to the paper, where the
+//! controller keeps the tank. A pump cannot draw from a perfect vacuum, so below 1 kPa, far outside that band, its flow
+//! falls in proportion to the pressure, to zero at the pump's ultimate vacuum, the lowest pressure the tank can reach.
 
 use super::gas::Volume;
 use super::scalar::Scalar;
 use super::variables::{PumpLocals, PumpParameters, TankParameters};
 
-/// The pressure in Pa below which the pump's flow falls.
+/// The pressure in Pa below which the pump flow falls.
 const PUMP_FADES_BELOW: f64 = 1000.0;
-/// The pressure in Pa at which the pump's flow is zero.
+/// The pressure in Pa at which the pump flow is zero.
 const ULTIMATE_VACUUM: f64 = 10.0;
 
 #[derive(Clone, Copy, Debug)]
 pub struct VacuumTank<D = f64> {
     pub parameters: TankParameters<D>,
     pub pump: PumpParameters<D>,
-    /// The air in it.
+    /// The air in the tank.
     pub volume: Volume<D>,
 }
 
 impl<D: Scalar> VacuumTank<D> {
-    /// What the pump (0 … 1) does at a tank pressure (Pa).
+    /// The pump (0 … 1) at a tank pressure (Pa).
     pub fn pump(&self, pump: D, pressure: D) -> PumpLocals<D> {
         let share = (pressure - ULTIMATE_VACUUM) / (PUMP_FADES_BELOW - ULTIMATE_VACUUM);
         let drawn_mass_flow = self.pump.mass_flow * pump * share.at_least(0.0).at_most(1.0);
         PumpLocals { drawn_mass_flow }
     }
 
-    /// Rate of change of the pressure in Pa/s; `mass_flow` in kg/s goes in on balance, at a temperature
-    /// in K.
+    /// Rate of change of the pressure in Pa/s, for a net inflow `mass_flow` in kg/s at a temperature in K.
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
         if self.parameters.frozen { 0.0.into() } else { self.volume.pressure_rate(temperature, mass_flow) }
     }

@@ -15,14 +15,14 @@ use crate::elementary::power;
 const SMALLEST_STEP: f64 = 1e-9;
 /// The difference in time for numerical derivatives, relative to the step.
 pub(super) const TIME_DIFFERENCE: f64 = 1e-3;
-/// The linearization is no longer used after a jump of the inputs that changes the slopes by more than so many
-/// tolerances over the proposed step.
+/// The linearization is discarded after an input jump that changes the slopes by more than this many tolerances over
+/// the proposed step.
 const JUMP_RENEWS: f64 = 100.0;
-/// The first step after a jump is shortened by a power of the ratio to so many tolerances: a long step would damp the
-/// fast modes that the jump has excited, without an error in its estimate.
+/// The first step after a jump is shortened by a power of the ratio to this many tolerances: a long step would damp the
+/// fast modes excited by the jump without showing in its error estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct JumpLaw {
-    /// The least change, in tolerances, for a shorter step.
+    /// The smallest change, in tolerances, that shortens the step.
     pub tolerances: f64,
     /// The exponent of the ratio.
     pub exponent: f64,
@@ -37,7 +37,7 @@ pub struct Rules<const N: usize> {
     pub error_scales: [f64; N],
     /// The magnitude of each state, for the differences of linearizations.
     pub magnitudes: [f64; N],
-    /// The least value of each state. A step to a lower value is rejected.
+    /// The lower limit of each state. A step below it is rejected.
     pub least: [f64; N],
     /// The share of the tolerance for the error of a single step.
     pub share: f64,
@@ -52,7 +52,7 @@ pub struct Rules<const N: usize> {
 /// A failed integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntegrationFailure {
-    /// The time in s that was reached.
+    /// The time reached in s.
     pub time: f64,
     /// The name of the state whose error is too large.
     pub state: &'static str,
@@ -63,7 +63,7 @@ pub struct IntegrationFailure {
 pub struct Budget(Cell<f64>);
 
 impl Budget {
-    /// A budget of so many trials.
+    /// A budget of this many trials.
     pub fn new(trials: f64) -> Self {
         Self(Cell::new(trials))
     }
@@ -104,7 +104,7 @@ pub struct StepMemory<const STATES: usize, const INPUTS: usize> {
     pub linearization: Linearization<STATES>,
     /// The derivatives at the end of the last interval, …
     slopes: [f64; STATES],
-    /// … and the inputs that they belong to; not-a-number if there are none.
+    /// … and their inputs; NaN if there are none.
     inputs: [f64; INPUTS],
 }
 
@@ -167,7 +167,7 @@ pub struct Course<'a, const N: usize> {
     weights: [f64; N],
     /// The step size control.
     pub steps: StepSize,
-    /// The time that was reached.
+    /// The time reached.
     pub time: f64,
     /// The states at this time.
     pub states: [f64; N],

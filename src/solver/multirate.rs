@@ -1,4 +1,4 @@
-//! Integration of a system in two parts, each with the steps that suit it.
+//! Integration of a system in two parts, each with its own steps.
 //!
 //! The fast part does not depend on the slow one, and leads in small steps; the slow part follows in large ones. One
 //! state of the fast part drives the slow one, with cubic interpolation between the fast steps.
@@ -10,7 +10,7 @@ use super::course::{Course, IntegrationFailure, Interval, Rules, StepMemory, TIM
 use super::cubic::Cubic;
 use super::rosenbrock::step;
 
-/// The most steps that the fast part may lead.
+/// The maximum lead of the fast part, in steps.
 const MOST_AHEAD: usize = 16;
 
 /// The leading part.

@@ -2,9 +2,9 @@
 //! Rosenbrock W-methods of order 3 for partial differential algebraic equations of index 1, BIT Numerical
 //! Mathematics 45, 2005), four evaluations and four linear solutions a step.
 //!
-//! It is L-stable: modes much faster than the step are damped. It keeps its order with any matrix A instead of the
-//! Jacobian (a W-method), so that one from finite differences is used for many steps, and its inverse for all steps
-//! of about the same length. The estimated error falls with the third power of the step.
+//! It is L-stable: modes much faster than the step are damped. As a W-method it keeps its order with any matrix A in
+//! place of the Jacobian, so one from finite differences serves many steps, and its inverse all steps of about the same
+//! length. The error estimate falls with the third power of the step.
 
 use fmu_export::Error;
 use fmu_export::persistence::{Archive, Persistent};
@@ -111,14 +111,15 @@ impl<const N: usize> Linearization<N> {
         self.serves = self.serves.saturating_sub(1);
     }
 
-    /// Discards it, unless no step was accepted with it: then it is still up to date.
+    /// Discards it if a step was accepted with it; otherwise it is still current.
     pub fn discard(&mut self) {
         if !self.is_fresh {
             self.serves = 0;
         }
     }
 
-    /// Linearizes at states with the derivatives `slopes`, for a number of steps; `scales` is the magnitude of each state.
+    /// Linearizes at states with the derivatives `slopes`, for a number of steps; `scales` is the magnitude of each
+    /// state.
     pub fn renew(
         &mut self,
         mut derivatives: impl FnMut(&[f64; N]) -> [f64; N],

@@ -92,7 +92,7 @@ pub fn find<const N: usize>(
     Err(NoSteadyState::NotConverged)
 }
 
-/// Makes a few more Newton steps and returns the unknowns with the smallest residual, which rounding decides at this
+/// Takes a few more Newton steps and returns the unknowns with the smallest residual, since rounding dominates at this
 /// precision.
 fn polish<const N: usize>(
     scaled: &impl Fn(&[f64; N]) -> [f64; N],

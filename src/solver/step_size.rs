@@ -10,7 +10,7 @@ use crate::elementary::{larger, power, smaller};
 const SAFETY: f64 = 0.9;
 /// The largest change of the length from one step to the next, in either direction.
 const LARGEST_CHANGE: f64 = 5.0;
-/// A step may be longer than proposed by so much, so that rounding of its end does not split it.
+/// A step may exceed the proposal by this much, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
 
 /// The step size control.
@@ -25,13 +25,13 @@ pub struct StepSize {
 }
 
 impl StepSize {
-    /// Starts with a length, and does not exceed another one.
+    /// Starts with one length, and never exceeds another.
     pub fn new(first: f64, longest: f64) -> Self {
         Self { next: first, longest, rejected: false }
     }
 
-    /// The length of the next step for the remaining time `left`: the longest that reaches the end in equal steps, which
-    /// can share an inverse matrix.
+    /// The length of the next step for the remaining time `left`: the longest that reaches the end in equal steps,
+    /// which can share an inverse matrix.
     pub fn within(&self, left: f64) -> f64 {
         left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0)
     }
@@ -68,7 +68,7 @@ pub fn relative_error<const N: usize>(states: &[f64; N], error: &[f64; N], weigh
         largest = larger(largest, relative);
         sum += relative + 0.0 * state;
     }
-    // The maximum ignores not-a-number; the sum does not.
+    // The maximum ignores NaN; the sum does not.
     if sum.is_finite() { largest } else { f64::INFINITY }
 }
 

@@ -39,7 +39,7 @@ impl Bench {
     pub fn starting_at(start_time: f64, inputs: &Inputs, change: impl FnOnce(&mut Parameters)) -> Self {
         let experiment = Experiment { start_time, ..Experiment::default() };
         let mut bench = Self(Simulation { experiment, ..Simulation::default() });
-        // The inputs on the bench answer no command, which is a fault.
+        // The inputs on the bench do not respond to commands, which is a fault.
         bench.variables.parameters.diagnosis.limp_home = false;
         change(&mut bench.variables.parameters);
         bench.initialize(inputs);

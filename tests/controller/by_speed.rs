@@ -1,16 +1,16 @@
-//! The strategy `by_speed`, to the last bit.
+//! The strategy `by_speed`, bit for bit.
 
 use boost_fmu::controller::variables::{FeedbackStructure, Inputs};
 
 use crate::bench::Bench;
 
 /// Inputs and outputs of the controller at each sample of closed loops with `BoostPlant`, whose engine runs from 1500
-/// to 4200 rpm and back at 400 rpm/s. They were recorded before there was another strategy; users rely on results of
-/// the strategy by speed as they were.
+/// to 4200 rpm and back at 400 rpm/s. Recorded before the other strategy existed, since users rely on unchanged results
+/// of this one.
 const SAMPLES: &str = include_str!("../data/by_speed.csv");
 
 #[test]
-fn its_results_are_as_ever() {
+fn results_match_the_recording() {
     let mut lines = SAMPLES.lines();
     let names = "structure,boost_reference,boost_pressure,tank_pressure,supply_voltage_measured,engine_speed,\
                  hp_wastegate_pwm,vacuum_pump,lp_wastegate,hp_bypass,unsaturated_pwm";

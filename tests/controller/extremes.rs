@@ -1,5 +1,4 @@
-//! Any parameters within their ranges that do not contradict each other, and any inputs within theirs, give
-//! finite values and outputs within their ranges.
+//! Any consistent parameters and any inputs within their ranges give finite values and outputs within their ranges.
 
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{Inputs, Variables};
@@ -40,7 +39,7 @@ fn parameters(random: &mut Random) -> Variables {
                     variables.set_real(reference, value_within(random, variable.min, variable.max));
                 }
                 DataType::Boolean => variables.set_boolean(reference, random.between(0.0, 1.0) < 0.5),
-                // Rarely another mode than boost, where there is the most to go wrong.
+                // Mostly mode boost, where most can go wrong.
                 DataType::Enumeration => {
                     let items = if variable.name == "mode" { 3 } else { 2 };
                     let item = (1..items).find(|_| random.between(0.0, 1.0) < 0.7).unwrap_or(items);

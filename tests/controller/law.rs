@@ -147,7 +147,7 @@ fn the_duty_is_compensated_for_the_supply_voltage() {
     assert_eq!(open_loop(44.0, 8.0, false), (44.0, 1.0, false));
 }
 
-/// Full duty takes precedence over a larger least one.
+/// Full duty takes precedence over a larger minimum.
 #[test]
 fn full_duty_overrides_the_lower_limit() {
     let inputs = Inputs { supply_voltage_measured: 6.0, ..Inputs::default() };

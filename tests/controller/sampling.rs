@@ -1,4 +1,4 @@
-//! The clock: what the controller does depends on the samples alone, not on the master's steps.
+//! The clock: the controller depends only on the samples, not on the master's steps.
 
 use std::ptr;
 

@@ -134,8 +134,7 @@ fn up_to_2000_rpm_it_is_the_strategy_by_speed() {
     }
 }
 
-/// The bypass begins where it is asked for; asked for less, it shuts with 0.3 s while the low-pressure wastegate is
-/// shut.
+/// The bypass starts at its target; for a smaller one, it shuts with 0.3 s while the low-pressure wastegate is shut.
 #[test]
 fn the_bypass_lags() {
     let wide =
@@ -143,7 +142,7 @@ fn the_bypass_lags() {
     let mut bench = Bench::new(&wide, |_| {});
     assert_eq!(bench.variables.outputs.hp_bypass, 1.0);
     assert_eq!(bench.sample(0, &wide).hp_bypass, 1.0);
-    // The reference model asks for the least duty at once.
+    // The reference model demands the minimum duty at once.
     let shut = Inputs { boost_reference: 200e3, ..wide };
     let mut expected = 1.0;
     for number in 1..20 {
@@ -169,7 +168,7 @@ fn the_reference_is_limited_over_engine_speed() {
     assert_eq!(at(240e3, 5125.0).2, 184_955.5);
 }
 
-/// The maps of the other strategy have no effect, which is said once.
+/// The maps of the other strategy have no effect, which is logged once.
 #[test]
 fn a_schedule_for_the_other_strategy_is_warned_of() {
     let warnings = |strategy| {

@@ -103,7 +103,7 @@ fn a_handover_resets_both_loops() {
     inputs.boost_pressure = 145e3;
     bench.sample(101, &inputs);
     let locals = bench.variables.locals;
-    // As at a first sample, except for the derivative of the pressure, which is already known.
+    // As at a first sample, except for the pressure derivative, which is already known.
     assert_eq!((locals.proportional_term, locals.integral_term), (0.0, 0.0));
     assert!(locals.derivative_term > 0.0);
     assert_eq!(locals.reference_model_pressure, 140e3);

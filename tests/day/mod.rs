@@ -1,4 +1,4 @@
-//! The strategy `split_range` off the standard day: what each optional measurement of the controller buys.
+//! The strategy `split_range` off reference conditions: the benefit of each optional measurement of the controller.
 
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
@@ -38,17 +38,17 @@ const NOTHING: Measured = Measured { ambient: false, shaft: false };
 const AMBIENT: Measured = Measured { ambient: true, shaft: false };
 const ALL: Measured = Measured { ambient: true, shaft: true };
 
-/// From any start to rest (s).
+/// Time from any start to rest (s).
 const SETTLING: f64 = 10.0;
 
-/// What the steps of Fig. 13 between 120 and 170 kPa lead to.
+/// Results of the steps of Fig. 13 between 120 and 170 kPa.
 #[derive(Debug)]
 struct Result {
-    /// Beyond the new reference, in steps between references that the loop holds at rest (kPa).
+    /// Overshoot in steps between references that the loop holds at rest (kPa).
     overshoot: f64,
-    /// The same from a reference that it does not hold to one that it does (kPa).
+    /// The same from a reference that it cannot hold to one that it can (kPa).
     overshoot_from_out_of_reach: f64,
-    /// The largest speed of the high-pressure shaft on the way and at rest (krpm).
+    /// The maximum high-pressure shaft speed in transients and at rest (krpm).
     fastest: f64,
     fastest_at_rest: f64,
 }
@@ -56,8 +56,7 @@ struct Result {
 fn steps(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> Result {
     let mut control = on_a_day(pressure, temperature, 125e3, engine_speed, measured);
     if measured == NOTHING {
-        // At 80 kPa and less, a reference out of the plant's reach is taken for a fault where the controller does not
-        // know of the thin air.
+        // At 80 kPa and below, a controller unaware of the thin air takes an unreachable reference for a fault.
         control.controller.variables.parameters.diagnosis.answer_error = 1e6;
     }
     control.run(SETTLING, |_| {});
@@ -86,12 +85,12 @@ fn steps(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured)
 
 const SPEEDS: [f64; 6] = [1500.0, 2000.0, 2500.0, 3500.0, 4500.0, 5500.0];
 
-/// The steps of the reference at an ambient pressure, from -20 to +40 degC, without and with the measurements: at most
-/// 1 kPa of overshoot where the plant holds both references, and 2 kPa, which the study of random plants and days asks for,
-/// from a reference that it does not hold.
+/// Reference steps at an ambient pressure, from -20 to +40 degC, without and with the measurements: at most 1 kPa of
+/// overshoot if the plant holds both references, and 2 kPa, the bound of the study of random plants and ambient
+/// conditions, from a reference that it cannot hold.
 ///
-/// With its speed measured the shaft is at 210 krpm at most at rest; where all valves are at their limits and the
-/// references out of reach, at most 211.
+/// With its speed measured, the shaft turns at 210 krpm at most at rest, or 211 with all valves at their limits and the
+/// references unreachable.
 fn steps_at(pressure: f64, at_all_limits: &[(f64, f64)]) {
     for temperature in [253.0, 298.0, 313.0] {
         for engine_speed in SPEEDS {
@@ -136,7 +135,7 @@ fn steps_of_the_reference_at_3000_m() {
     steps_at(70e3, &[(253.0, 5500.0)]);
 }
 
-/// Down from a reference that the plant cannot reach: boost stays where it is until the reference is below it.
+/// Down from an unreachable reference: boost stays where it is until the reference falls below it.
 #[test]
 fn an_unreachable_reference_leaves_no_dip() {
     for engine_speed in [1500.0, 5500.0] {
@@ -150,7 +149,7 @@ fn an_unreachable_reference_leaves_no_dip() {
     }
 }
 
-/// Ramps of engine speed at altitude: the largest deviation of boost (kPa).
+/// Engine speed ramps at altitude: the largest boost deviation (kPa).
 #[test]
 fn ramps_at_altitude() {
     let ramps = |measured| {
@@ -176,7 +175,7 @@ fn ramps_at_altitude() {
 }
 
 /// The ambient changes faster than on any road, up and down by 60 K at once and by 20 kPa within seconds: the reference
-/// has not moved, although it has on the schedule's day. `Loop` refuses any alarm.
+/// is constant, although it moves at reference conditions. `Loop` rejects any alarm.
 #[test]
 fn a_change_of_the_ambient_is_no_fault() {
     for (boost_reference, engine_speed) in [(150e3, 1500.0), (170e3, 1500.0), (170e3, 4500.0)] {
@@ -197,7 +196,7 @@ fn a_change_of_the_ambient_is_no_fault() {
     }
 }
 
-/// A reference out of the plant's reach in thin and hot air, from one that is just within it, is no fault.
+/// A step from a just reachable reference to an unreachable one, in thin and hot air, is no fault.
 #[test]
 fn the_end_of_the_reach_is_no_fault() {
     let mut control = on_a_day(70e3, 313.0, 119.9e3, 1500.0, ALL);
@@ -206,16 +205,16 @@ fn the_end_of_the_reach_is_no_fault() {
     control.run(2.0 * SETTLING, |_| {});
 }
 
-/// How far boost is from the reference where the loop starts, with the feedforward alone (kPa).
+/// The boost error at the start of the loop, with the feedforward alone (kPa).
 fn first_error(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> f64 {
     let boost = 1.43 * pressure;
     1e-3 * (on_a_day(pressure, temperature, boost, engine_speed, measured).boost_pressure() - boost).abs()
 }
 
-/// The schedule's feedforward at a ratio of pressures of 1.43. The bounds are the largest errors that were measured,
-/// and 10 %: of the derivation, which neglects that less flow makes less hot exhaust.
+/// The schedule's feedforward at a pressure ratio of 1.43. The bounds are the largest measured errors plus 10 %, due to
+/// the derivation, which neglects that exhaust is cooler at lower flow.
 #[test]
-fn the_feedforward_holds_on_other_days() {
+fn the_feedforward_holds_off_reference_conditions() {
     for (pressure, temperature, with, without) in [
         (90e3, 298.0, 1.5, 80.0),
         (80e3, 298.0, 2.0, 50.0),
@@ -236,7 +235,7 @@ fn the_feedforward_holds_on_other_days() {
     }
 }
 
-/// Steps up to the limit of the reference: without the measurement the shaft reaches 310 krpm.
+/// Steps up to the reference limit: without the measurement the shaft reaches 310 krpm.
 #[test]
 fn the_shaft_keeps_its_limit_while_boost_rises() {
     for (engine_speed, from, to) in
@@ -260,7 +259,7 @@ fn the_shaft_keeps_its_limit_while_boost_rises() {
     }
 }
 
-/// The shaft's speed at rest at a reference out of reach (krpm).
+/// The shaft speed at rest at an unreachable reference (krpm).
 fn speed_at_limit(pressure: f64, temperature: f64, engine_speed: f64, measured: Measured) -> f64 {
     let mut control = on_a_day(pressure, temperature, 150e3, engine_speed, measured);
     control.run(SETTLING, |_| {});
@@ -269,8 +268,8 @@ fn speed_at_limit(pressure: f64, temperature: f64, engine_speed: f64, measured: 
     1e-3 * control.plant.variables.outputs.hp_turbo_speed
 }
 
-/// Where the schedule's limit is too low for the day, the shaft reaches 206.5 krpm, and not more. The 0.5 krpm are less
-/// than 1 kPa.
+/// If the schedule's limit is too low for the ambient conditions, the shaft reaches 206.5 krpm and no more. The 0.5
+/// krpm are less than 1 kPa.
 #[test]
 fn the_limit_is_that_of_the_shaft() {
     let mut farthest: f64 = 0.0;
@@ -286,7 +285,7 @@ fn the_limit_is_that_of_the_shaft() {
     assert!(farthest > 10.0, "{farthest} krpm: the measurement changes nothing here");
 }
 
-/// The throttle shuts to 2 % in one step: the compressors' least flow (kg/s) within 10 s.
+/// The throttle shuts to 2 % in one step: the compressors' minimum flow (kg/s) within 10 s.
 fn least_flow(boost: f64, engine_speed: f64, has_valve: bool) -> f64 {
     let mut control = on_a_day(101_325.0, 298.0, boost, engine_speed, NOTHING);
     if !has_valve {
@@ -313,9 +312,9 @@ fn the_surge_valve_opens_where_the_throttle_shuts() {
     assert!(least_flow(200e3, 3500.0, false) < 0.0);
 }
 
-/// The start values mean that nothing is measured; the schedule's own day changes nothing, either.
+/// The start values mean no measurements; measured reference conditions change nothing either.
 #[test]
-fn the_standard_day_changes_no_bit() {
+fn reference_conditions_change_no_bit() {
     let run = |measured: Measured| {
         let mut control = on_a_day(101_325.0, 298.0, 125e3, 3000.0, measured);
         let mut seen = vec![];
@@ -327,8 +326,8 @@ fn the_standard_day_changes_no_bit() {
     assert!(run(AMBIENT) == run(NOTHING));
 }
 
-/// At 75 kPa the duty that opens the wastegate on the standard day, 75 %, leaves it half shut: by paper, eq. (7), the chamber
-/// has 49 kPa there, and the difference to the ambient is 26 kPa, not 52 kPa.
+/// At 75 kPa the duty that opens the wastegate at reference conditions, 75 %, leaves it half shut: by paper, eq. (7),
+/// the chamber is at 49 kPa, and the difference to ambient is 26 kPa instead of 52 kPa.
 #[test]
 fn the_limp_home_opens_the_wastegate_at_altitude() {
     for (ambient_pressure, expected) in [(101_325.0, 75.0), (75e3, 100.0)] {

@@ -1,4 +1,4 @@
-//! Faults of the plant: the controller finds each within 2 s of when it can show, and limps home.
+//! Plant faults: the controller finds each within 2 s of the moment it can show, and limps home.
 
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
@@ -7,7 +7,7 @@ use crate::{Loop, Order};
 
 /// When faults begin (s).
 const BEGIN: f64 = 5.0;
-/// Within which they are found once they show (s).
+/// The time in which they are found once they show (s).
 const FOUND_WITHIN: f64 = 2.0;
 
 const BOOST_SENSOR: f64 = 1.0;
@@ -16,7 +16,7 @@ const TANK_FILLING: f64 = 4.0;
 const TANK_SENSOR: f64 = 8.0;
 const SUPPLY_SENSOR: f64 = 16.0;
 
-/// A settled loop at an operating point, with a tank that soon needs the pump; run until the faults begin.
+/// A settled loop at an operating point, with a tank that soon needs the pump, run until the faults begin.
 fn at(engine_speed: f64, boost_reference: f64) -> Loop {
     let demand = controller::Inputs { engine_speed, boost_reference, ..controller::Inputs::default() };
     let mut control = Loop::settled(demand, Order::ControllerFirst, |_, _| {});
@@ -32,12 +32,12 @@ fn code(control: &Loop) -> f64 {
     control.controller.variables.outputs.fault_code
 }
 
-/// The pressure upstream of the throttle (Pa), whatever the sensor shows.
+/// The true pressure upstream of the throttle (Pa).
 fn true_boost(control: &Loop) -> f64 {
     control.plant.variables.states.intercooler.outlet_pressure
 }
 
-/// Runs until something is found, for at most 2 s; asserts what, and returns after how long.
+/// Runs until something is found, for at most 2 s; asserts what, and returns the time taken.
 #[track_caller]
 fn assert_found(what: &str, control: &mut Loop, expected: f64) -> f64 {
     let begin = control.time();
@@ -51,7 +51,7 @@ fn assert_found(what: &str, control: &mut Loop, expected: f64) -> f64 {
     found_after
 }
 
-/// Runs until a time (s) and returns how far boost is from its reference (kPa) there.
+/// Runs until a time (s) and returns the boost error (kPa) then.
 fn deviation_at(control: &mut Loop, end: f64) -> f64 {
     control.run(end, |_| {});
     1e-3 * (true_boost(control) - control.demand.boost_reference)
@@ -74,7 +74,7 @@ fn a_wastegate_stuck_where_it_is_is_found_by_the_next_step() {
         control.run(20.0, |control| assert_eq!(code(control), 0.0));
         control.demand.boost_reference = to;
         assert_found(&format!("stuck wastegate, {speed} rpm to {to} Pa"), &mut control, LOOP);
-        // Boost as low as the other valves make it.
+        // The lowest boost the other valves allow.
         let commands = control.controller.variables.outputs;
         control.step();
         assert_eq!(control.controller.variables.outputs.lp_wastegate, 1.0, "after {commands:?}");
@@ -97,7 +97,7 @@ fn a_wastegate_stuck_shut_is_found_at_once() {
     assert!(true_boost(&control) < 190e3, "{} Pa", true_boost(&control));
 }
 
-/// A lack of boost could be due to the throttle, until the reference rises.
+/// Low boost could be due to the throttle, until the reference rises.
 #[test]
 fn a_wastegate_stuck_open_is_found_by_the_next_step_up() {
     let mut control = at(1500.0, 150e3);
@@ -107,7 +107,7 @@ fn a_wastegate_stuck_open_is_found_by_the_next_step_up() {
     assert_found("wastegate stuck open", &mut control, LOOP);
 }
 
-/// A stuck sensor shows when the reference moves, as a stuck wastegate does, from which it cannot be told then.
+/// A stuck sensor shows when the reference moves, and then looks like a stuck wastegate.
 #[test]
 fn a_stuck_boost_sensor_is_found_by_the_next_step() {
     for reference in [170e3, 130e3] {
@@ -123,7 +123,7 @@ fn a_stuck_boost_sensor_is_found_by_the_next_step() {
     }
 }
 
-/// A stuck sensor shows as well when engine speed has changed by `diagnosis.constant_over_speed`.
+/// A stuck sensor also shows when engine speed has changed by `diagnosis.constant_over_speed`.
 #[test]
 fn a_stuck_boost_sensor_is_found_when_engine_speed_changes() {
     let mut control = at(1500.0, 150e3);
@@ -143,8 +143,8 @@ fn a_stuck_boost_sensor_is_found_when_engine_speed_changes() {
     assert!(deviation.abs() < 3.0, "{deviation} kPa with the feedforward alone");
 }
 
-/// An offset shows when it begins, if it is more than 40 kPa, the change that a throttle can cause within a sample; less
-/// cannot be told from another engine by these measurements.
+/// An offset shows when it begins if it exceeds 40 kPa, the largest change a throttle can cause within a sample; a
+/// smaller one looks like a different engine.
 #[test]
 fn an_offset_of_the_boost_sensor_is_found_when_it_begins() {
     for offset in [-45e3, 45e3, 80e3] {
@@ -187,7 +187,7 @@ fn an_offset_of_the_supply_sensor_is_found_until_it_ends() {
     }
 }
 
-/// The pump runs by time then, so that the tank keeps a vacuum for any position of the wastegate.
+/// The pump is then timed, so that the tank keeps a vacuum for any wastegate position.
 #[test]
 fn a_dead_tank_sensor_is_found_and_the_pump_runs_by_time() {
     let mut control = at(1500.0, 150e3);
@@ -219,7 +219,7 @@ fn a_pump_that_is_dead_and_a_leak_are_found_when_the_pump_runs() {
         assert_found(what, &mut control, TANK_FILLING);
         control.step();
         assert_eq!(control.controller.variables.outputs.vacuum_pump, 0.0, "the pump is spared");
-        // The vacuum lasts for a while; when it is lost, boost is made as low as the other valves make it.
+        // The vacuum lasts for a while; once it is lost, boost is the lowest the other valves allow.
         while control.plant.variables.states.tank.pressure < 49.9e3 {
             control.step();
             assert!((true_boost(&control) - 150e3).abs() < 500.0, "{} Pa", true_boost(&control));

@@ -164,7 +164,7 @@ def test_page_names_the_platforms_and_the_guid(
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         folders = [entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")]
         platforms = archive.read("documentation/platforms.txt").decode()
-    assert facts["Platforms"] == ["those in ", "platforms.txt"]
+    assert facts["Platforms"] == ["see ", "platforms.txt"]
     assert [line.split(":")[0] for line in platforms.splitlines()[2:]] == folders
     assert facts["GUID"] == [fmus[name].description.guid]
 

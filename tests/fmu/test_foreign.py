@@ -387,11 +387,11 @@ def entry(name: str, **more: str | float) -> dict[str, str | float]:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"boost_pressure": entry("p_bost")}, "the map's p_bost is missing; like it: p_boost, p_tank"),
-        ({"boost_pressure": entry("u_measured")}, "its unit V measures another thing than Pa"),
-        ({"boost_pressure": entry("p_boost", unit="V")}, "its unit V measures another thing than Pa"),
+        ({"boost_pressure": entry("p_bost")}, "the map's p_bost is missing; similar: p_boost, p_tank"),
+        ({"boost_pressure": entry("u_measured")}, "its unit V has another dimension than Pa"),
+        ({"boost_pressure": entry("p_boost", unit="V")}, "its unit V has another dimension than Pa"),
         ({"tank_pressure": ...}, "WRONG  output  tank_pressure "),
-        ({"engine_speed": entry("wg_duty")}, "its unit 1 measures another thing than rpm"),
+        ({"engine_speed": entry("wg_duty")}, "its unit 1 has another dimension than rpm"),
         ({"throttle": entry("wg_duty")}, "its input wg_duty cannot be both hp_wastegate_pwm and throttle"),
         ({"boost": entry("p_boost")}, "names boost, which is not a variable of a plant"),
     ],

@@ -262,7 +262,7 @@ def test_a_plant_of_another_structure_is_reported(
 ) -> None:
     """The force of the exhaust gases, which the fits neglect."""
     report = identify(bench(lab, exported, tmp_path, values={"actuator.exhaust_area": 1e-4}).measured(1))
-    assert any("residuals of the position are" in note for note in report["notes"]), report["notes"]
+    assert any("the position residuals are" in note for note in report["notes"]), report["notes"]
 
 
 def test_the_model_itself_errs_less_than_the_noise(
@@ -381,9 +381,9 @@ def left_out(report: dict, missing: set[str], reason: str) -> None:
 @pytest.mark.parametrize(
     ("begin", "end", "missing", "reason"),
     [
-        (0, 117, FRICTION, "friction needs 3 phases at rest after motions in either direction"),
-        (23, 217, MOTION, "it needs 4 transients: steps from a phase at rest that move the chamber's"),
-        (347, 497, PRESSURE, "eq. (7) needs 6 duties at which the chamber is at rest"),
+        (0, 117, FRICTION, "friction needs 3 phases at rest after motion in each direction"),
+        (23, 217, MOTION, "needs 4 transients: steps from a phase at rest that move the chamber"),
+        (347, 497, PRESSURE, "eq. (7) needs 6 duties at which the chamber rests"),
         (347, 497, SPRING | FRICTION, "the spring needs 8 phases at rest with the rod between its stops"),
     ],
 )
@@ -409,13 +409,13 @@ def test_a_pump_that_never_rests_hides_the_leakage(identify: Identify, benches: 
     report = identify(table)
     reasons = {each["name"]: each["reason"] for each in report["unidentified"]}
     assert set(reasons) == {*LEAKAGE, "pump.mass_flow"}
-    assert all("in which the pump is off" in reason for reason in reasons.values())
+    assert all("phases at rest, pump off" in reason for reason in reasons.values())
 
 
 def test_a_pump_that_never_runs_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
     table = benches["defaults"].measured(1)
     rests = Table(table.names, table.rows[table["vacuum_pump"] < 0.5])
-    left_out(identify(rests), {"pump.mass_flow"}, "no phase at rest in which the pump runs")
+    left_out(identify(rests), {"pump.mass_flow"}, "no phase at rest with the pump on")
 
 
 def test_a_port_that_never_opens_is_not_identified(identify: Identify, benches: dict[str, Table]) -> None:
@@ -424,7 +424,7 @@ def test_a_port_that_never_opens_is_not_identified(identify: Identify, benches: 
     table = benches["defaults"].measured(1).between(297, 347)
     since = (table["time"] - 297) % 2.5
     rests = Table(table.names, table.rows[(table["hp_wastegate_pwm"] < 50) | (since < 1)])
-    left_out(identify(rests), {"valve.ambient_area"}, "no transient in which the chamber's pressure rises")
+    left_out(identify(rests), {"valve.ambient_area"}, "no transient in which the chamber pressure rises")
 
 
 def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table], defaults: dict) -> None:
@@ -448,7 +448,7 @@ def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table],
     arguments = [f"--column={role}={name}" for role, name in roles.items()]
     arguments += ["--unit=time=ms", "--unit=actuator_pressure=mbar"]
     report = identify(Table(names, rows), *arguments)
-    assert "The data have no ambient pressure: taken as 101325 Pa." in report["notes"]
+    assert "The data have no ambient pressure; assumed to be 101325 Pa." in report["notes"]
     found = estimates(report)
     for name, (value, error) in expected.items():
         # Rounding, and numerical derivatives: far below the errors.
@@ -502,11 +502,11 @@ def test_errors_in_the_data_are_named(
 @pytest.mark.parametrize(
     ("begin", "end", "message"),
     [
-        (0, 2.5, "lines 2 to 201: expected steps of the duty, each held for more than a second; in 1 phases"),
+        (0, 2.5, "lines 2 to 201: expected duty steps, each held for more than a second; of 1 phases"),
         (
             380,
             400,
-            "eq. (7) needs 6 duties at which the chamber is at rest between tank and ambient pressure",
+            "eq. (7) needs 6 duties at which the chamber rests between tank and ambient pressure",
         ),
     ],
 )

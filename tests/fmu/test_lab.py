@@ -237,7 +237,7 @@ def test_an_experiment_that_cannot_be_run_is_reported(lab: Run, exported: Path, 
     assert "has a variable hp_wastegate_position" in done.stderr
 
 
-def test_a_statement_that_does_not_hold_sets_the_exit_status(
+def test_a_failed_claim_sets_the_exit_status(
     lab: Run, exported: Path, plant_fmu: Fmu, tmp_path: Path
 ) -> None:
     """A plant with another pressure under the actuator's name."""
@@ -249,14 +249,14 @@ def test_a_statement_that_does_not_hold_sets_the_exit_status(
     done = lab("reproduce", "1", "--fmus", fmus, "--out", tmp_path)
     assert done.returncode == 1, done.stderr
     assert done.stdout.count("FAILS") == 1
-    assert "\n1 of 2 statements hold\n" in done.stdout
+    assert "\n1 of 2 claims hold\n" in done.stdout
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["all_claims_hold"] is False
     assert [claim["holds"] for claim in report["figures"][0]["claims"]] == [False, True]
-    assert "1 of 2 statements hold" in (tmp_path / "report.html").read_text()
+    assert "1 of 2 claims hold" in (tmp_path / "report.html").read_text()
 
 
-def test_statements_are_printed_with_the_range_and_the_papers_number(
+def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
     lab: Run, exported: Path, tmp_path: Path
 ) -> None:
     done = lab("reproduce", "1", "13", "--fmus", exported, "--out", tmp_path)
@@ -271,10 +271,11 @@ def test_statements_are_printed_with_the_range_and_the_papers_number(
         None,
     )
     for expected in [
-        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa (2450 to 2550 asked; paper: 2500)\n",
+        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa "
+        "(accepted: 2450 to 2550; paper: 2500)\n",
         f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa "
-        "(at most 5000 asked; paper: 5000)\n",
-        f"\n{len(claims)} of {len(claims)} statements hold\n",
+        "(accepted: at most 5000; paper: 5000)\n",
+        f"\n{len(claims)} of {len(claims)} claims hold\n",
     ]:
         assert expected in done.stdout
     # Nothing has more digits than mean something.
@@ -284,9 +285,7 @@ def test_statements_are_printed_with_the_range_and_the_papers_number(
 def test_unknown_figures_are_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
     done = lab("reproduce", "1", "2", "--fmus", exported, "--out", tmp_path)
     assert done.returncode == 2
-    assert done.stderr == (
-        "error: there is no experiment in Fig. 2: there are 1, 6, 7, 8, 9, 10, 11, 12, 13, 14\n"
-    )
+    assert done.stderr == ("error: no experiment for Fig. 2: choose from 1, 6, 7, 8, 9, 10, 11, 12, 13, 14\n")
 
 
 ALONE = """
@@ -354,9 +353,9 @@ WRONG = [
     (
         "BoostPlant.fmu",
         "BoostPlan.fmu",
-        r"line \d+, fmu\[2\].file: there is no BoostPlan.fmu: `cargo run --release -- export` writes .*; "
-        r"the nearest is BoostPlant.fmu, --fmus DIR names another folder "
-        r"and --fmu plant=FILE.fmu another file",
+        r"line \d+, fmu\[2\].file: BoostPlan.fmu does not exist: `cargo run --release -- export` writes .*; "
+        r"the nearest is BoostPlant.fmu; or name another folder with --fmus DIR "
+        r"or another file with --fmu plant=FILE.fmu",
     ),
     (
         '"tank.frozen" = true',
@@ -366,13 +365,13 @@ WRONG = [
     (
         '"tank.frozen" = true',
         '"tank.frozen" = 1',
-        RUN_IN + r'."tank.frozen": the value 1 of tank.frozen cannot be taken: '
+        RUN_IN + r'."tank.frozen": the value 1 of tank.frozen cannot be used: '
         r"it is of the type Integer, not Boolean",
     ),
     (
         '= "running"',
         '= "runing"',
-        RUN_IN + r".*: the value runing of initialization.mode cannot be taken: "
+        RUN_IN + r".*: the value runing of initialization.mode cannot be used: "
         r"it is not one of settled, running, given",
     ),
     (

@@ -166,7 +166,7 @@ def test_bounces_without_an_end_are_an_error(package: Path) -> None:
 
     with pytest.raises(FMICallException):
         run_into_the_stop("CoSimulation")
-    assert "events, which come ever faster, the last one of end_of_mode" in messages[0]
+    assert "events, which come ever faster, the last caused by end_of_mode" in messages[0]
     run_into_the_stop("ModelExchange")
     assert len(angles["ModelExchange"]) == 5 * STEPS
     for interface, reached in angles.items():
@@ -181,7 +181,7 @@ def test_a_forgotten_output_is_named(package: Path, tmp_path: Path) -> None:
     line = "        *outputs = Outputs { torque: p.k * states.current };\n"
     assert line in source
     messages = {
-        "": "`evaluate` does not set torque, or makes it of what it was before",
+        "": "`evaluate` does not set torque, or computes it from its previous value",
         "        *outputs = Outputs {};\n": "missing field `torque` in initializer",
     }
     assert messages[""] in " ".join(PAGE.split())

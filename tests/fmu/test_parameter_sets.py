@@ -113,15 +113,15 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
         ([("tank.volumn", 'Real value="1"')], "has no variable tank.volumn"),
         (
             [("tank.volume", 'Real value="-1"')],
-            "tank.volume cannot be taken: -1 m3 is not within 0.00001..10000",
+            "tank.volume cannot be used: -1 m3 is not within 0.00001..10000",
         ),
-        ([("tank.volume", 'Real value="NaN"')], "tank.volume cannot be taken: NaN m3 is not within"),
+        ([("tank.volume", 'Real value="NaN"')], "tank.volume cannot be used: NaN m3 is not within"),
         ([("tank.volume", 'Real value="1" unit="N"')], "the unit N does not convert to m3"),
         ([("tank.volume", 'Real value="1" unit="gallon"')], "the unit gallon is not defined"),
         ([("tank.volume", 'Boolean value="true"')], "it is of the type Boolean, not Real"),
         ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
         ([("mode", 'Enumeration value="bost"')], "it is not one of boost, position, open_loop"),
-        ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: it is of the causality local"),
+        ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: its causality is local"),
         ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda occurs twice"),
         (
             [("lambda", 'Real value="1"'), ("tank.volume", 'Real value="1"')],
@@ -179,5 +179,5 @@ def test_defaults_are_written_to_be_edited(
     written.write_text("edited", encoding="utf-8")
     again = boost_fmu("parameters", exported / f"{name}.fmu", folder=tmp_path)
     assert again.returncode == 2
-    assert f"{name}.ssv is there already" in again.stderr
+    assert f"{name}.ssv already exists" in again.stderr
     assert written.read_text(encoding="utf-8") == "edited"

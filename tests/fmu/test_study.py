@@ -43,7 +43,7 @@ def test_the_controller_beside_its_strategy_by_speed(lab: Run, exported: Path, t
     assert max(float(row["shaft_at_rest"]) for row in of[""]) <= 210e3
     assert {row["fault_code"] for row in of[""]} == {"0.0"}
     assert min(float(row["least_compressor_flow"]) for row in of[""]) > 0.0
-    assert "Outside, one by one" in (tmp_path / "report.html").read_text()
+    assert "Cases outside the bounds" in (tmp_path / "report.html").read_text()
 
 
 def test_a_controller_that_fails_sets_the_exit_status_and_is_explained(

@@ -169,7 +169,7 @@ def test_parameter_set_is_valid(tuned_by_speed: Path, controller_fmu: Fmu) -> No
     # At 1000 rpm 133 kPa is the maximum: filled values are marked, with their source.
     (filled,) = (p for p in parameters if p.get("name") == "schedule.gain[16,1]")
     assert filled.get("description") == (
-        "filled from 130000 Pa at 1000 rpm: the reference is above what can be reached"
+        "filled from 130000 Pa at 1000 rpm: the reference is above the reachable range"
     )
     (found,) = (p for p in parameters if p.get("name") == "schedule.gain[5,3]")
     assert found.get("description").startswith("identified, standard error ")
@@ -232,7 +232,7 @@ def test_an_interrupted_tuning_is_resumed(
     done = lab(*line)
     assert (done.returncode, done.stderr) == (0, "")
     (taken,) = re.findall(
-        r"^12 sweeps and (\d+) points are taken from the journal", done.stdout, re.MULTILINE
+        r"^resuming with 12 sweeps and (\d+) points from the journal", done.stdout, re.MULTILINE
     )
     assert int(taken) == interrupted.count(b"\n") - 1 - 12
     assert (tmp_path / "schedule.ssv").read_bytes() == (tuned / "schedule.ssv").read_bytes()
@@ -377,7 +377,7 @@ def test_plant_that_does_not_respond_is_refused(lab: Run, exported: Path, tmp_pa
         "by_speed",
     )
     assert done.returncode == 2
-    assert "no point of the grid could be identified" in done.stderr
+    assert "no grid point could be identified" in done.stderr
     assert not (tmp_path / "schedule.ssv").exists()
 
 

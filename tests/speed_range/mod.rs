@@ -1,8 +1,8 @@
 //! The strategy `split_range` on the plant while engine speed changes, as in a drive cycle.
 //!
-//! The bounds are results of an independent implementation, on the same plant model, in kPa. Ours may be worse by
-//! 10 % or 0.05 kPa, whichever is more: the details of the experiments (the hold before a ramp, the phases of
-//! disturbances) are not the same.
+//! The bounds, in kPa, are results of an independent implementation on the same plant model. Ours may be worse by 10 %
+//! or 0.05 kPa, whichever is more, since details of the experiments differ (the hold before a ramp, the phases of
+//! disturbances).
 
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,7 @@ const PRESSURES: [f64; 5] = [120e3, 130e3, 145e3, 155e3, 165e3];
 /// Ramps of engine speed (rpm/s).
 const RATES: [f64; 5] = [100.0, 250.0, 500.0, 1000.0, 2000.0];
 
-/// From any start to rest (s).
+/// Time from any start to rest (s).
 const SETTLING: f64 = 10.0;
 
 /// What disturbs the loop.
@@ -29,7 +29,7 @@ enum Disturbance {
     None,
     /// Of the measured boost pressure.
     Noise,
-    /// Steps of the supply voltage as in Fig. 14, each 5 s from the ramp's begin on.
+    /// Supply voltage steps as in Fig. 14, every 5 s from the start of the ramp.
     Supply,
 }
 
@@ -69,7 +69,7 @@ fn ramp(control: &mut Loop, to: f64, rate: f64, disturbance: Disturbance) -> f64
     1e-3 * worst
 }
 
-/// The supply voltage of Fig. 14 at a time (s), from 35 s on 12 V.
+/// The supply voltage of Fig. 14 at a time (s), 12 V from 35 s.
 fn supply(time: f64) -> f64 {
     let steps = [12.0, 11.1, 11.9, 12.6, 11.5, 13.5, 11.1, 12.0];
     let ends = (1..).map(|step| 5.0 * f64::from(step) - 0.5 * STEP);
@@ -146,7 +146,7 @@ fn ramps_of_engine_speed_on_other_plants() {
     }
 }
 
-/// Engine speed varies by 100 rpm about 3500 rpm, where the bypass takes part.
+/// Engine speed varies by 100 rpm around 3500 rpm, where the bypass takes part.
 #[test]
 fn dither_of_engine_speed() {
     for frequency in [0.2, 0.5, 1.0] {

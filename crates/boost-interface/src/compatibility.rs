@@ -1,5 +1,5 @@
-//! Whether an FMU can replace the plant or the controller: its variable for each variable of the interface, the problems
-//! with it, and the conversion of values.
+//! Whether an FMU can replace the plant or the controller: its variable for each interface variable, with problems and
+//! conversions.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -86,10 +86,10 @@ impl<'a> Compatibility<'a> {
         let mut problems = vec![];
         let version = fmu.attribute("fmiVersion");
         if version != "2.0" && !fmu.is_fmi3() {
-            problems.push(format!("it is of FMI {version}; the couplings here are of FMI 2.0 and 3.0"));
+            problems.push(format!("it is FMI {version}; only FMI 2.0 and 3.0 can be coupled"));
         }
         if fmu.interface("CoSimulation").is_none() {
-            problems.push("it is not for co-simulation".to_owned());
+            problems.push("it does not support co-simulation".to_owned());
         }
         let matches: Vec<(Port, Match<'a>)> = role
             .ports()
@@ -179,7 +179,7 @@ impl<'a> Match<'a> {
         let mut problems = vec![];
         let mut notes = vec![];
         if variable.value_type() != ValueType::Real {
-            problems.push(format!("it is of the type {}, not Real", variable.data_type));
+            problems.push(format!("its type is {}, not Real", variable.data_type));
         }
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
@@ -199,20 +199,20 @@ impl<'a> Match<'a> {
         if to_interface != Linear::IDENTITY {
             notes.push(format!("{} = {}", port.name(), formula(to_interface, &variable.name)));
         } else if !is_certain {
-            notes.push(format!("it declares no unit, and is taken as {}", port.unit().name));
+            notes.push(format!("it declares no unit; assumed to be {}", port.unit().name));
         }
         match mismatch(port, variable, to_interface, is_certain) {
             Ok(None) => {}
             Ok(Some(text)) if is_certain => notes.push(text),
             Ok(Some(text)) => {
-                problems.push(format!("it declares no unit, and {text}; name its unit in a map"));
+                problems.push(format!("it declares no unit, and {text}; give its unit in a map"));
             }
             Err(text) => problems.push(text),
         }
         Self::Found { variable, to_interface, problems, notes }
     }
 
-    /// Whether both are the same variable of the FMU.
+    /// Whether both are the same variable.
     fn is_the_same_as(&self, other: &Self) -> bool {
         matches!(
             (self, other),
@@ -237,7 +237,7 @@ impl Display for Compatibility<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
-            "{} in the {}'s place, by the names and units of {}:",
+            "{} as the {}, by the names and units of {}:",
             in_line(self.fmu.attribute("modelName")),
             self.role.name(),
             self.role.model_identifier()
@@ -265,14 +265,14 @@ impl Display for Compatibility<'_> {
             writeln!(formatter, "Unconnected inputs, which keep their start values: {others}")?;
         }
         let can = if self.fits() { "can" } else { "cannot" };
-        writeln!(formatter, "It {can} take the {}'s place.", self.role.name())
+        writeln!(formatter, "It {can} replace the {}.", self.role.name())
     }
 }
 
 fn details(found: &Match<'_>) -> String {
     let like = |suggestions: &[&str]| match suggestions {
         [] => String::new(),
-        names => format!("; like it: {}", names.join(", ")),
+        names => format!("; similar: {}", names.join(", ")),
     };
     match found {
         Match::Missing { suggestions } => format!("missing{}", like(suggestions)),
@@ -290,7 +290,7 @@ fn details(found: &Match<'_>) -> String {
     }
 }
 
-/// The conversion of a variable's values to the interface, and whether a unit or a map declares it.
+/// A variable's conversion to the interface, and whether a unit or a map declares it.
 fn conversion(
     port: &Port,
     fmu: &FmuDescription,
@@ -303,7 +303,7 @@ fn conversion(
         Meaning::Declared if variable.unit.is_empty() => return Ok((Linear::IDENTITY, false)),
         Meaning::Declared => match fmu.unit(&variable.unit) {
             Some(unit) if unit.base.is_some() => unit,
-            // The unit is not defined in SI units. Equal names are taken as equal units.
+            // Without an SI definition, equal names count as equal units.
             _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
             _ => {
                 return Err(format!(
@@ -323,7 +323,7 @@ fn conversion(
     };
     own.to(&other)
         .map(|conversion| (conversion, true))
-        .ok_or_else(|| format!("its unit {} measures another thing than {}", unit.name, wanted.name))
+        .ok_or_else(|| format!("its unit {} has another dimension than {}", unit.name, wanted.name))
 }
 
 /// A linear function as text.
@@ -336,7 +336,7 @@ fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
     }
 }
 
-/// A note when the range or start value is implausible beside the interface's. An error when one is not a number.
+/// A note if the range or start value is implausible compared with the interface's; an error if one is not a number.
 fn mismatch(
     port: &Port,
     variable: &FmuVariable,
@@ -354,7 +354,7 @@ fn mismatch(
             Kind::Input => (own, wanted),
             Kind::Output => (wanted, own),
         };
-        // A bound that is not declared is not compared.
+        // Undeclared bounds are not compared.
         let is_below = giver.0.is_finite() && giver.0 < taker.0;
         let is_above = giver.1.is_finite() && giver.1 > taker.1;
         if is_below || is_above {
@@ -375,7 +375,7 @@ fn mismatch(
     Ok(None)
 }
 
-/// What our FMUs declare of a port's values, the FMU in the other role first.
+/// Our FMUs' declarations of a port, the other role's first.
 fn expected<T>(port: &Port, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
     port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
 }
@@ -384,7 +384,7 @@ fn is_bounded((min, max): (f64, f64)) -> bool {
     min.is_finite() || max.is_finite()
 }
 
-/// Names of variables similar to a name, the most likely first.
+/// Names of similar variables, most likely first.
 fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a str> {
     let wanted = port.unit();
     let likeness = |variable: &FmuVariable| {
@@ -414,7 +414,7 @@ fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a 
     candidates.into_iter().map(|(_, name)| name).collect()
 }
 
-/// The similarity of two names, from 0 to 1: by their words, in any order and style.
+/// The similarity of two names, from 0 to 1, by their words in any order and style.
 fn likeness(a: &str, b: &str) -> f64 {
     let (a, b) = (words(a), words(b));
     let best = |word: &String, others: &[String]| {
@@ -426,7 +426,7 @@ fn likeness(a: &str, b: &str) -> f64 {
     0.5 * (mean(&a, &b) + mean(&b, &a))
 }
 
-/// The words of a name in lower case: `hp_wastegate_pwm`, `HPWastegatePwm` and `hp.wastegatePWM` have the same.
+/// A name's words in lower case, the same for `hp_wastegate_pwm`, `HPWastegatePwm` and `hp.wastegatePWM`.
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
@@ -493,7 +493,7 @@ mod tests {
             (r#"unit="bar""#, Ok(1e5)),
             (r#"unit="Pa""#, Ok(1.0)),
             ("", Ok(1.0)),
-            (r#"unit="V""#, Err("its unit V measures another thing than Pa")),
+            (r#"unit="V""#, Err("its unit V has another dimension than Pa")),
             (r#"unit="odd""#, Err("its unit odd is not defined in SI units; give its conversion in a map")),
             (r#"unit="psi""#, Err("its unit psi is not defined in SI units; give its conversion in a map")),
             (r#"start="1.0""#, Err("it declares no unit, and its start value is 1, the interface's ")),
@@ -518,7 +518,7 @@ mod tests {
         assert_eq!(
             problems,
             [
-                "it declares no unit, and its range is 0..1 %, the interface's 0..100 %; name its unit in a map"
+                "it declares no unit, and its range is 0..1 %, the interface's 0..100 %; give its unit in a map"
             ]
         );
     }
@@ -534,7 +534,7 @@ mod tests {
             _ => panic!("{name}: not found"),
         };
         assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
-        assert_eq!(problems("vacuum_pump"), ["it is of the type Boolean, not Real"]);
+        assert_eq!(problems("vacuum_pump"), ["its type is Boolean, not Real"]);
         let compatibility = Compatibility::new(Role::Plant, &fmu, None).unwrap();
         assert!(!compatibility.fits());
     }

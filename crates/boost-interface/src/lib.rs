@@ -18,7 +18,7 @@ use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
 pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};
 
-/// Variables that couple where both FMUs have them, and that each can do without.
+/// Optional variables, coupled if both FMUs have them.
 const OPTIONAL: [&str; 2] = ["hp_turbo_speed", "surge_valve"];
 
 /// The two roles in the system.
@@ -38,8 +38,8 @@ pub struct Port {
     pub variable: &'static FmuVariable,
     /// Its kind at the FMU in this role.
     pub kind: Kind,
-    /// The connected variable of our FMU in the other role. Without one it is a variable of the system's
-    /// environment, and an FMU need not have it.
+    /// The connected variable of our FMU in the other role. Without one it connects to the system's environment and is
+    /// optional.
     pub counterpart: Option<&'static FmuVariable>,
 }
 

@@ -1,5 +1,5 @@
-//! The map from the variables of an FMU from another tool to the interface: a JSON file that `check` writes as a
-//! template and its user edits.
+//! The map from another tool's FMU variables to the interface: a JSON file, written by `check` as a template for the
+//! user to edit.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub struct NameMap {
 pub struct Entry {
     /// Its name; empty in a template.
     pub name: String,
-    /// Its unit, where the FMU declares none or a wrong one.
+    /// Its unit, if the FMU declares none or a wrong one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
     /// Instead of a unit: value in the interface = factor · value in the FMU + offset.
@@ -44,9 +44,9 @@ pub struct Entry {
     pub candidates: Vec<String>,
 }
 
-/// What an entry says about the conversion to the interface.
+/// An entry's conversion to the interface.
 pub enum Meaning {
-    /// Nothing: the FMU's own declaration holds.
+    /// None: the FMU's declaration applies.
     Declared,
     /// The unit of the FMU's values.
     Unit(Unit),

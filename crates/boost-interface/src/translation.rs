@@ -20,7 +20,7 @@ impl Compatibility<'_> {
                 description.units.push(port.unit());
             }
         }
-        // Of the other variables, units that the interface defines differently are removed.
+        // Remove other variables' units that the interface defines differently.
         let (foreign, own): (Vec<_>, Vec<_>) = self.fmu.units.iter().cloned().partition(|unit| {
             description.units.iter().any(|known| known.name == unit.name && known.base != unit.base)
         });
@@ -65,7 +65,7 @@ impl Compatibility<'_> {
 fn translated(variable: &FmuVariable, port: &Port, function: Linear) -> FmuVariable {
     let converted = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) => number(function.apply(value)),
-        // Empty, or not a number.
+        // Empty or not a number.
         Err(_) => text.to_owned(),
     };
     let mut bounds = [converted(&variable.min), converted(&variable.max)];

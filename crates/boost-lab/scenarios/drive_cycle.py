@@ -1,12 +1,11 @@
-"""Makes drive_cycle.csv: engine speed, boost reference and throttle of a drive, for drive_cycle.toml.
+"""Generates drive_cycle.csv for drive_cycle.toml: engine speed, boost reference and throttle of a drive.
 
-A drive of our own making, not a regulated cycle: a car of 1600 kg goes through a town, a country road and a
-motorway, with the speeds of SPEEDS. The driver follows them with the acceleration between two of them. Force,
-by mass, rolling and air resistance, and the gear make the engine's torque; the boost reference rises with it
-by 0.55 kPa/(N.m), from 115 kPa at 60 N.m up to 190 kPa, about what the plant's torque does. The gear is
-changed up at 4200 rpm under load and at 2400 rpm without, down at 1600 rpm; a change takes 0.4 s, in which
-engine speed goes to that of the new gear and the driver lifts the foot. The throttle is open where the torque
-is above 60 N.m; below, it shuts in proportion, to 0.12 when coasting.
+A synthetic drive, not a regulated cycle: a 1600 kg car in town, on a country road and on a motorway, at the
+speeds in SPEEDS with constant acceleration between them. Engine torque follows from mass, rolling and air
+resistance, and the gear; the boost reference rises with it by 0.55 kPa/(N.m), from 115 kPa at 60 N.m up to
+190 kPa, roughly like the plant's. Upshifts are at 4200 rpm under load and 2400 rpm without, downshifts at
+1600 rpm; a shift takes 0.4 s, during which engine speed moves to the new gear's and the driver lifts off. The
+throttle is open above 60 N.m; below, it shuts in proportion, to 0.12 when coasting.
 """
 
 from itertools import pairwise

@@ -1,18 +1,18 @@
 //! `boost-lab`, the laboratory: drives FMUs through the experiments of boost control.
 //!
-//! - [`importer`] calls FMUs of any maker; nothing else does.
+//! - [`importer`] alone calls FMUs, from any maker.
 //! - [`scenario`] reads experiments from TOML files.
 //! - [`mapping`] gives FMUs the names and units of the interface.
 //! - [`master`] couples FMUs by equal names and steps them through a scenario.
 //! - [`record`] holds the results, [`table`] writes them.
-//! - [`system`] reads an .ssp, or one FMU, as a scenario.
-//! - [`plot`] draws figures, [`panels`] says what of a record.
-//! - [`numbers`] writes numbers for readers.
+//! - [`system`] reads an .ssp or a single FMU as a scenario.
+//! - [`plot`] draws figures, [`panels`] selects what they show.
+//! - [`numbers`] formats numbers for readers.
 //! - [`journal`] keeps the finished parts of a long task.
-//! - [`identify`] finds parameters of the plant's actuator in measured data.
+//! - [`identify`] identifies the plant's actuator from measured data.
 //! - [`compare`] compares records.
-//! - [`study`] judges a controller on random plants, days and manoeuvres.
-//! - [`sweep`] runs a scenario for many values of parameters.
+//! - [`study`] judges a controller on random plants, ambient conditions and manoeuvres.
+//! - [`sweep`] runs a scenario for many parameter values.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
 //! - [`tune`] tunes the controller to a plant.
 //! - [`live`] writes a page that runs both FMUs in a browser.
@@ -31,7 +31,7 @@ use std::process::ExitCode;
 
 use fmu_package::{temporary, terminal};
 
-/// The exit status of a failed command, also clap's.
+/// The exit status of a failed command, the same as clap's.
 const FAILED: u8 = 2;
 
 fn main() -> ExitCode {

@@ -1,4 +1,4 @@
-//! FMUs with other names and units: with a [`NameMap`] they appear with the interface's names and units.
+//! FMUs with other names and units: a [`NameMap`] gives them the interface's.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub fn read(path: &Path) -> Result<Arc<dyn fmu_master::NameMap>> {
     NameMap::read(path).map(of)
 }
 
-/// Gives each map to the FMUs of a scenario that it is for.
+/// Assigns each map to the scenario's FMUs that it is for.
 pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     if maps.is_empty() {
         return Ok(());

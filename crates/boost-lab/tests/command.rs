@@ -108,7 +108,7 @@ fn an_fmu_with_a_path_for_its_identifier_is_not_loaded() {
     careless::write(&bench.path("careless.fmu"), &description, library());
     let message = bench.refusal(&["simulate", "scenario.toml"]);
     assert!(message.contains("careless.fmu") && message.contains(&identifier), "{message}");
-    assert!(message.contains("is not an identifier of C"), "{message}");
+    assert!(message.contains("is not a C identifier"), "{message}");
 }
 
 /// In what the FMU logs, and in names.
@@ -208,7 +208,7 @@ fn a_page_is_made_of_modules_alone() {
     fs::copy(bench.path("careless.fmu"), bench.path("BoostPlant.fmu")).unwrap();
     for (module, reason) in [
         ("three.wasm", "it has FMI 3.0; the page calls FMI 2.0"),
-        ("other.wasm", "other.wasm and ./BoostPlant.fmu are of different models"),
+        ("other.wasm", "other.wasm and ./BoostPlant.fmu are different models"),
     ] {
         let message = bench.refusal(&["live", "--plant", module, "--fmus", ".", "--out", "live.html"]);
         assert!(message.contains(reason), "{message}");
@@ -230,7 +230,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
         whole.push(bench.read("alone.csv"));
     }
     assert_ne!(whole[0], whole[1]);
-    // Other files beside it are kept.
+    // Other files next to it are kept.
     bench.write("race.csv.new", "mine");
     for _ in 0..20 {
         let race =
@@ -246,7 +246,7 @@ fn two_processes_with_one_output_leave_one_complete_file() {
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }
 
-/// A command that may write so many blocks of 512 bytes to a file, and ignores the signal at the limit.
+/// A command limited to a number of 512-byte blocks per file, which ignores the signal at the limit.
 #[cfg(unix)]
 fn limited(command: &Command, blocks: u32) -> Command {
     let mut limited = Command::new("sh");
@@ -318,7 +318,7 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
     let html = bench.read("plot.html");
     assert!(html.contains("<h1>A &lt;short&gt; test</h1>"));
     assert_eq!(html.matches("<div class=\"panel\"").count(), 2);
-    // 6 MB at most, nearly all of which is the library.
+    // At most 6 MB, nearly all of it the library.
     assert!(html.len() < 6_000_000, "{}", html.len());
 
     for (panels, reason) in [
@@ -334,7 +334,7 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
     with("");
     for name in ["plot.pdf", "plot", "svg"] {
         let message = bench.refusal(&["simulate", "scenario.toml", "--plot", name, "--out", "none.csv"]);
-        let reason = format!("{name}: a plot is written to a file that ends with .svg, .png or .html");
+        let reason = format!("{name}: a plot file must end with .svg, .png or .html");
         assert!(message.contains(&reason) && !bench.path("none.csv").exists(), "{message}");
     }
 }
@@ -393,22 +393,19 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     assert!(bench.read("careless.csv").ends_with("2.0,1.0\n"));
     bench.write("other.ssv", &parameter_set("flga", "Boolean", "true"));
     for (options, reason) in [
-        (
-            ["--set", "inptu=1"],
-            "--set inptu=1: no FMU has a variable inptu that can be set; the nearest is input",
-        ),
+        (["--set", "inptu=1"], "--set inptu=1: no FMU has a settable variable inptu; the nearest is input"),
         (["--set", "input=x"], "--set input=x: expected a number"),
-        (["--set", "input=1 kPa"], "--set input=1 kPa: the value 1 kPa of input cannot be taken: "),
+        (["--set", "input=1 kPa"], "--set input=1 kPa: the value 1 kPa of input cannot be used: "),
         (["--set", "flag=maybe"], "--set flag=maybe: expected true or false"),
         (
             ["--set", "fail=eror"],
-            "--set fail=eror: the value eror of fail cannot be taken: it is not one of no, ",
+            "--set fail=eror: the value eror of fail cannot be used: it is not one of no, ",
         ),
-        (["--set", "level=1"], "--set level=1: no FMU has a variable level that can be set"),
+        (["--set", "level=1"], "--set level=1: no FMU has a settable variable level"),
         (["--set", "fail=error"], "fmi2DoStep at 0 s gave fmi2Error"),
         (["--set", "flag"], "expected NAME=VALUE"),
         (["--parameters", "other.ssv"], "--parameters other.ssv: no FMU has a parameter of the set any"),
-        (["--fmu", "a=b.fmu"], "--fmu a=b.fmu: an FMU alone has its own"),
+        (["--fmu", "a=b.fmu"], "--fmu a=b.fmu: only for scenarios, not single FMUs"),
         (["--record", "levl"], "--record: no FMU has a variable levl; the nearest is level"),
     ] {
         let message = bench.refusal(&[&alone[..], &options].concat());
@@ -445,7 +442,7 @@ fn values_of_the_command_line_replace_those_of_the_scenario() {
             "--stop-time 1.1: 1.1 s is not a multiple of the communication step, 0.125 s",
         ),
         (["--stop-time", "0"], "--stop-time 0: expected a time after start_time, 0 s"),
-        (["--step", "0.1"], "--step is for a system or an FMU alone; scenario.toml has its own"),
+        (["--step", "0.1"], "--step is for a system or a single FMU; scenario.toml sets its own"),
     ] {
         let message = bench.refusal(&[&["simulate", "scenario.toml"], &options[..]].concat());
         assert!(message.contains(reason), "{message}");
@@ -512,9 +509,9 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
     // Twice the sum from 1 to 4.
     assert!(bench.read("chain.csv").ends_with("\n0.5,1.875,6.0,1.0\n"), "{}", bench.read("chain.csv"));
     for (options, reason) in [
-        (["--set", "input=1"], "--set input=1: which one? first:input or second:input"),
-        (["--fmu", "first=careless.fmu"], "--fmu first=careless.fmu: a system has its own"),
-        (["--map", "map.json"], "--map map.json: a system has its own conversions"),
+        (["--set", "input=1"], "--set input=1: ambiguous: use first:input or second:input"),
+        (["--fmu", "first=careless.fmu"], "--fmu first=careless.fmu: only for scenarios, not systems"),
+        (["--map", "map.json"], "--map map.json: a system defines its own conversions"),
     ] {
         let message = bench.refusal(&[&system[..], &options].concat());
         assert!(message.contains(reason), "{message}");
@@ -553,9 +550,9 @@ fn a_missing_fmu_is_answered_with_what_to_do() {
     bench.write("wrong.toml", &bench.read("scenario.toml").replace("careless.fmu", "carless.fmu"));
     let message = bench.refusal(&["simulate", "wrong.toml"]);
     for part in [
-        "wrong.toml, line 5, fmu[1].file: there is no ./carless.fmu: `cargo run --release -- export` writes BoostPlant.fmu",
+        "wrong.toml, line 5, fmu[1].file: ./carless.fmu does not exist: `cargo run --release -- export` writes BoostPlant.fmu",
         "the nearest is careless.fmu",
-        "--fmus DIR names another folder and --fmu alone=FILE.fmu another file",
+        "or name another folder with --fmus DIR or another file with --fmu alone=FILE.fmu",
     ] {
         assert!(message.contains(part), "{message}");
     }
@@ -607,10 +604,7 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
     let text = String::from_utf8(output.stdout).unwrap();
     // The greatest difference is at the end: 3 - 1 times one second; of 9 rows the root of the mean square of k/4.
     assert!(text.starts_with("two.csv minus one.csv:\n  input  "), "{text}");
-    assert!(
-        text.contains("  level               2 at 1\u{202f}s       1.19 root of mean square\n"),
-        "{text}"
-    );
+    assert!(text.contains("  level               2 at 1\u{202f}s       1.19 RMS\n"), "{text}");
     assert!(text.ends_with("\ntarget/comparison.html\n"), "{text}");
     let page = bench.read("target/comparison.html");
     assert!(page.contains("two.csv minus one.csv") && page.contains("\"y\":[0.0,0.25,0.5"), "{text}");
@@ -621,7 +615,7 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
             &["one.csv", "two.csv", "--variables", "levl"],
             "one.csv has no variable levl; the nearest is level",
         ),
-        (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot is written to a file that ends with"),
+        (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot file must end with"),
         (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
         (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
         (&["empty.csv", "one.csv"], "empty.csv has no rows"),
@@ -807,7 +801,7 @@ fn leftovers_of_a_killed_study_are_removed() {
 fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_runs() {
     let bench = Bench::new();
     let message = bench.refusal(&["tune", "--plant", "careless.fmu", "--lambda", "1e308", "--out", "out"]);
-    let reason = "the value 1e308 of lambda cannot be taken: 1e308 is not within 0.001..100";
+    let reason = "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100";
     assert!(message.contains(reason), "{message}");
 }
 

@@ -1,11 +1,11 @@
-/* The functions of FMI 2.0 around the translated model. This file and the headers that it includes are all that was not
-   translated. With FMI2_FUNCTION_PREFIX, the functions have it, for linking several FMUs to one program. */
+/* The FMI 2.0 functions around the translated model. Only this file and the headers it includes are not translated.
+   FMI2_FUNCTION_PREFIX prefixes the functions, to link several FMUs into one program. */
 
 #ifdef FMI2_FUNCTION_PREFIX
 #define FUNCTION_PREFIX FMI2_FUNCTION_PREFIX
 #endif
 
-/* What instantiation is passed beside texts. */
+/* Instantiation arguments other than texts. */
 typedef struct {
   int type;
 } Importer;
@@ -50,7 +50,7 @@ static void log_message(const Instance *instance, const Message *message) {
                                      message->category, "%s", message->text);
 }
 
-/* The bytes of fmi2CallbackFunctions in the module: of its five pointers the logger's is not null. */
+/* The size of fmi2CallbackFunctions in the module: only the logger of its five pointers is not null. */
 #define CALLBACKS 20
 
 static u32 make_instance(Instance *instance) {
@@ -84,7 +84,7 @@ EXPORT Component FMI(fmi2Instantiate)(String instanceName, int fmuType, String f
   if (!instance) {
     if (callbacks.logger) {
       callbacks.logger(callbacks.componentEnvironment, instanceName ? instanceName : "", STATUS_ERROR, "logStatusError",
-                       "fmi2Instantiate: there is no memory for an instance");
+                       "fmi2Instantiate: out of memory for an instance");
     }
     return NULL;
   }
@@ -194,7 +194,7 @@ VECTOR(fmi2GetContinuousStates, double, x, nx, MODEL_STATES, RESULT)
 VECTOR(fmi2GetNominalsOfContinuousStates, double, x_nominal, nx, MODEL_STATES, RESULT)
 
 EXPORT int FMI(fmi2NewDiscreteStates)(Component instance, EventInfo *info) {
-  /* As it is in the module: the double is at the next multiple of 8. */
+  /* As in the module: the double is at the next multiple of 8. */
   u8 bytes[32];
   Argument argument = RESULT(bytes, info ? sizeof bytes : 0);
   const int status = call(instance, "fmi2NewDiscreteStates", (wasm_rt_function_ptr_t)Z_modelZ_fmi2NewDiscreteStates,

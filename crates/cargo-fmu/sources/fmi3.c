@@ -1,5 +1,5 @@
-/* The functions of FMI 3.0 around the translated model. This file and the headers that it includes are all that was not
-   translated. With FMI3_FUNCTION_PREFIX, the functions have it, for linking several FMUs to one program. */
+/* The FMI 3.0 functions around the translated model. Only this file and the headers it includes are not translated.
+   FMI3_FUNCTION_PREFIX prefixes the functions, to link several FMUs into one program. */
 
 #ifdef FMI3_FUNCTION_PREFIX
 #define FUNCTION_PREFIX FMI3_FUNCTION_PREFIX
@@ -19,7 +19,7 @@ typedef void (*IntermediateUpdate)(void *, double, Boolean, Boolean, Boolean, Bo
 typedef void (*ClockUpdate)(void *);
 typedef void (*Preemption)(void);
 
-/* What instantiation is passed beside texts: of Co-Simulation and Scheduled Execution. */
+/* Instantiation arguments of Co-Simulation and Scheduled Execution other than texts. */
 typedef struct {
   enum { CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED_EXECUTION } type;
   Boolean event_mode_used, early_return_allowed;
@@ -43,10 +43,10 @@ static void log_message(const Instance *instance, const Message *message) {
   ((LogMessage)instance->logger)(instance->environment, message->status, message->category, message->text);
 }
 
-/* ---- callbacks: the module calls them where it is passed something that is not null ---- */
+/* ---- callbacks: the module calls those passed as non-null ---- */
 
 #if defined(Z_fmuZ_intermediate_update) || defined(Z_fmuZ_clock_update)
-/* After a callback: the call does not go on if another one trapped meanwhile, or the instance was freed. */
+/* After a callback: the call ends if another one trapped meanwhile, or the instance was freed. */
 static void end_callback(Instance *instance) {
   if (instance->has_trapped || instance->is_freed) wasm_trap(&instance->module.w2c_memory, TRAP_CALLBACK);
 }
@@ -71,7 +71,7 @@ void Z_fmuZ_intermediate_update(struct Z_fmu_instance_t *host, u32 environment, 
 #endif
 
 #ifdef Z_fmuZ_clock_update
-/* Other calls may preempt this one meanwhile, if they return before it goes on: they use the same stack of the module. */
+/* Other calls may preempt this one if they return before it continues: they share the module's stack. */
 void Z_fmuZ_clock_update(struct Z_fmu_instance_t *host, u32 environment) {
   Instance *instance = (Instance *)host;
   (void)environment;
@@ -83,7 +83,7 @@ void Z_fmuZ_clock_update(struct Z_fmu_instance_t *host, u32 environment) {
 }
 #endif
 
-/* Arguments are copied between the importer's locks, so those around the module's own functions are not its task. */
+/* The importer's locks surround argument copying, so the module need not lock its own functions. */
 #ifdef Z_fmuZ_lock_preemption
 void Z_fmuZ_lock_preemption(struct Z_fmu_instance_t *host) {
   (void)host;
@@ -124,7 +124,7 @@ static Instance *new_importer(const Importer *importer, String name, String toke
                               void *environment, LogMessage logger) {
   Instance *instance = new_instance(name, token, resources);
   if (!instance) {
-    if (logger) logger(environment, STATUS_ERROR, "logStatusError", "there is no memory for an instance");
+    if (logger) logger(environment, STATUS_ERROR, "logStatusError", "out of memory for an instance");
     return NULL;
   }
   instance->importer = *importer;

@@ -1,5 +1,5 @@
-/* What the functions of every version of FMI have in common: instances, each with a module and memory of its own; calls of
-   the module's functions, with arguments copied in and results copied out; messages; saved states.
+/* Shared by all FMI versions: instances, each with its own module and memory; calls of the module's functions, with
+   arguments copied in and results copied out; messages; saved states.
 
    The file that includes this has defined `Importer`, and then the two functions that are declared here. */
 
@@ -25,7 +25,7 @@
 
 enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR };
 
-/* A message that waits until the function returns, or calls the importer: then the logger may call the instance, or free it. */
+/* A message held until the function returns or calls the importer: the logger may then call or free the instance. */
 typedef struct Message {
   struct Message *next;
   int status;
@@ -33,7 +33,7 @@ typedef struct Message {
 } Message;
 
 typedef struct Instance {
-  /* This library's mark, which no other library's instances have. */
+  /* This library's mark, not shared by instances of other libraries. */
   const void *library;
   int has_module;
   /* The instance in the module. */
@@ -44,21 +44,21 @@ typedef struct Instance {
   Message *messages, **end_of_messages;
   /* The message of a panic, until the trap that follows. */
   char *panic;
-  /* What was got last, strings or binaries. */
+  /* The strings or binaries returned last. */
   char *strings;
-  /* Calls that have not returned: more than one where a callback calls the instance. */
+  /* Pending calls: more than one if a callback calls the instance. */
   int calls;
-  /* Whether such a call has trapped, or has freed the instance. */
+  /* Whether such a call trapped, or freed the instance. */
   int has_trapped, is_freed;
-  /* What was passed at instantiation. */
+  /* The arguments of instantiation. */
   char *name, *token, *resources;
   void *environment;
   void (*logger)(void);
   int is_logging;
   Importer importer;
-  /* Memory that this points to. */
+  /* Memory it points to. */
   void *kept;
-  /* Called around each call, where the importer schedules partitions of the model. */
+  /* Called around each call if the importer schedules model partitions. */
   void (*lock)(void), (*unlock)(void);
   Z_model_instance_t module;
 } Instance;
@@ -69,7 +69,7 @@ static void log_message(const Instance *instance, const Message *message);
 /* Instantiates in a new module: the handle there, or 0. */
 static u32 make_instance(Instance *instance);
 
-/* An argument of a function. Results that are returned after errors too are those that the module wrote. */
+/* A function's argument. Even after errors, results written by the module are returned. */
 typedef struct {
   enum {
     INTEGER_ARGUMENT,
@@ -81,13 +81,13 @@ typedef struct {
     SIZES_OUT_ARGUMENT,
     TEXTS_ARGUMENT,
     TEXTS_OUT_ARGUMENT,
-    /* These come after their sizes. */
+    /* These follow their sizes. */
     BINARIES_ARGUMENT,
     BINARIES_OUT_ARGUMENT
   } kind;
   const void *in;
   void *out;
-  /* Of elements as the module has them. */
+  /* Of elements in the module's format. */
   size_t count, size;
   u32 integer;
   f64 real;
@@ -106,7 +106,7 @@ typedef struct {
 #define BINARIES(array, count) {BINARIES_ARGUMENT, array, NULL, count, sizeof(u32), 0, 0}
 #define BINARIES_RESULT(array, count) {BINARIES_OUT_ARGUMENT, NULL, (void *)(array), count, sizeof(u32), 0, 0}
 
-/* The types of a function's arguments behind the instance: integers alone, or by letters. */
+/* The types of a function's arguments after the instance: only integers, or by letter. */
 typedef enum { INTEGERS, D, DDI, DDIIIII, ID, IDDID } Shape;
 
 /* A call of an instance. */
@@ -116,16 +116,16 @@ typedef struct Call {
   Shape shape;
   Argument *arguments;
   int count;
-  /* What it does with the module. */
+  /* Its action on the module. */
   u32 (*perform)(Instance *instance, struct Call *call);
-  /* Of functions of states: a handle, or where one is. */
+  /* For state functions: a handle, or its address. */
   void *handle;
   void *state;
   u8 *bytes;
   size_t size;
 } Call;
 
-/* A size of 32 bits; one that is too large stays too large. */
+/* A 32-bit size; a too large one stays too large. */
 static u32 as_size(size_t size) {
   return size > UINT32_MAX ? UINT32_MAX : (u32)size;
 }
@@ -175,21 +175,21 @@ void wasm_trap(wasm_rt_memory_t *memory, Trap trap) {
 }
 
 static const char *explain(const wasm_rt_memory_t *memory, int trap) {
-  if (memory->is_exhausted) return "there is no more memory than MODEL_PAGES of model.h";
+  if (memory->is_exhausted) return "out of memory, limited by MODEL_PAGES in model.h";
   switch (trap) {
-    case TRAP_OOB: return "an access is outside of the memory";
-    case TRAP_INT_OVERFLOW: return "an integer overflows";
-    case TRAP_DIV_BY_ZERO: return "an integer is divided by zero";
-    case TRAP_INVALID_CONVERSION: return "not a number becomes an integer";
-    case TRAP_CALL_INDIRECT: return "a call has no function";
-    case TRAP_EXHAUSTION: return "calls are too deep";
-    default: return "unreachable code is reached";
+    case TRAP_OOB: return "a memory access is out of bounds";
+    case TRAP_INT_OVERFLOW: return "integer overflow";
+    case TRAP_DIV_BY_ZERO: return "integer division by zero";
+    case TRAP_INVALID_CONVERSION: return "a NaN is converted to an integer";
+    case TRAP_CALL_INDIRECT: return "an indirect call has no function";
+    case TRAP_EXHAUSTION: return "the call stack is too deep";
+    default: return "unreachable code was executed";
   }
 }
 
 /* ---- messages ---- */
 
-/* Appends a message, unless there is no memory for it; takes the strings. */
+/* Appends a message if memory allows; takes the strings. */
 static void add_message(Instance *instance, int status, char *category, char *text) {
   Message *message = malloc(sizeof *message);
   if (!message || !category || !text) {
@@ -206,7 +206,7 @@ static void add_message(Instance *instance, int status, char *category, char *te
   instance->end_of_messages = &message->next;
 }
 
-/* The error of a function: `#` is doubled, as loggers of FMI 2.0 read it. */
+/* A function's error: `#` is doubled for FMI 2.0 loggers. */
 static void add_error(Instance *instance, const char *function, const char *before, const char *what, const char *after) {
   const char *parts[5];
   size_t length = 1, part;
@@ -231,7 +231,7 @@ static void add_error(Instance *instance, const char *function, const char *befo
   add_message(instance, STATUS_ERROR, copy_of("logStatusError"), text);
 }
 
-/* Logs what has been said, while a call lasts. */
+/* Logs pending messages during a call. */
 static void deliver(Instance *instance) {
   Message *message;
   while ((message = instance->messages) != NULL) {
@@ -246,7 +246,7 @@ static void deliver(Instance *instance) {
 
 /* ---- what modules import ---- */
 
-/* A copy of a string in the module's memory, which ends in 0 or is given its size. */
+/* A copy of a string in the module's memory, which ends in 0 or has the given size. */
 static char *string_at(Instance *instance, u32 address, u32 size) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   char *text;
@@ -313,7 +313,7 @@ static void copy_numbers(void *to, const void *from, size_t count, size_t size) 
   for (i = 0; i < count; i++) copy_number((char *)to + i * size, (const char *)from + i * size, size);
 }
 
-/* Where the next argument of a size goes, in the scratch memory. */
+/* The place of the next argument in the scratch memory. */
 static u32 place(u32 *next, u64 size) {
   const u32 address = *next;
   *next += (u32)((size + 7) & ~(u64)7);
@@ -343,7 +343,7 @@ static void take_sizes(void *sizes, const u8 *from, size_t count) {
   }
 }
 
-/* Those of the results that the module wrote: no flag and no time is of such bytes, which were there before. */
+/* Marks results that the module did not write: no flag or time consists of such bytes. */
 #define UNWRITTEN 0xff
 static void take_written(void *to, const u8 *from, size_t count, size_t size) {
   size_t i, byte;
@@ -353,7 +353,7 @@ static void take_written(void *to, const u8 *from, size_t count, size_t size) {
   }
 }
 
-/* A string or a binary of an array at any address, and its size in bytes; nothing where the importer has a null pointer. */
+/* A string or binary of an array at any address, and its size in bytes; null if the importer's pointer is. */
 static const char *text_of(const Argument *argument, size_t index, size_t *size) {
   const Argument *sizes = argument - 1;
   const char *text;
@@ -369,7 +369,7 @@ static int has_texts(const Argument *argument) {
   return argument->kind == TEXTS_ARGUMENT || argument->kind == BINARIES_ARGUMENT;
 }
 
-/* More than a module can have. */
+/* More than a module can address. */
 #define TOO_MUCH ((u64)1 << 40)
 
 /* The bytes of an argument in the scratch memory. */
@@ -389,7 +389,7 @@ static int is_array(const Argument *argument) {
   return argument->kind >= IN_ARGUMENT && argument->count > 0 && (argument->in || argument->out);
 }
 
-/* Memory for the arguments of a call; that of the last call, if it is large enough. */
+/* Memory for a call's arguments; reuses that of the last call if large enough. */
 static u32 scratch_of(Instance *instance, u64 size, u32 *allocated) {
   *allocated = 0;
   if (size == 0) return 0;
@@ -446,7 +446,7 @@ static u32 invoke(Instance *instance, const Call *call, const u32 *integers) {
   }
 }
 
-/* The number of bytes of a string or binary of the module; binaries have their `sizes`. */
+/* The size of the module's string or binary in bytes; binaries have `sizes`. */
 static u32 size_at(wasm_rt_memory_t *memory, u32 address, u32 sizes, size_t index) {
   const u8 *end;
   u32 size;
@@ -461,7 +461,7 @@ static u32 size_at(wasm_rt_memory_t *memory, u32 address, u32 sizes, size_t inde
   return (u32)(end - (memory->data + address)) + 1;
 }
 
-/* Copies strings or binaries of the module, whose addresses are at an address, to memory of the instance. */
+/* Copies the module's strings or binaries, from an array of addresses, to the instance's memory. */
 static void take_strings(Instance *instance, u32 addresses, u32 sizes, void *texts, size_t count) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   size_t size = 1, i;
@@ -540,7 +540,7 @@ static u32 marshal(Instance *instance, Call *call) {
 
 static const char library = 0;
 
-/* The instance of an importer's handle, unless that is null or another library's. */
+/* The instance of an importer's handle, unless null or another library's. */
 static Instance *instance_of(void *handle) {
   const void *mark;
   if (!handle || (uintptr_t)handle % sizeof(void *)) return NULL;
@@ -583,9 +583,9 @@ static void free_memory(Instance *instance) {
 
 /* ---- the floating-point environment ----
 
-   The module rounds to nearest, keeps subnormal numbers and divides by zero without a trap, whatever the importer has set,
-   and the importer finds it as it was. On x86 the register of SSE is all that counts; what C has for this also sets that of
-   the x87 unit, which takes as long as a call. */
+   The module rounds to nearest, keeps subnormal numbers and divides by zero without a trap, whatever the importer's
+   settings, which are restored. On x86 only the SSE register matters; C's functions also set that of the x87 unit, which
+   takes as long as a call. */
 
 #if defined(__SSE2__) || defined(_M_X64)
 #include <xmmintrin.h>
@@ -593,7 +593,7 @@ static void free_memory(Instance *instance) {
 typedef unsigned int Environment;
 
 static int is_default(Environment environment) {
-  /* All exceptions are masked; the flags of those that there have been do not matter. */
+  /* All exceptions are masked; past exceptions' flags do not matter. */
   return (environment & ~0x3fu) == 0x1f80;
 }
 
@@ -625,7 +625,7 @@ static void restore_environment(Environment importers) {
 
 /* ---- calls ---- */
 
-/* Runs code that may trap: whether it did not. A trap is an error with a message. */
+/* Runs code that may trap; returns whether it did not. A trap is an error with a message. */
 static int run(Instance *instance, Call *call, u32 *status) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   jmp_buf *const outer = memory->unwind;
@@ -649,7 +649,7 @@ static int run(Instance *instance, Call *call, u32 *status) {
   return 1;
 }
 
-/* The same in the module's floating-point environment. */
+/* Likewise in the module's floating-point environment. */
 static int guard(Instance *instance, Call *call, u32 *status) {
   const Environment importers = use_default_environment();
   const int has_returned = run(instance, call, status);
@@ -657,7 +657,7 @@ static int guard(Instance *instance, Call *call, u32 *status) {
   return has_returned;
 }
 
-/* Memory of the module; it is given back by hand, as a trap gives back the module. */
+/* Memory in the module; freed manually, as a trap frees the module. */
 static u32 allocate(Instance *instance, size_t size) {
   const u32 address = Z_modelZ_fmu_allocate(&instance->module, as_size(size));
   if (!address) {
@@ -667,7 +667,7 @@ static u32 allocate(Instance *instance, size_t size) {
   return address;
 }
 
-/* What instantiation takes as pointers: bytes, and then the strings. */
+/* Instantiation's pointer arguments: bytes, then strings. */
 typedef struct {
   u32 bytes, name, token, resources, end;
 } Passed;
@@ -706,7 +706,7 @@ static u32 make_module(Instance *instance, Call *call) {
   return 0;
 }
 
-/* Makes a module and the instance in it: whether that succeeded. */
+/* Creates a module and its instance; returns whether that succeeded. */
 static int make(Instance *instance, const char *name) {
   u32 status;
   Call call = {0};
@@ -723,7 +723,7 @@ static u32 fail(Instance *instance, Call *call) {
   return 0;
 }
 
-/* Makes the instance a new one that waits to be reset. */
+/* Renews the instance, which then needs a reset. */
 static void renew(Instance *instance, const char *name) {
   Call failing = {0};
   u32 failed;
@@ -733,13 +733,13 @@ static void renew(Instance *instance, const char *name) {
   if (make(instance, name) && !guard(instance, &failing, &failed)) free_module(instance);
 }
 
-/* Ends what happens to an instance: its messages are delivered, and it is freed if that was asked for meanwhile. */
+/* Finishes work on an instance: delivers its messages, and frees it if that was requested meanwhile. */
 static void conclude(Instance *instance) {
   deliver(instance);
   if (--instance->calls == 0 && instance->is_freed) free_memory(instance);
 }
 
-/* Instantiates, under the name of a function: the instance, or null. */
+/* Instantiates under a function's name; returns the instance, or null. */
 static void *instantiate(Instance *instance, const char *name) {
   instance->calls = 1;
   instance->is_freed = !make(instance, name);
@@ -751,14 +751,14 @@ static void *instantiate(Instance *instance, const char *name) {
   return NULL;
 }
 
-/* Performs a call. After a trap the instance is made anew; of a call by a callback, when the outer call has trapped, too. */
+/* Performs a call. After a trap the instance is renewed; for a callback's call, once the outer call has trapped, too. */
 static int perform(Instance *instance, Call *call) {
   void (*const unlock)(void) = instance->unlock;
   u32 status = STATUS_ERROR;
   if (instance->lock) instance->lock();
   instance->calls++;
   if (instance->has_trapped || !instance->has_module) {
-    add_error(instance, call->name, instance->has_trapped ? "the model was stopped" : "there is no more memory", "", "");
+    add_error(instance, call->name, instance->has_trapped ? "the model was stopped" : "out of memory", "", "");
   } else if (!guard(instance, call, &status)) {
     status = STATUS_ERROR;
     if (instance->module.w2c_memory.unwind) {
@@ -787,7 +787,7 @@ static int call(void *handle, const char *name, wasm_rt_function_ptr_t function,
 
 /* ---- saved states ---- */
 
-/* A saved state, as its bytes: the instances of a library take each other's, and a handle that is none is an error. */
+/* A saved state, as bytes: a library's instances share them, and an invalid handle is an error. */
 typedef struct State {
   struct State *next;
   const Instance *owner;
@@ -795,10 +795,10 @@ typedef struct State {
   u8 *bytes;
 } State;
 
-/* The states of all instances: with the lock that guards it, all that instances share. */
+/* The states of all instances: with its lock, the only shared data. */
 static State *states;
 
-/* One thread at a time is between these two, unless the command line says otherwise. */
+/* Mutual exclusion, unless redefined on the command line. */
 #if defined(ACQUIRE) && defined(RELEASE)
 #elif defined(__GNUC__)
 static volatile int lock;
@@ -815,10 +815,10 @@ static atomic_flag lock = ATOMIC_FLAG_INIT;
 #define ACQUIRE while (atomic_flag_test_and_set(&lock)) continue
 #define RELEASE atomic_flag_clear(&lock)
 #else
-#error "this compiler has no atomic operations that are known here: README.txt says what -DACQUIRE= and -DRELEASE= do"
+#error "this compiler's atomic operations are unknown: README.txt explains -DACQUIRE= and -DRELEASE="
 #endif
 
-/* The link to a state, or null; the lock is held. */
+/* The link to a state, or null; requires the lock. */
 static State **link_to(const void *handle) {
   State **link;
   for (link = &states; *link; link = &(*link)->next) {
@@ -827,7 +827,7 @@ static State **link_to(const void *handle) {
   return NULL;
 }
 
-/* Keeps bytes as a state: a new one where the handle is null; takes the bytes. Whether that succeeded. */
+/* Stores bytes as a state, a new one if the handle is null; takes the bytes. Returns whether that succeeded. */
 static int keep(const Instance *owner, void **handle, u8 *bytes, size_t size) {
   State **link, *state;
   ACQUIRE;
@@ -850,7 +850,7 @@ static int keep(const Instance *owner, void **handle, u8 *bytes, size_t size) {
   return state != NULL;
 }
 
-/* A copy of the bytes of a state, or null. */
+/* A copy of a state's bytes, or null. */
 static u8 *copy_of_state(const void *handle, size_t *size) {
   State **link;
   u8 *copy = NULL;
@@ -865,7 +865,7 @@ static u8 *copy_of_state(const void *handle, size_t *size) {
   return copy;
 }
 
-/* Frees a state, or those of an instance. */
+/* Frees a state, or all of an instance. */
 static void free_states(const void *handle, const Instance *owner) {
   State **link, *state;
   ACQUIRE;
@@ -886,7 +886,7 @@ static void free_instance(void *handle) {
   Instance *instance = instance_of(handle);
   if (!instance) return;
   free_states(NULL, instance);
-  /* Not an instance any more for calls that follow. */
+  /* Later calls no longer take it for an instance. */
   instance->library = NULL;
   if (instance->calls) {
     instance->is_freed = 1;
@@ -897,7 +897,7 @@ static void free_instance(void *handle) {
 
 /* ---- the functions ---- */
 
-/* A function that the module has: its name and parameters, the types of its arguments, and these. */
+/* A function of the module: its name and parameters, the types of its arguments, and these. */
 #define FUNCTION(name, parameters, shape, ...)                                                 \
   EXPORT int FMI(name) parameters {                                                            \
     Argument arguments[] = {__VA_ARGS__};                                                      \
@@ -908,7 +908,7 @@ static void free_instance(void *handle) {
   EXPORT int FMI(name)(void *instance) {                                                       \
     return call(instance, #name, (wasm_rt_function_ptr_t)Z_modelZ_##name, INTEGERS, NULL, 0);  \
   }
-/* The module counts before it writes or reads. */
+/* The module checks counts before it writes or reads. */
 #define VECTOR(name, type, argument, count, elements, ARGUMENT)                                \
   EXPORT int FMI(name)(void *instance, type argument[], size_t count) {                        \
     Argument arguments[] = {ARGUMENT(argument, count == elements ? count : 0), SIZE(count)};   \
@@ -917,7 +917,7 @@ static void free_instance(void *handle) {
   }
 
 #ifdef HAS_STATES
-/* A count that the module cannot be given is refused as it would do. */
+/* Rejects, as the module would, a count that does not fit it. */
 static int refuse_count(void *handle, const char *name, const char *argument, size_t count, unsigned int elements) {
   Instance *instance = instance_of(handle);
   char text[100];

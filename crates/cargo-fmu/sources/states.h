@@ -1,7 +1,7 @@
-/* The functions of saved states, alike in every version of FMI. An importer's handle is looked up and never used as an
-   address; the module gets the state as bytes. */
+/* The functions for saved states, alike in every FMI version. An importer's handle is looked up and never used as an
+   address; the module receives the state as bytes. */
 
-/* What the module takes for an importer's handle at `cell`: null, a state, or else 1, which is none. */
+/* The module's counterpart of an importer's handle at `cell`: null, a state, or 1 if invalid. */
 static u32 load_state(Instance *instance, const void *handle, u32 cell) {
   Z_model_instance_t *module = &instance->module;
   size_t size = 0;
@@ -24,7 +24,7 @@ static void drop_state(Instance *instance, u32 cell) {
   if (i32_load(&instance->module.w2c_memory, cell) > 1) FREE_STATE(&instance->module, instance->handle, cell);
 }
 
-/* What importers point to may be at any address. */
+/* Importers' pointers may have any alignment. */
 static void *handle_at(const void *address) {
   void *handle;
   memcpy(&handle, address, sizeof handle);
@@ -58,7 +58,7 @@ static u32 get_state(Instance *instance, Call *call) {
     bytes = malloc(size ? size : 1);
     if (bytes) memcpy(bytes, module->w2c_memory.data + address, size);
     if (!bytes || !keep(instance, &handle, bytes, size)) {
-      add_error(instance, call->name, "there is no more memory", "", "");
+      add_error(instance, call->name, "out of memory", "", "");
       status = STATUS_ERROR;
     } else {
       put_handle(call->state, handle);
@@ -117,7 +117,7 @@ static u32 serialize(Instance *instance, Call *call) {
   Z_model_instance_t *module = &instance->module;
   const u32 cell = allocate(instance, 8), size = as_size(call->size);
   const u32 state = load_state(instance, call->handle, cell);
-  /* A size that is not the state's is an error before it is used. */
+  /* A wrong size is an error before it is used. */
   const u32 address = call->bytes ? Z_modelZ_fmu_allocate(module, size) : 0;
   const u32 status = SERIALIZE(module, instance->handle, state, address, size);
   if (status <= STATUS_WARNING && address) {
@@ -145,7 +145,7 @@ static u32 deserialize(Instance *instance, Call *call) {
     void *state = NULL;
     if (bytes) memcpy(bytes, call->bytes, size);
     if (!bytes || !keep(instance, &state, bytes, size)) {
-      add_error(instance, call->name, "there is no more memory", "", "");
+      add_error(instance, call->name, "out of memory", "", "");
       status = STATUS_ERROR;
     } else {
       put_handle(call->state, state);

@@ -1,5 +1,5 @@
-/* The operations of WebAssembly, as the translated files of this FMU use them: by the names that wasm2c gives them. Each
-   access of memory is checked; a trap leaves the call. Nothing here is shared by instances. */
+/* WebAssembly's operations for the translated files, under wasm2c's names. Each memory access is checked; a trap ends the
+   call. Instances share nothing here. */
 
 #ifndef WASM_H
 #define WASM_H
@@ -11,8 +11,8 @@
 #include <stdint.h>
 #include <string.h>
 
-/* The same numbers on every platform: products and sums are not contracted to one operation, whatever the flags are, and
-   doubles are doubles. */
+/* The same numbers on every platform: products and sums are never contracted, whatever the flags, and doubles are
+   doubles. */
 #if defined(__FAST_MATH__)
 #error "compile without -ffast-math, which changes results"
 #endif
@@ -23,7 +23,7 @@
 #elif defined(_MSC_VER)
 #pragma fp_contract(off)
 #endif
-/* 16 is what gcc says where numbers of 16 bits are computed as such, and others as theirs. */
+/* gcc reports 16 if 16-bit numbers are computed as such, and others in their own type. */
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16 || defined(__TINYC__) && defined(__i386__)
 #error "compile with -msse2 -mfpmath=sse, or another compiler: the x87 unit computes with more digits than a double has"
 #endif
@@ -51,14 +51,14 @@ typedef enum {
   TRAP_CALLBACK
 } Trap;
 
-/* The memory of an instance: little-endian on every machine. It grows within an array whose size is known to the compiler,
-   which then compares addresses with numbers, and need not repeat comparisons nor read where the memory is. */
+/* An instance's memory, little-endian on every machine. It grows within an array of a size known to the compiler, which
+   then compares addresses with constants, and need not repeat comparisons or read the memory's address. */
 #define PAGE 65536u
 typedef struct {
   u32 size, pages;
-  /* Calls of functions that have not returned. */
+  /* Pending function calls. */
   u32 depth;
-  /* Whether it could not grow when it had to. */
+  /* Whether it failed to grow. */
   int is_exhausted;
   /* Where a trap goes. */
   jmp_buf *unwind;
@@ -86,7 +86,7 @@ typedef struct {
 
 #if defined(__GNUC__)
 #define NORETURN __attribute__((noreturn, cold))
-/* What compilers leave out of large functions, which then are slow. */
+/* Compilers do not inline these in large functions, which are then slow. */
 #define INLINE static inline __attribute__((always_inline))
 #define UNLIKELY(x) __builtin_expect(!!(x), 0)
 #elif defined(_MSC_VER)
@@ -107,7 +107,7 @@ typedef struct {
 #define wasm_rt_free_funcref_table PREFIXED(wasm_free_table)
 #define wasm_trap PREFIXED(wasm_trap)
 
-/* Only the functions of FMI are the library's. */
+/* The library exports only the FMI functions. */
 #if defined(__GNUC__) && !defined(_WIN32)
 #define HIDES
 #pragma GCC visibility push(hidden)
@@ -122,7 +122,7 @@ NORETURN void wasm_trap(wasm_rt_memory_t *memory, Trap trap);
 #pragma GCC visibility pop
 #endif
 
-/* How deep calls may go: far deeper than models do, and not as deep as stacks are. */
+/* The deepest nesting of calls: far more than models need, and less than stacks allow. */
 #define MAX_DEPTH 500
 
 #define TRAP(reason) (wasm_trap(&instance->w2c_memory, TRAP_##reason), 0)
@@ -141,7 +141,7 @@ INLINE void check_range(wasm_rt_memory_t *memory, u64 address, u64 size) {
   if (UNLIKELY(address + size > sizeof memory->data)) wasm_trap(memory, TRAP_OOB);
 }
 
-/* Bytes to numbers and back: both compile to one instruction where the machine's order is that of the memory. */
+/* Bytes to numbers and back: one instruction each if the machine has the memory's byte order. */
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
 static inline void copy_number(void *to, const void *from, size_t size) {
   size_t i;
@@ -213,7 +213,7 @@ static inline void funcref_table_init(wasm_rt_funcref_table_t *table, const wasm
     wasm_rt_funcref_t *entry = &table->data[to + i];
     entry->func_type = function->func_type_index;
     entry->func = function->func;
-    /* The host of imported functions is the first that an instance has. */
+    /* The host of imported functions is an instance's first field. */
     entry->module_instance = function->is_imported ? *(void **)instance : instance;
   }
 }
@@ -260,7 +260,7 @@ DEFINE_COUNTS(64, u64, I64_CLZ, I64_CTZ, I64_POPCNT)
 #define FMIN(x, y) ((x) != (x) || (y) != (y) ? NAN : (x) == 0 && (y) == 0 ? (signbit(x) ? (x) : (y)) : (x) < (y) ? (x) : (y))
 #define FMAX(x, y) ((x) != (x) || (y) != (y) ? NAN : (x) == 0 && (y) == 0 ? (signbit(x) ? (y) : (x)) : (x) > (y) ? (x) : (y))
 
-/* Floating point to integer, towards 0: `above` and `below` are the numbers between which the result exists. */
+/* Floating point to integer, towards 0: the result exists between `above` and `below`. */
 #define TRUNC(result, type, above, below, x)                          \
   (UNLIKELY((x) != (x)) ? (result)TRAP(INVALID_CONVERSION)            \
    : UNLIKELY(!((x) above && (x) < below)) ? (result)TRAP(INT_OVERFLOW) \

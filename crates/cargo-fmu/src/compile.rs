@@ -1,66 +1,68 @@
-//! Compiles models with cargo, and finds what it made.
+//! Compiles models with cargo, and finds the results.
 
 use std::collections::BTreeMap;
-use std::io::BufReader;
+use std::ffi::OsStr;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{CrateType, Message, Metadata, Package};
 use fmu_export_build::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 use fmu_package::reading;
 
+use super::metadata::{Message, Metadata, Package};
 use super::target::Made;
 
-/// What cargo built.
+/// The results of a cargo build.
 pub struct Compiled {
-    /// The library of each model.
+    /// Each model's library.
     libraries: BTreeMap<String, PathBuf>,
-    /// The output folders of all build scripts.
+    /// All build scripts' output folders.
     generated: Vec<PathBuf>,
-    /// The folder of each package, by its name and version.
+    /// Each package's folder, by name and version.
     folders: BTreeMap<String, PathBuf>,
 }
 
 impl Compiled {
-    /// The library of a model.
+    /// A model's library.
     pub fn library(&self, model: &str) -> Result<&Path> {
         let library = self.libraries.get(model).map(PathBuf::as_path);
         library.with_context(|| format!("cargo built no library of {model}"))
     }
 
-    /// The folder of what the build generated for a model.
+    /// The folder generated for a model.
     pub fn generated(&self, model: &str) -> Result<PathBuf> {
         self.generated
             .iter()
             .map(|folder| folder.join(model))
             .find(|folder| folder.join("modelDescription.xml").is_file())
             .with_context(|| {
-                format!("the build made no modelDescription.xml for {model}; does build.rs call fmu_export_build::generate?")
+                format!("the build generated no modelDescription.xml for {model}; does build.rs call fmu_export_build::generate?")
             })
     }
 
-    /// The folder of a package by its name and version, if it was compiled.
+    /// A package's folder by name and version, if it was compiled.
     pub fn folder(&self, package: &str) -> Option<&Path> {
         self.folders.get(package).map(PathBuf::as_path)
     }
 
-    /// The description that the build generated for a model.
+    /// The description generated for a model.
     pub fn description(&self, model: &str) -> Result<String> {
         Ok(reading::text(&self.generated(model)?.join("modelDescription.xml"))?)
     }
 }
 
-/// Compiles packages of a workspace, for the version of FMI and the interfaces that are chosen, if any; cargo's progress
-/// shows on stderr.
+/// Compiles packages of a workspace with a profile, for the chosen FMI version and interfaces, if any; cargo reports progress
+/// on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
+    profile: &str,
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
-    let mut command = build.command(metadata.target_directory.as_std_path());
+    let mut command = build.command(&metadata.target_directory, profile);
     command
         .arg("--message-format=json-render-diagnostics")
         .arg("--manifest-path")
@@ -76,37 +78,37 @@ pub fn compile<'a>(
     for package in packages {
         command.args(["--package", &package.name]);
     }
-    let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+    let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to its path")?;
     let stdout = child.stdout.take().context("cargo has no output")?;
     let mut compiled = Compiled { libraries: BTreeMap::new(), generated: vec![], folders: BTreeMap::new() };
-    for message in Message::parse_stream(BufReader::new(stdout)) {
-        match message.context("cannot read cargo's messages")? {
-            Message::BuildScriptExecuted(script) => compiled.generated.push(script.out_dir.into()),
-            Message::CompilerArtifact(artifact) => {
-                if artifact.target.crate_types.contains(&CrateType::CDyLib) {
-                    let suffix = Some(build.suffix());
-                    let library = artifact.filenames.iter().find(|file| file.extension() == suffix);
+    for line in BufReader::new(stdout).lines() {
+        match Message::read(&line.context("cannot read cargo's messages")?)? {
+            Message::BuildScriptExecuted { out_dir } => compiled.generated.push(out_dir),
+            Message::CompilerArtifact { package_id, manifest_path, target, filenames } => {
+                if target.is_library() {
+                    let suffix = Some(OsStr::new(build.suffix()));
+                    let library = filenames.into_iter().find(|file| file.extension() == suffix);
                     if let Some(file) = library {
-                        compiled.libraries.insert(artifact.target.name, file.clone().into());
+                        compiled.libraries.insert(target.name, file);
                     }
                 }
-                if let Some(package) = name_and_version(&artifact.package_id.repr)
-                    && let Some(folder) = artifact.manifest_path.parent()
+                if let Some(package) = name_and_version(&package_id)
+                    && let Some(folder) = manifest_path.parent()
                 {
                     compiled.folders.insert(package, folder.into());
                 }
             }
-            _ => {}
+            Message::Other => {}
         }
     }
-    if !child.wait().context("cargo did not end")?.success() {
-        bail!("cargo could not build the models for {}; its messages stand above", build.name());
+    if !child.wait().context("cargo did not finish")?.success() {
+        bail!("cargo could not build the models for {}; see its messages above", build.name());
     }
     Ok(compiled)
 }
 
-/// Name and version in a package's identifier, which is a URL with these behind a `#`, or the version alone where
-/// the URL ends with the name (the Cargo Book, "Package ID Specifications").
+/// Name and version in a package identifier: a URL with both after `#`, or only the version if the URL ends with the
+/// name (the Cargo Book, "Package ID Specifications").
 fn name_and_version(identifier: &str) -> Option<String> {
     let (url, fragment) = identifier.rsplit_once('#')?;
     let (name, version) = match fragment.split_once('@') {

@@ -1,8 +1,8 @@
 //! `export`: compiles the models' libraries with cargo and packs each into an .fmu.
 //!
-//! A model is a workspace member whose library is a `cdylib` named after the model. The description that
-//! goes into the FMU is the very file that the build wrote and compiled into the library, as cargo's
-//! messages tell, so the two cannot differ.
+//! A model is a workspace member whose library is a `cdylib` named after the model. The description in the FMU is the
+//! very file that the build wrote and compiled into the library, according to cargo's messages, so the two cannot
+//! differ.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,7 +12,6 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::{CrateType, Metadata, MetadataCommand, Package};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fmu_export_build::{Interfaces, Version};
@@ -20,8 +19,9 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
 
 use super::compile::{Compiled, compile};
+use super::metadata::{Metadata, Package};
 use super::sources::Module;
-use super::target::{Build, Made, Target, WebAssembly};
+use super::target::{Build, Made, PROFILE, Target, WebAssembly};
 use super::{licenses, of_platform, sources, validate};
 
 /// Compile the models of this workspace and write their .fmu files
@@ -51,18 +51,22 @@ pub struct Export {
     /// FMI interfaces [default: the variable `FMU_INTERFACES`, else cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
+    /// Cargo profile for the libraries; `dev` compiles faster and checks for overflow [default: fmu-library, or release if
+    /// Cargo.toml has no such profile]
+    #[arg(long, value_name = "PROFILE", default_value = PROFILE, hide_default_value = true)]
+    profile: String,
     /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
     /// Write WebAssembly modules, MODEL.wasm, instead of FMUs; see docs/wasm.md
-    #[arg(long, conflicts_with_all = ["targets", "binaries", "sources"])]
+    #[arg(long, conflicts_with_all = ["targets", "profile", "binaries", "sources"])]
     wasm: bool,
     /// Include the models as C in the FMUs, for platforms without a library; see docs/sources.md
     #[arg(long)]
     sources: bool,
 }
 
-/// What will be exported, and where to; nothing is built yet.
+/// What to export, and where to; nothing is built yet.
 #[derive(Debug)]
 pub struct Plan {
     metadata: Metadata,
@@ -71,9 +75,10 @@ pub struct Plan {
     wasm: bool,
     /// Whether FMUs have sources.
     sources: bool,
-    /// Nothing where the environment decides.
+    /// `None` leaves it to the environment.
     versions: Vec<Option<Version>>,
     interfaces: Option<Interfaces>,
+    profile: String,
     binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     models: BTreeMap<String, Package>,
@@ -82,35 +87,35 @@ pub struct Plan {
 }
 
 impl Export {
-    /// Finds the models and what they are to be built with.
+    /// The export of what is in the folder at hand.
+    pub(crate) fn of_this_folder() -> Self {
+        Self { profile: PROFILE.to_owned(), ..Self::default() }
+    }
+
+    /// Finds the models and the tools to build them.
     ///
     /// # Errors
-    /// When there is no workspace, no such model, or no such target, or when the tools for a target are missing.
+    /// When there is no workspace, model or target of this name, or a target's tools are missing.
     pub fn plan(self) -> Result<Plan> {
         let builds = if self.wasm { vec![] } else { builds(&self.targets)? };
         self.check_tools(&builds)?;
-        let mut command = MetadataCommand::new();
-        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
-        command.no_deps();
-        if let Some(file) = self.manifest_path {
-            command.manifest_path(file);
-        }
-        let metadata = command.exec().context("cargo finds no package here; run this in its folder")?;
+        let metadata = Metadata::of(self.manifest_path.as_deref())
+            .context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
-        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu").into());
-        let Self { mut versions, interfaces, binaries, .. } = self;
+        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu"));
+        let Self { mut versions, interfaces, profile, binaries, .. } = self;
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
-            bail!("--interfaces se is of FMI 3.0; --fmi names 2");
+            bail!("--interfaces se needs FMI 3.0, but --fmi is 2");
         }
         versions.sort();
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
         let Self { wasm, sources, .. } = self;
-        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, binaries, models, out })
+        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, profile, binaries, models, out })
     }
 
-    /// Refuses to begin with tools missing, and names all of them.
+    /// Lists all missing tools before starting.
     fn check_tools(&self, builds: &[Build]) -> Result<()> {
         let mut checks: Vec<_> = builds.iter().map(Build::check_tools).collect();
         if self.wasm || self.sources {
@@ -125,7 +130,7 @@ impl Export {
             1 => Err(missing.remove(0)),
             _ => {
                 let list: Vec<_> = missing.iter().map(|error| format!("{error:#}")).collect();
-                bail!("nothing was built, as more than one thing is missing:\n- {}", list.join("\n- "))
+                bail!("nothing was built, as several things are missing:\n- {}", list.join("\n- "))
             }
         }
     }
@@ -137,18 +142,18 @@ impl Plan {
         self.models.keys().map(String::as_str)
     }
 
-    /// The folders that FMUs are written to, of FMI 2.0 and 3.0.
+    /// The folders of the FMUs, of FMI 2.0 and 3.0.
     #[must_use]
     pub fn folders(&self) -> [PathBuf; 2] {
         [self.out.clone(), self.folder_of_fmi3()]
     }
 
-    /// The file of a model's FMU of FMI 2.0.
+    /// The file of a model's FMI 2.0 FMU.
     fn fmu(&self, model: &str) -> PathBuf {
         self.out.join(format!("{model}.fmu"))
     }
 
-    /// The folder of the FMUs of FMI 3.0.
+    /// The folder of the FMI 3.0 FMUs.
     fn folder_of_fmi3(&self) -> PathBuf {
         self.out.join("fmi3")
     }
@@ -162,8 +167,8 @@ impl Plan {
         }
     }
 
-    /// Builds and writes the FMUs or modules, says so, and returns the files of the FMUs. `inputs` and `outputs` are other
-    /// files that the command reads and writes: none may be read and written.
+    /// Builds and writes the FMUs or modules, reports them, and returns the FMU files. `inputs` and `outputs` are
+    /// other files that the command reads and writes: none may be both.
     ///
     /// # Errors
     /// When a library cannot be built or does not fit, or a file cannot be read or written.
@@ -178,7 +183,7 @@ impl Plan {
         let fmus = self
             .folders()
             .map(|folder| self.models().map(|name| folder.join(format!("{name}.fmu"))).collect::<Vec<_>>());
-        // What goes to a folder that is yet to be made overwrites nothing.
+        // Files in a folder yet to be created overwrite nothing.
         let outputs: Vec<PathBuf> = [fmus.concat(), outputs.to_vec()]
             .concat()
             .into_iter()
@@ -194,7 +199,7 @@ impl Plan {
 
         let mut written = vec![];
         for (number, &version) in self.versions.iter().enumerate() {
-            // One after the other, as the second build writes its libraries over those of the first.
+            // One by one, as each build overwrites the libraries of the one before.
             let built = self.compile(version)?;
             let descriptions = descriptions(self.models(), &built)?;
             let (of_these, others) = given.into_iter().partition(|given| given.is_of(&descriptions));
@@ -203,7 +208,7 @@ impl Plan {
                 && let Some(stray) = given.first()
             {
                 let models = self.models().collect::<Vec<_>>().join(" or ");
-                bail!("{}: it was built from another description than {models}", stray.refused());
+                bail!("{}: it was built from a description other than that of {models}", stray.refused());
             }
             let modules = self.sources.then(|| self.compile_for(&WebAssembly, "", version)).transpose()?;
             written.extend(self.pack(&built, modules.as_ref(), &descriptions, of_these)?);
@@ -211,7 +216,7 @@ impl Plan {
         Ok(written)
     }
 
-    /// Builds and writes the modules of a version of FMI.
+    /// Builds and writes the modules of an FMI version.
     fn write_modules(&self, version: Option<Version>) -> Result<()> {
         let compiled = self.compile_for(&WebAssembly, "", version)?;
         for model in self.models() {
@@ -223,7 +228,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The files of the folder `sources` for the FMU of a model.
+    /// The files of the folder `sources` in a model's FMU.
     fn sources_of(
         &self,
         model: &str,
@@ -232,15 +237,15 @@ impl Plan {
         description: &str,
     ) -> Result<Vec<(String, Vec<u8>)>> {
         if modules.description(model)? != description {
-            bail!("the build for WebAssembly made another description of {model}");
+            bail!("the build for WebAssembly made a different description of {model}");
         }
         let bytes = reading::bytes(modules.library(model)?)?;
         let version = if is_fmi3(description) { Version::Three } else { Version::Two };
-        let folder = self.metadata.target_directory.as_std_path().join("fmu-sources");
+        let folder = self.metadata.target_directory.join("fmu-sources");
         sources::files(&Module { model: identifier, version, description, bytes: &bytes }, &folder)
     }
 
-    /// Builds the libraries of a version of FMI.
+    /// Builds the libraries of an FMI version.
     fn compile(&self, version: Option<Version>) -> Result<Vec<(Build, Compiled)>> {
         let compile = |(number, build): (usize, &Build)| {
             let of = match self.builds.len() {
@@ -252,25 +257,24 @@ impl Plan {
         self.builds.iter().enumerate().map(compile).collect()
     }
 
-    /// Builds a version of FMI for one target; `of` says which of how many it is.
+    /// Builds an FMI version for one target; `of` says which of how many.
     fn compile_for(&self, build: &dyn Made, of: &str, version: Option<Version>) -> Result<Compiled> {
-        // Its progress, and that it waits for another cargo, are on standard error, which is this one's.
+        // Cargo's progress, and its waiting for another cargo, appear on standard error, which is shared.
         complain(&format!(
-            "Compiling {} for {}{of}, a minute or more the first time; cargo says how far it is:",
+            "Compiling {} for {}{of}, a minute or more the first time; cargo shows its progress:",
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        compile(&self.metadata, self.models.values(), build, version, self.interfaces).with_context(|| {
-            match version {
+        compile(&self.metadata, self.models.values(), build, &self.profile, version, self.interfaces)
+            .with_context(|| match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
                     format!("nothing was exported of FMI {version}.0")
                 }
                 _ => "nothing was exported".to_owned(),
-            }
-        })
+            })
     }
 
-    /// Writes the FMUs of what was built, with libraries that were built elsewhere, says so, and returns their files.
+    /// Writes the FMUs from the build and from libraries built elsewhere, reports them, and returns their files.
     fn pack(
         &self,
         built: &[(Build, Compiled)],
@@ -282,7 +286,7 @@ impl Plan {
         let mut written = vec![];
         for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
-            // Of Scheduled Execution another one than the library's.
+            // Differs from the library's for Scheduled Execution.
             let identifier = model_identifier(description).unwrap_or(name);
             let generated = built[0].1.generated(name)?;
             let mut files = documentation(&generated, description, &libraries)?;
@@ -291,7 +295,7 @@ impl Plan {
             let mut description = Cow::Borrowed(description.as_str());
             if let Some(modules) = modules {
                 let sources = self.sources_of(name, identifier, modules, &description)?;
-                // FMI 3.0 lists them in a file beside them.
+                // FMI 3.0 lists them in a separate file.
                 if !is_fmi3(&description) {
                     description = with_source_files(&description, &sources::compiled(&sources))?.into();
                 }
@@ -329,39 +333,36 @@ fn interfaces() -> impl TypedValueParser<Value = Interfaces> {
     let values = Interfaces::ALL.map(|interfaces| {
         let value = PossibleValue::new(interfaces.as_str());
         match interfaces {
-            Interfaces::CoSimulation => value.help("Co-simulation: the FMU steps by itself"),
+            Interfaces::CoSimulation => value.help("Co-simulation: the FMU steps itself"),
             Interfaces::ModelExchange => value.help("Model Exchange: the importer's solver integrates it"),
             Interfaces::Both => value.alias("me,cs").help("Both; importers choose"),
-            Interfaces::ScheduledExecution => value.help(
-                "Scheduled Execution of FMI 3.0, as an FMU of its own: the importer schedules the clock",
-            ),
+            Interfaces::ScheduledExecution => value
+                .help("Scheduled Execution of FMI 3.0, in a separate FMU: the importer schedules the clock"),
         }
     });
     PossibleValuesParser::new(values).try_map(|text| text.parse::<Interfaces>())
 }
 
-/// The models that are asked for, by their identifiers.
+/// The requested models, by identifier.
 fn choose(metadata: &Metadata, names: &[String], packages: &[String]) -> Result<BTreeMap<String, Package>> {
-    let members = metadata.workspace_packages();
+    let members = &metadata.packages;
     for name in packages {
-        if !members.iter().any(|package| package.name == name.as_str()) {
+        if !members.iter().any(|package| package.name == *name) {
             let known: Vec<_> = members.iter().map(|package| package.name.as_str()).collect();
             bail!("the workspace has no package {name}; it has {}", known.join(", "));
         }
     }
     let mut models = BTreeMap::new();
     for package in members {
-        if packages.is_empty() || packages.iter().any(|name| package.name == name.as_str()) {
-            let libraries =
-                package.targets.iter().filter(|target| target.crate_types.contains(&CrateType::CDyLib));
-            models.extend(libraries.map(|target| (target.name.clone(), package.clone())));
+        if packages.is_empty() || packages.contains(&package.name) {
+            models.extend(package.libraries().map(|target| (target.name.clone(), package.clone())));
         }
     }
     if models.is_empty() {
         bail!(
             "there is no model in {}: a model is a package with `crate-type = [\"cdylib\"]` in the [lib] of its \
-             Cargo.toml, and its [lib] bears the model identifier as its name",
-            metadata.workspace_root
+             Cargo.toml, named after the model identifier",
+            metadata.workspace_root.display()
         );
     }
     let known = models.keys().cloned().collect::<Vec<_>>().join(", ");
@@ -392,7 +393,7 @@ fn builds(targets: &[Target]) -> Result<Vec<Build>> {
     Ok(builds)
 }
 
-/// The description of each model, which is the same in all builds.
+/// Each model's description, which is the same in all builds.
 fn descriptions<'a>(
     models: impl Iterator<Item = &'a str>,
     built: &[(Build, Compiled)],
@@ -402,14 +403,14 @@ fn descriptions<'a>(
         for (build, compiled) in built {
             let description = compiled.description(name)?;
             if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
-                bail!("the build for {} made another description of {name}", build.platform.folder());
+                bail!("the build for {} made a different description of {name}", build.platform.folder());
             }
         }
     }
     Ok(descriptions)
 }
 
-/// A library that is to be packed.
+/// A library to pack.
 struct ModelLibrary<'a> {
     platform: Platform,
     file: &'a Path,
@@ -431,7 +432,7 @@ impl<'a> ModelLibrary<'a> {
         self.model_of(descriptions).is_some()
     }
 
-    /// The model whose description it was built from; by its GUID, a library knows that.
+    /// The model whose description it was built from, identified by the GUID in the library.
     fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, String>) -> Option<&'d str> {
         let is_of =
             |description: &str| guid(description).is_some_and(|guid| holds(&self.bytes, guid.as_bytes()));
@@ -443,7 +444,7 @@ impl<'a> ModelLibrary<'a> {
     }
 }
 
-/// The libraries of each model: those that were compiled, and those that were built elsewhere.
+/// Each model's libraries: compiled here, and built elsewhere.
 fn libraries_of<'a>(
     descriptions: &BTreeMap<&'a str, String>,
     built: &[(Build, Compiled)],
@@ -461,7 +462,7 @@ fn libraries_of<'a>(
     for given in all {
         let Some(name) = given.model_of(descriptions) else {
             let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
-            bail!("{}: it was built from another description than {models}", given.refused());
+            bail!("{}: it was built from a description other than that of {models}", given.refused());
         };
         let of_model = libraries.entry(name).or_default();
         let bytes = match of_model.get(&given.platform) {
@@ -469,7 +470,7 @@ fn libraries_of<'a>(
             Some(other) if given.platform == Platform::Darwin64 => {
                 library::join(&[other, &given.bytes]).with_context(|| given.refused())?
             }
-            Some(_) => bail!("{}: {name} has one already", given.refused()),
+            Some(_) => bail!("{}: {name} already has one", given.refused()),
         };
         of_model.insert(given.platform, bytes);
     }
@@ -498,8 +499,7 @@ fn holds(bytes: &[u8], text: &[u8]) -> bool {
     bytes.windows(text.len()).any(|window| window == text)
 }
 
-/// The page that the build generated in a folder, the list of the platforms that the FMU has libraries for, and
-/// the icon and the terminals where the model has them.
+/// The page generated in a folder, the list of the FMU's platforms, and the model's icon and terminals, if any.
 fn documentation(
     generated: &Path,
     description: &str,
@@ -532,7 +532,7 @@ fn documentation(
     Ok(files)
 }
 
-/// The files that the model reads at run time: those in the folder `resources` that the build made, if it did.
+/// The files that the model reads at run time: those in the build's folder `resources`, if any.
 fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     let (mut files, mut pending) = (vec![], vec!["resources".to_owned()]);
     pending.retain(|path| generated.join(path).is_dir());
@@ -553,8 +553,8 @@ fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     Ok(files)
 }
 
-/// A description of FMI 2.0 with the files to compile (FMI 2.0.5, section 2.2.7: `SourceFiles` is the first element of an
-/// interface).
+/// An FMI 2.0 description with the files to compile (FMI 2.0.5, section 2.2.7: `SourceFiles` is the first element of
+/// an interface).
 fn with_source_files(description: &str, files: &[&str]) -> Result<String> {
     let mut list = "\n    <SourceFiles>\n".to_owned();
     for name in files {
@@ -584,7 +584,7 @@ fn custom_section(name: &str, bytes: &[u8]) -> Vec<u8> {
     [&[0], &*number(name.len() + bytes.len()), &name, bytes].concat()
 }
 
-/// A number in the format LEB128 (section 5.2.2).
+/// A number in LEB128 format (section 5.2.2).
 fn number(mut rest: usize) -> Vec<u8> {
     let mut bytes = vec![];
     loop {
@@ -604,23 +604,23 @@ fn create_folder_of(file: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))
 }
 
-/// Writes a file with the bytes of another one and says so.
+/// Writes bytes to a file and reports it.
 fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     create_folder_of(path)?;
     writing::write(path, |writer| writer.write_all(bytes))?;
     say(path, "")
 }
 
-/// Writes an FMU and says so.
+/// Writes an FMU and reports it.
 fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
     writing::write(path, |writer| fmu.write(writer))?;
     say(path, guid(fmu.model_description).unwrap_or("no GUID"))
 }
 
-/// Says that a file is written: its path, size, and what else there is to say.
+/// Reports a written file: its path, size, and further text.
 ///
 /// # Errors
-/// When the file is not there, or standard output cannot be written.
+/// When the file does not exist, or standard output cannot be written.
 pub fn say(path: &Path, rest: &str) -> Result<()> {
     let size = fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let line = format!("{}  {} kB  {rest}", path.display(), size.div_ceil(1000));

@@ -1,4 +1,4 @@
-//! `info`: what an FMU says of itself, FMI 1.0 to 3.0, as a table or as JSON.
+//! `info`: an FMU's description, FMI 1.0 to 3.0, as a table or as JSON.
 
 use std::collections::BTreeMap;
 use std::io::BufReader;
@@ -35,7 +35,7 @@ impl Info {
     /// Prints an FMU's description and variables.
     ///
     /// # Errors
-    /// When the file cannot be read, or is no FMU.
+    /// When the file cannot be read, or is not an FMU.
     pub fn run(&self) -> Result<()> {
         let description = FmuDescription::read(&self.file)?;
         Ok(print(&match self.format {
@@ -107,7 +107,7 @@ struct JsonVariable<'a> {
     description: Option<&'a str>,
 }
 
-/// What is empty is not declared.
+/// Empty means undeclared.
 fn declared(text: &str) -> Option<&str> {
     (!text.is_empty()).then_some(text)
 }
@@ -144,7 +144,7 @@ fn json(file: &Path, description: &FmuDescription) -> Result<String> {
     Ok(serde_json::to_string_pretty(&json)? + "\n")
 }
 
-/// The libraries directly in the folders of platforms; those in folders below are for linking.
+/// The libraries directly in the platform folders; those in subfolders are for linking.
 fn libraries(file: &Path) -> Result<Vec<JsonLibrary>> {
     let shown = file.display();
     let mut archive = archive::open(BufReader::new(reading::open(file)?))?;
@@ -223,7 +223,7 @@ fn table(description: &FmuDescription) -> String {
     text
 }
 
-/// The columns that are aligned; the description follows them.
+/// The aligned columns; the description follows them.
 fn columns(variable: &FmuVariable, description: &FmuDescription) -> [String; 7] {
     let range = match (variable.min.as_str(), variable.max.as_str()) {
         ("", "") => String::new(),

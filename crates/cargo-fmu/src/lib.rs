@@ -1,15 +1,16 @@
-//! `cargo fmu`: exports the models of a workspace, and looks into FMUs of any maker.
+//! `cargo fmu`: exports the models of a workspace, and inspects FMUs from any tool.
 //!
 //! # As a library
 //!
-//! The commands of `cargo fmu` are here for other commands that offer them too: each is a type whose fields
-//! clap fills from the command line.
+//! The commands of `cargo fmu`, for other commands that offer them too: each is a type whose fields clap fills from
+//! the command line.
 
 mod compile;
 mod export;
 mod info;
 mod licenses;
 mod merge;
+mod metadata;
 mod new;
 mod parameter_binding;
 mod parameters;
@@ -35,7 +36,7 @@ pub use new::New;
 pub use parameters::Parameters;
 pub use validate::Validate;
 
-/// Exit status on failure, as clap's.
+/// Exit status on failure, as in clap.
 const FAILED: u8 = 2;
 
 /// Exit statuses, for the help.
@@ -82,7 +83,7 @@ Examples:
     Export {
         #[command(flatten)]
         export: Export,
-        /// Parameter sets; each is bound to the FMU that has its parameters, in a package MODEL.ssp
+        /// Parameter sets; each is bound to the FMU with its parameters, in a package MODEL.ssp
         #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
@@ -144,7 +145,7 @@ Example:
 #[must_use]
 pub fn main() -> ExitCode {
     exit_with(|| {
-        // Cargo passes the word `fmu` on, as the first argument.
+        // Cargo passes the word `fmu` as the first argument.
         let arguments = env::args_os().enumerate();
         let arguments = arguments.filter(|(index, word)| *index != 1 || word != "fmu").map(|(_, word)| word);
         match Arguments::parse_from(arguments).command {
@@ -175,8 +176,8 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// Runs a command and gives the process's exit status: 0 and 1 for yes and no, 2 for an error, which is printed.
-/// Temporary files are removed when the process is interrupted.
+/// Runs a command and returns the process's exit status: 0 and 1 for yes and no, 2 for an error, which is printed.
+/// Removes temporary files when the process is interrupted.
 pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
     temporary::remove_when_interrupted();
     match command() {
@@ -196,6 +197,6 @@ fn cargo() -> process::Command {
 
 /// Reads an argument for a platform: its folder, `=`, and the value.
 fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
-    let (folder, value) = text.split_once('=').context("there is no '=' in it")?;
+    let (folder, value) = text.split_once('=').context("it contains no '='")?;
     Ok((folder.parse()?, value.to_owned().into()))
 }

@@ -1,8 +1,8 @@
-//! `documentation/licenses/` of an FMU (FMI 2.0.5, section 2.3): the licenses of the model, and of all that is
-//! linked into its libraries. Cargo says what that is, so it holds for any model.
+//! `documentation/licenses/` of an FMU (FMI 2.0.5, section 2.3): the licenses of the model and of everything linked
+//! into its libraries, as reported by cargo for any model.
 //!
-//! `license.txt`, where the standard has readers begin, lists the packages and holds their texts. The notices
-//! of Rust's standard library, which differ from compiler to compiler, lie beside it.
+//! `license.txt`, the standard's entry point, lists the packages and contains their texts. The notices of Rust's
+//! standard library, which differ between compilers, are in a separate file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::env;
@@ -11,39 +11,39 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use cargo_metadata::Package;
 use fmu_package::reading;
 
 use super::cargo;
 use super::compile::Compiled;
+use super::metadata::Package;
 use super::target::Build;
 
-/// Where the licenses lie in the archive.
+/// The folder of the licenses in the archive.
 const FOLDER: &str = "documentation/licenses";
 
-/// How the names of files with licenses begin, in capital letters.
+/// How the names of license files begin, in capital letters.
 const NAMES: [&str; 6] = ["COPYING", "COPYRIGHT", "LICENCE", "LICENSE", "NOTICE", "UNLICENSE"];
 
-/// The notices of Rust's standard library in the folder `share/doc` of a toolchain: those of Rust's makers, and
-/// those of Debian's packages.
+/// The notices of Rust's standard library in a toolchain's folder `share/doc`: Rust's own, and those of Debian's
+/// packages.
 const STANDARD_LIBRARY: [&str; 3] =
     ["rust/COPYRIGHT-library.html", "libstd-rust-dev/copyright", "libstd-rust-web-dev/copyright"];
 
-/// A package that is linked into a library.
+/// A package linked into a library.
 #[derive(Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Linked {
     /// Name and version.
     name: String,
-    /// The terms as its manifest has them.
+    /// The terms in its manifest.
     terms: String,
     /// Where its sources are published, if anywhere.
     repository: String,
 }
 
-/// The files for the FMU of a model, which is built by a package.
+/// The files for a model's FMU, built from a package.
 ///
 /// # Errors
-/// When cargo or rustc do not answer, or a license cannot be read.
+/// When cargo or rustc fail, or a license cannot be read.
 pub fn files(model: &str, package: &Package, built: &[(Build, Compiled)]) -> Result<Vec<(String, Vec<u8>)>> {
     let mut texts = BTreeMap::new();
     for (build, compiled) in built {
@@ -61,8 +61,8 @@ pub fn files(model: &str, package: &Package, built: &[(Build, Compiled)]) -> Res
     Ok(files)
 }
 
-/// What is linked into the library of a package: what it depends on while it runs. What serves to build it, as
-/// build scripts and procedural macros do, is not.
+/// What is linked into a package's library: its run-time dependencies, without build dependencies such as build
+/// scripts and procedural macros.
 fn linked(package: &Package, build: &Build) -> Result<BTreeSet<Linked>> {
     let mut cargo = cargo();
     cargo.args(["tree", "--edges", "normal,no-proc-macro", "--prefix", "none"]);
@@ -76,7 +76,7 @@ fn linked(package: &Package, build: &Build) -> Result<BTreeSet<Linked>> {
 }
 
 impl Linked {
-    /// Reads a line of cargo's tree: name, version with a `v`, and other properties of the package; its terms; its
+    /// Parses a line of cargo's tree: name, version with a `v`, and other properties of the package; its terms; its
     /// repository.
     fn parse(line: &str) -> Option<Self> {
         let mut columns = line.split('\t');
@@ -87,7 +87,7 @@ impl Linked {
     }
 }
 
-/// The licenses in a package's folder by the names of their files; where it has none, those of its workspace.
+/// The licenses in a package's folder, by file name; if none, those of its workspace.
 fn texts_of(folder: &Path) -> Result<BTreeMap<String, String>> {
     let texts = texts_in(folder)?;
     if !texts.is_empty() {
@@ -100,7 +100,7 @@ fn texts_of(folder: &Path) -> Result<BTreeMap<String, String>> {
     texts_in(workspace.parent().unwrap_or(folder))
 }
 
-/// The licenses in a folder by the names of their files.
+/// The licenses in a folder, by file name.
 fn texts_in(folder: &Path) -> Result<BTreeMap<String, String>> {
     let failed = || format!("cannot read the folder {}", folder.display());
     let mut texts = BTreeMap::new();
@@ -119,24 +119,24 @@ fn texts_in(folder: &Path) -> Result<BTreeMap<String, String>> {
     Ok(texts)
 }
 
-/// The text of `license.txt`. A text that several packages have stands there once.
+/// The text of `license.txt`. Texts shared by several packages appear once.
 fn license(
     model: &str,
     packages: &BTreeMap<Linked, BTreeMap<String, String>>,
     has_notices_of_rust: bool,
 ) -> String {
-    let mut license = format!("The licenses of {model} and of all that is linked into its libraries\n\n");
+    let mut license = format!("The licenses of {model} and of everything linked into its libraries\n\n");
     for (Linked { name, terms, repository }, texts) in packages {
-        let terms = if terms.is_empty() { "no terms are given" } else { terms };
+        let terms = if terms.is_empty() { "no terms given" } else { terms };
         license += &format!("- {name}: {terms}");
         if !repository.is_empty() {
             license += &format!(", {repository}");
         }
-        license += if texts.is_empty() { "; no text comes with it\n" } else { "\n" };
+        license += if texts.is_empty() { "; no license text included\n" } else { "\n" };
     }
     license += "- the standard library of Rust: MIT OR Apache-2.0; its notices are ";
     license += if has_notices_of_rust {
-        "beside this file, named after the compiler\n"
+        "in the same folder, named after the compiler\n"
     } else {
         "at https://github.com/rust-lang/rust\n"
     };
@@ -156,14 +156,14 @@ fn license(
     license
 }
 
-/// The notices of the standard library and the name of their file, as they come with the compiler.
+/// The notices of the standard library and their file name, as shipped with the compiler.
 fn standard_library() -> Result<Option<(String, Vec<u8>)>> {
     let rustc = || Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
     let (mut version, mut sysroot) = (rustc(), rustc());
     version.arg("--version");
     sysroot.args(["--print", "sysroot"]);
     let version = output(version)?;
-    let version = version.split(' ').nth(1).context("rustc does not tell its version")?;
+    let version = version.split(' ').nth(1).context("rustc does not report its version")?;
     let documents = Path::new(output(sysroot)?.trim()).join("share/doc");
     let Some(file) = STANDARD_LIBRARY.iter().map(|file| documents.join(file)).find(|file| file.is_file())
     else {
@@ -174,12 +174,12 @@ fn standard_library() -> Result<Option<(String, Vec<u8>)>> {
     Ok(Some((format!("rust-{version}.{extension}"), notices)))
 }
 
-/// What a command prints.
+/// A command's output.
 fn output(mut command: Command) -> Result<String> {
     let name = command.get_program().display().to_string();
     let output = command.output().with_context(|| format!("cannot run {name}"))?;
     if !output.status.success() {
-        bail!("{name} does not answer: {}", String::from_utf8_lossy(&output.stderr).trim());
+        bail!("{name} fails: {}", String::from_utf8_lossy(&output.stderr).trim());
     }
     String::from_utf8(output.stdout).with_context(|| format!("the answer of {name} is not text"))
 }
@@ -220,11 +220,11 @@ mod tests {
         ]);
         let line = "-".repeat(80);
         let expected = format!(
-            "The licenses of Lag and of all that is linked into its libraries\n\n\
-             - lag 0.1.0: no terms are given; no text comes with it\n\
+            "The licenses of Lag and of everything linked into its libraries\n\n\
+             - lag 0.1.0: no terms given; no license text included\n\
              - one 1.0.0: MIT OR Apache-2.0\n\
              - two 2.0.0: Apache-2.0\n\
-             - the standard library of Rust: MIT OR Apache-2.0; its notices are beside this file, named after \
+             - the standard library of Rust: MIT OR Apache-2.0; its notices are in the same folder, named after \
              the compiler\n\n\
              {line}\none 1.0.0, LICENSE-A\ntwo 2.0.0, COPYING\n{line}\n\napache\n\n\
              {line}\none 1.0.0, LICENSE-M\n{line}\n\nmit\n"

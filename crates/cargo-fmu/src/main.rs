@@ -1,4 +1,4 @@
-//! `cargo fmu`: creates, exports and looks into FMUs.
+//! `cargo fmu`: creates, exports and inspects FMUs.
 
 use std::process::ExitCode;
 

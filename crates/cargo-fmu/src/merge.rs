@@ -27,10 +27,10 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// Writes the merged FMU, and says which libraries it has.
+    /// Writes the merged FMU, and lists its libraries.
     ///
     /// # Errors
-    /// When an FMU cannot be read, when they are not of one model, or when the file cannot be written.
+    /// When an FMU cannot be read, they are not of one model, or the file cannot be written.
     pub fn run(&self) -> Result<()> {
         merge(&self.fmus, &self.runs, &self.out)
     }
@@ -38,7 +38,7 @@ impl Merge {
 
 fn merge(fmus: &[PathBuf], runs: &[(Platform, String)], out: &Path) -> Result<()> {
     writing::refuse_overlap(&[out.to_owned()], fmus)?;
-    // All are held at once, and become one.
+    // All are held in memory at once, and become one.
     let mut left = LARGEST_CONTENT;
     let parts = fmus.iter().map(|path| read(path, &mut left)).collect::<Result<Vec<_>>>()?;
     let mut known = BTreeMap::new();

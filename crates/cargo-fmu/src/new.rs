@@ -1,4 +1,4 @@
-//! `new`: a package that exports at once, as a template to be edited.
+//! `new`: a package that exports immediately, as a template to edit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use fmu_package::terminal::print;
 
 use super::cargo;
 
-/// Create a package with a model that exports at once
+/// Create a package with a model that exports immediately
 #[derive(Args, Debug)]
 pub struct New {
     /// The folder to create; its name is the package's
@@ -27,7 +27,7 @@ pub struct New {
     vcs: Option<String>,
 }
 
-/// The models to start from: the ladder of `docs/ladder.md` in the repository, and a controller.
+/// The models to start from: the ladder in the repository's `docs/ladder.md`, and a controller.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Template {
@@ -43,7 +43,7 @@ enum Template {
     Stair,
     /// Inputs and outputs of each type
     Feedthrough,
-    /// The same with all FMI 3.0 types, for FMI 3.0
+    /// Likewise with all FMI 3.0 types, for FMI 3.0
     #[value(name = "feedthrough_3")]
     Feedthrough3,
     /// A linear system with arrays sized by structural parameters, for FMI 3.0
@@ -60,7 +60,7 @@ enum Template {
 struct Files {
     declaration: &'static str,
     source: &'static str,
-    /// Further files by their names.
+    /// Other files by name.
     others: &'static [(&'static str, &'static str)],
 }
 
@@ -94,16 +94,16 @@ impl Template {
 }
 
 impl New {
-    /// Has cargo create the package, so that names, editions and workspaces are as cargo has them, and fills it in.
+    /// Lets cargo create the package, with its names, editions and workspaces, and fills it in.
     ///
     /// # Errors
-    /// When cargo refuses, or a file cannot be written.
+    /// When cargo rejects it, or a file cannot be written.
     pub fn run(&self) -> Result<()> {
         let path = self.path.display();
         if self.path.exists() {
             bail!(
-                "{path} is there already; choose another folder (how an existing crate becomes an FMU is said in the README \
-                 of fmu-export, https://docs.rs/fmu-export)"
+                "{path} already exists; choose another folder (fmu-export's README explains how an existing crate \
+                 becomes an FMU, https://docs.rs/fmu-export)"
             );
         }
         let name = match &self.name {
@@ -117,8 +117,8 @@ impl New {
         let identifier = name.replace('-', "_");
         if !is_identifier(&identifier) {
             bail!(
-                "'{identifier}' cannot be the name of an FMU, which is made of the letters a to z and A to Z, digits and \
-                 underscores, with no digit first; choose another one with --name"
+                "'{identifier}' cannot be the name of an FMU, which consists of the letters a to z and A to Z, digits and \
+                 underscores, and does not start with a digit; choose another one with --name"
             );
         }
         let mut command = cargo();
@@ -132,7 +132,7 @@ impl New {
         let status =
             command.arg(&self.path).status().context("cannot run cargo; install Rust, or set CARGO")?;
         if !status.success() {
-            bail!("cargo could not create the package; its message stands above");
+            bail!("cargo could not create the package; see its message above");
         }
         self.fill_in(name, &identifier)?;
         Ok(print(&format!(
@@ -168,7 +168,7 @@ impl New {
     }
 }
 
-/// The manifest that cargo wrote, with the library's type and the dependencies.
+/// Cargo's manifest, with the library's type and the dependencies.
 fn manifest_of(manifest: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
     let source = |name: &str| match checkout() {
@@ -187,15 +187,15 @@ fn manifest_of(manifest: &str, folder: &Path) -> String {
     )
 }
 
-/// The folder of the exporter's crates, where this command was built from a checkout of its repository that is still
-/// there: packages then depend on these.
+/// The folder of the exporter's crates, if this command was built from a checkout that still exists: packages then
+/// depend on these.
 pub fn checkout() -> Option<&'static Path> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)
 }
 
-/// The folder of the exporter's crates as seen from a package in the same checkout or beside it, which may then be moved with
-/// it; else as it is.
+/// The folder of the exporter's crates: relative for a package in or next to the checkout, so that both can be moved
+/// together; otherwise absolute.
 fn relative(crates: &Path, package: &Path) -> PathBuf {
     let beside = crates.ancestors().nth(2).filter(|beside| beside.parent().is_some());
     let (Some(beside), Ok(package)) = (beside, package.canonicalize()) else { return crates.to_owned() };
@@ -207,7 +207,7 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
     up.chain(crates.components().skip(common).map(|part| Path::new(part.as_os_str()))).collect()
 }
 
-/// Types that the templates use, after which no model can be named.
+/// Types used by the templates, after which no model can be named.
 const USED_TYPES: [&str; 20] = [
     "Clocked",
     "Context",
@@ -231,7 +231,7 @@ const USED_TYPES: [&str; 20] = [
     "Variables",
 ];
 
-/// The name of the model's type: the package's in upper camel case.
+/// The name of the model's type: the package's, in upper camel case.
 fn type_name(package: &str) -> String {
     let words = package.split(['-', '_']);
     let name: String = words

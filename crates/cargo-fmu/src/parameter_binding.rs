@@ -1,5 +1,5 @@
-//! FMUs with parameter sets: a package of SSP for each, in which the sets are bound to the FMU and its Real inputs and
-//! outputs are those of the system.
+//! FMUs with parameter sets: an SSP package for each, which binds the sets to the FMU and makes its Real inputs and
+//! outputs those of the system.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,11 +12,11 @@ use fmu_package::{
 
 use super::export::{Plan, say};
 
-/// The distance of the connectors in mm, and the width of the component.
+/// The distance between connectors in mm, and the component's width.
 const PITCH: f64 = 10.0;
 const WIDTH: f64 = 60.0;
 
-/// Exports FMUs, and writes `MODEL.ssp` for each that parameter sets are for.
+/// Exports FMUs, and writes `MODEL.ssp` for each FMU that has parameter sets.
 pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     let sets: Vec<_> =
         files.iter().map(|file| Ok((file, ParameterSet::read(file)?))).collect::<Result<_>>()?;
@@ -51,9 +51,9 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// The FMUs that have the parameters of a set, of each version of FMI the first that was written, and their descriptions.
+/// The FMUs with a set's parameters, of each FMI version the first one written, and their descriptions.
 fn owners(written: &[PathBuf], set: &ParameterSet) -> Result<BTreeMap<PathBuf, FmuDescription>> {
-    let first = set.parameters.first().context("it holds no parameter")?;
+    let first = set.parameters.first().context("it contains no parameters")?;
     let mut owners = BTreeMap::<PathBuf, FmuDescription>::new();
     let mut names = vec![];
     for fmu in written {
@@ -70,7 +70,7 @@ fn owners(written: &[PathBuf], set: &ParameterSet) -> Result<BTreeMap<PathBuf, F
     bail!("none of {} has a variable {}", names.join(", "), first.name)
 }
 
-/// The package of an FMU with parameter sets.
+/// An FMU's package with parameter sets.
 fn package(fmu: &FmuDescription, bytes: Vec<u8>, sets: Vec<(String, ParameterSet)>) -> SystemPackage {
     let name = fmu.co_simulation_identifier().unwrap_or("Model").to_owned();
     let of_kind = |kind| {
@@ -138,7 +138,7 @@ fn connector(variable: &FmuVariable, kind: Kind, height: f64) -> Connector {
     }
 }
 
-/// What connects the system's connector with the component's.
+/// Connects the system's connector with the component's.
 fn connection(system: &str, connector: &Connector) -> Connection {
     let outside = End { component: None, connector: connector.name.clone() };
     let inside = End { component: Some(format!("{system}_instance")), connector: connector.name.clone() };

@@ -1,4 +1,4 @@
-//! `parameters`: an FMU's parameters as a parameter set to be edited.
+//! `parameters`: an FMU's parameters as a parameter set to edit.
 
 use std::path::{Path, PathBuf};
 
@@ -22,13 +22,12 @@ impl Parameters {
     /// Writes the parameters of an FMU, with their start values, to a new file.
     ///
     /// # Errors
-    /// When the FMU cannot be read, or the file is there already or cannot be written.
+    /// When the FMU cannot be read, or the file already exists or cannot be written.
     pub fn run(&self) -> Result<()> {
         let set =
             FmuDescription::read(&self.file)?.scalars().map_err(Into::into).and_then(|it| defaults(&it));
-        let set = set.with_context(|| {
-            format!("modelDescription.xml in {} is not as it should be", self.file.display())
-        })?;
+        let set =
+            set.with_context(|| format!("modelDescription.xml in {} is invalid", self.file.display()))?;
         let name = format!("{}.ssv", set.name);
         let out = self.out.as_deref().unwrap_or(Path::new(&name));
         writing::write_new(out, set.to_xml().as_bytes())?;
@@ -46,10 +45,7 @@ fn defaults(description: &FmuDescription) -> Result<ParameterSet> {
     });
     Ok(ParameterSet {
         name: description.co_simulation_identifier().unwrap_or("Parameters").to_owned(),
-        description: format!(
-            "The parameters of {}, as they are by default",
-            description.attribute("modelName")
-        ),
+        description: format!("The default parameters of {}", description.attribute("modelName")),
         parameters: parameters.collect::<Result<_>>()?,
         units: description.units.clone(),
     })
@@ -71,6 +67,6 @@ fn start(variable: &FmuVariable, description: &FmuDescription) -> Result<Value> 
             Value::Enumeration(item.context("no item has this value")?.0.clone())
         }
         ValueType::String => Value::String(variable.start.clone()),
-        ValueType::Other => bail!("values of the type {} are not known", variable.data_type),
+        ValueType::Other => bail!("values of type {} are not supported", variable.data_type),
     })
 }

@@ -1,9 +1,9 @@
-//! `sources/` of an FMU: the model as C, translated from its WebAssembly module by wasm2c, and the functions of FMI on
-//! top of it, which are in this package's folder `sources`.
+//! `sources/` of an FMU: the model as C, translated by wasm2c from its WebAssembly module, and the FMI functions on
+//! top of it, from this package's folder `sources`.
 //!
-//! wasm2c writes one file of many megabytes with helpers that are not C99. Here it is divided: declarations go into
-//! `model.h`, functions into files of bearable length, and of the helpers those in `wasm.h` take the place. All names
-//! are the model's own, so that several FMUs may be linked to one program.
+//! wasm2c writes one file of many megabytes with helpers that are not C99. Here it is split: declarations go into
+//! `model.h`, functions into files of manageable length, and `wasm.h` replaces the helpers. All names are specific to
+//! the model, so that several FMUs can be linked into one program.
 
 use std::env;
 use std::fs;
@@ -16,26 +16,26 @@ use fmu_export_build::Version;
 use fmu_package::reading;
 use fmu_xml::{document, element, empty};
 
-/// The version of wasm2c whose output this reads.
+/// The wasm2c version whose output this reads.
 const VERSION: &str = "1.0.32";
 
-/// The variable that names the program, where it is not on the path.
+/// The environment variable for its path.
 const PROGRAM: &str = "WASM2C";
 
 /// The folder of the sources.
 const FOLDER: &str = "sources/";
 
-/// The longest file that the translation is divided into, in bytes.
+/// The longest translated file, in bytes.
 const LONGEST: usize = 800_000;
 
-/// The bytes of one file of data, at most five characters each.
+/// The bytes in one data file, at most five characters each.
 const DATA: usize = 150_000;
 
-/// The pages by which an instance's memory may grow, 64 KiB each. They are allocated, but most systems provide memory only
-/// when it is first written to.
+/// The pages by which an instance's memory may grow, 64 KiB each. They are allocated, but most systems provide memory
+/// only on the first write.
 const PAGES_TO_GROW: u32 = 240;
 
-/// The files that every FMU has.
+/// The files of every FMU.
 const RUNTIME: [(&str, &str); 4] = [
     ("wasm.h", include_str!("../sources/wasm.h")),
     ("runtime.h", include_str!("../sources/runtime.h")),
@@ -43,7 +43,7 @@ const RUNTIME: [(&str, &str); 4] = [
     ("README.txt", include_str!("../sources/README.txt")),
 ];
 
-/// The file with the functions of a version of FMI.
+/// The file with the functions of an FMI version.
 fn functions(version: Version) -> (&'static str, &'static str) {
     match version {
         Version::Two => ("fmi2.c", include_str!("../sources/fmi2.c")),
@@ -51,7 +51,7 @@ fn functions(version: Version) -> (&'static str, &'static str) {
     }
 }
 
-/// The beginning of each translated file.
+/// The start of each translated file.
 const TRANSLATED: &str = "\
 /* Translated from WebAssembly. */
 
@@ -69,10 +69,10 @@ const TRANSLATED: &str = "\
 #endif
 ";
 
-/// The memory of an instance, among what it has.
+/// The memory among an instance's fields.
 const MEMORY: &str = "  wasm_rt_memory_t w2c_memory;\n";
 
-/// What the functions of Model Exchange of FMI 2.0 count; those of FMI 3.0 leave it to the module.
+/// The sizes needed by FMI 2.0's Model Exchange functions; FMI 3.0's leave them to the module.
 #[derive(Clone, Copy, Debug)]
 struct Counts {
     /// The continuous states.
@@ -82,7 +82,7 @@ struct Counts {
 }
 
 impl Counts {
-    /// Those of a description.
+    /// Those in a description.
     fn of(description: &str) -> Self {
         let attribute = |name: &str| {
             let value = description.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?;
@@ -97,18 +97,18 @@ impl Counts {
     }
 }
 
-/// Refuses to export without wasm2c, or with one whose output differs.
+/// Rejects the export without wasm2c, or with a version whose output differs.
 pub fn check_tools() -> Result<()> {
     let output = program().arg("--version").output().with_context(|| {
         format!(
-            "`--sources` takes wasm2c {VERSION}: on Debian 12, `apt-get install wabt` brings it; {PROGRAM} names it \
-             where it is not on the path"
+            "`--sources` needs wasm2c {VERSION}: on Debian 12, `apt-get install wabt` installs it; set {PROGRAM} \
+             if it is not on the path"
         )
     })?;
     let version = String::from_utf8_lossy(&output.stdout);
     ensure!(
         version.trim() == VERSION,
-        "`--sources` takes wasm2c {VERSION}, of https://github.com/WebAssembly/wabt/releases; this one is {}",
+        "`--sources` needs wasm2c {VERSION}, from https://github.com/WebAssembly/wabt/releases; this one is {}",
         version.trim()
     );
     Ok(())
@@ -118,7 +118,7 @@ fn program() -> Command {
     Command::new(env::var_os(PROGRAM).unwrap_or_else(|| "wasm2c".into()))
 }
 
-/// A module of a model.
+/// A model's module.
 pub struct Module<'a> {
     /// The model identifier.
     pub model: &'a str,
@@ -130,7 +130,7 @@ pub struct Module<'a> {
     pub bytes: &'a [u8],
 }
 
-/// The files of `sources/` of a model. The folder is for what lies between.
+/// The files of a model's `sources/`. The folder is for intermediate files.
 pub fn files(module: &Module<'_>, folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let [wasm, c, h] = ["wasm", "c", "h"].map(|suffix| folder.join(module.model).with_extension(suffix));
@@ -138,7 +138,7 @@ pub fn files(module: &Module<'_>, folder: &Path) -> Result<Vec<(String, Vec<u8>)
     let status = program().arg(&wasm).args(["--module-name", "model", "--output"]).arg(&c).status();
     ensure!(status.context("cannot run wasm2c")?.success(), "wasm2c cannot translate {}", wasm.display());
     let mut files = divide(module, &reading::text(&h)?, &reading::text(&c)?)
-        .with_context(|| format!("the output of wasm2c, {}, is not as that of {VERSION}", c.display()))?;
+        .with_context(|| format!("the output of wasm2c, {}, is not that of {VERSION}", c.display()))?;
     let runtime = RUNTIME.into_iter().chain([functions(module.version)]);
     let named = |text: &str| {
         let prefix = format!("FMI{}_FUNCTION_PREFIX", module.version);
@@ -151,7 +151,7 @@ pub fn files(module: &Module<'_>, folder: &Path) -> Result<Vec<(String, Vec<u8>)
     Ok(files.into_iter().map(|(name, text)| (format!("{FOLDER}{name}"), text.into_bytes())).collect())
 }
 
-/// The files to compile among others, by their names in the folder.
+/// The files to compile, by name in the folder.
 pub fn compiled<T>(files: &[(String, T)]) -> Vec<&str> {
     let names = files.iter().map(|(path, _)| path.strip_prefix(FOLDER).unwrap_or(path));
     names.filter(|name| Path::new(name).extension().is_some_and(|suffix| suffix == "c")).collect()
@@ -173,7 +173,7 @@ fn build_description(model: &str, files: &[&str]) -> String {
     })
 }
 
-/// The translation as files: what wasm2c wrote as a header and a file.
+/// The translation as files: wasm2c's header and source.
 fn divide(module: &Module<'_>, header: &str, translation: &str) -> Result<Vec<(String, String)>> {
     let (_, after) = header.split_once("struct Z_fmu_instance_t;\n").context("there is no import")?;
     let (instance, exports) = after.split_once("} Z_model_instance_t;\n").context("there is no instance")?;
@@ -188,7 +188,7 @@ fn divide(module: &Module<'_>, header: &str, translation: &str) -> Result<Vec<(S
             || item.starts_with("static void init_func_types(")
             || item.starts_with("void Z_model_init_module(")
         {
-            // The index of a type is what distinguishes it.
+            // A type's index identifies it.
         } else if let Some(array) = item.strip_prefix("static const u8 data_segment_data_") {
             let (name, bytes) = array.split_once("[]").context("an array has a size")?;
             data.push((name.to_owned(), numbers(bytes)?));
@@ -210,7 +210,7 @@ fn divide(module: &Module<'_>, header: &str, translation: &str) -> Result<Vec<(S
     files.push(functions);
     rest = rest.replace("  assert(wasm_rt_is_initialized());\n  assert(s_module_initialized);\n", "");
     rest = rest.replace(", func_types);", ");");
-    // wasm2c would pass imported functions the address of what they are to be passed.
+    // wasm2c would pass imported functions the address of their own import.
     rest = rest.replace("offsetof(Z_model_instance_t, Z_fmu_instance)}", "1}");
     let pages = rest.split("wasm_rt_allocate_memory(&instance->w2c_memory, ").nth(1);
     let pages =
@@ -235,19 +235,19 @@ fn divide(module: &Module<'_>, header: &str, translation: &str) -> Result<Vec<(S
         rest = rest.replace(&format!("{line}\n"), &loads);
     }
     if let Some(at) = rest.find(", func_types") {
-        bail!("types are in a place of their own: {}", rest[at..].lines().next().unwrap_or_default());
+        bail!("types are in a separate place: {}", rest[at..].lines().next().unwrap_or_default());
     }
 
     let files = files.into_iter().enumerate().map(|(index, text)| (format!("model_{}.c", index + 1), text));
     named.extend(files.chain([("model.c".to_owned(), rest)]).map(|(name, text)| {
-        // The table of types is left out, so their indices are compared.
+        // The type table is omitted, so indices are compared.
         (name, format!("{TRANSLATED}\n{}", text.trim_start()))
     }));
     named.push(("model.h".to_owned(), model_h(module, pages, instance, &declarations)?));
     Ok(named)
 }
 
-/// The items of a file: comments, declarations up to a semicolon, and definitions up to the line `}` or `};`.
+/// A file's items: comments, declarations up to a semicolon, and definitions up to the line `}` or `};`.
 fn items(text: &str) -> impl Iterator<Item = &str> {
     let mut rest = text;
     std::iter::from_fn(move || {
@@ -266,19 +266,19 @@ fn items(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Whether an item is a function of the module, and not one of its initialization.
+/// Whether an item is a function of the module other than its initialization.
 fn is_of_module(item: &str) -> bool {
     let name = item.split('(').next().and_then(|before| before.rsplit(' ').next());
     name.is_some_and(|name| name.starts_with("w2c_")) && item.contains("(Z_model_instance_t*")
 }
 
-/// The bytes of an array.
+/// An array's bytes.
 fn numbers(text: &str) -> Result<Vec<u8>> {
     let digits = text.split("0x").skip(1).map(|number| number.get(..2).unwrap_or_default());
     digits.map(|digits| u8::from_str_radix(digits, 16).context("a byte is not a number")).collect()
 }
 
-/// A file of data.
+/// A data file.
 fn data_file(array: &str, bytes: &[u8]) -> String {
     let mut text =
         format!("/* Data of the model. */\n\n#include \"model.h\"\n\nconst u8 {array}[{}] = {{", bytes.len());
@@ -289,12 +289,12 @@ fn data_file(array: &str, bytes: &[u8]) -> String {
     text + "\n};\n"
 }
 
-/// `model.h`: the module's instance and its functions, under names that are the model's.
+/// `model.h`: the module's instance and functions, under model-specific names.
 fn model_h(module: &Module<'_>, pages: u32, instance: &str, declarations: &[String]) -> Result<String> {
     let mut text = format!(
         "/* The translated model: an instance of its module, and its functions. */\n\n#ifndef MODEL_H\n#define MODEL_H\n\n\
          #define PREFIXED(name) {}_##name\n\n\
-         /* The most memory that an instance can have, in pages of 64 KiB: it begins with {pages}. */\n\
+         /* The most memory of an instance, in pages of 64 KiB: it starts with {pages}. */\n\
          #ifndef MODEL_PAGES\n#define MODEL_PAGES {}\n#endif\n",
         module.model,
         pages + PAGES_TO_GROW

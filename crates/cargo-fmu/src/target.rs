@@ -1,5 +1,4 @@
-//! What an FMU's libraries are built for: platforms of FMI or Rust's targets, and what it takes to build for
-//! them here.
+//! The targets of an FMU's libraries: FMI platforms or Rust targets, and the tools to build for them here.
 
 use std::env::{self, consts};
 use std::ffi::{OsStr, OsString};
@@ -14,25 +13,24 @@ use fmu_package::Platform;
 
 use super::{cargo, new};
 
-/// The profile of the libraries. A workspace whose manifest does not define it gets it as its release profile.
-const PROFILE: &str = "fmu-library";
+/// The profile of the libraries. If the workspace's manifest does not define it, it is the release profile.
+pub const PROFILE: &str = "fmu-library";
 
-/// What is asked for by `--target`.
+/// A `--target` argument.
 #[derive(Clone, Debug)]
 pub enum Target {
-    /// A platform, by the name of its folder.
+    /// A platform, by folder name.
     Platform(Platform),
-    /// One of Rust's targets.
+    /// A Rust target.
     Triple(Build),
 }
 
-/// A build of all libraries for one of Rust's targets.
+/// A build of all libraries for a Rust target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Build {
-    /// Which folder the libraries belong into.
+    /// The folder for the libraries.
     pub platform: Platform,
-    /// Rust's name of the target, and after a dot the oldest glibc that the libraries shall run with; none for
-    /// the host as cargo builds for it by default.
+    /// Rust's target name, then after a dot the oldest glibc to support; none for the host with cargo's defaults.
     target: Option<String>,
 }
 
@@ -42,19 +40,18 @@ impl FromStr for Target {
     fn from_str(text: &str) -> Result<Self> {
         let (triple, glibc) = split(text);
         let Some(platform) = platform(triple) else {
-            let none =
-                |error: io::Error| anyhow!("it is not a Rust target that FMUs are built for, and {error}");
+            let none = |error: io::Error| anyhow!("not a Rust target for FMUs, and {error}");
             return text.parse().map(Self::Platform).map_err(none);
         };
         if glibc.is_some() && !triple.ends_with("-linux-gnu") {
-            bail!("only targets with glibc take its version, as x86_64-unknown-linux-gnu.2.17");
+            bail!("only glibc targets take its version, as in x86_64-unknown-linux-gnu.2.17");
         }
         Ok(Self::Triple(Build { platform, target: Some(text.to_owned()) }))
     }
 }
 
 impl Target {
-    /// What is built for it: for macOS, two targets make one platform.
+    /// The builds of a target: for macOS, two targets make one platform.
     pub fn builds(&self) -> Vec<Build> {
         match self {
             Self::Triple(build) => vec![build.clone()],
@@ -66,16 +63,16 @@ impl Target {
     }
 }
 
-/// Rust's name of a target, and the version of glibc after a dot.
+/// Rust's target name, and the glibc version after a dot.
 fn split(target: &str) -> (&str, Option<&str>) {
     target.split_once('.').map_or((target, None), |(triple, glibc)| (triple, Some(glibc)))
 }
 
-/// The platform of one of Rust's targets.
+/// A Rust target's platform.
 fn platform(triple: &str) -> Option<Platform> {
     let (architecture, system) = triple.split_once('-')?;
     Some(match (architecture, system) {
-        // Both go where importers look on macOS; `aarch64-darwin` must be asked for.
+        // Both go where importers look on macOS; `aarch64-darwin` must be requested explicitly.
         ("x86_64" | "aarch64", "apple-darwin") => Platform::Darwin64,
         ("aarch64", "unknown-linux-gnu") => Platform::Aarch64Linux,
         ("i586" | "i686", "unknown-linux-gnu") => Platform::Linux32,
@@ -87,7 +84,7 @@ fn platform(triple: &str) -> Option<Platform> {
     })
 }
 
-/// The targets that make a platform's library. For Windows it is the kind that links here.
+/// The targets that make a platform's library. For Windows, the kind that can be linked here.
 fn triples(platform: Platform) -> &'static [&'static str] {
     match platform {
         Platform::Aarch64Darwin => &["aarch64-apple-darwin"],
@@ -104,16 +101,16 @@ fn triples(platform: Platform) -> &'static [&'static str] {
     }
 }
 
-/// What cargo makes of a model.
+/// A kind of build result.
 pub trait Made {
-    /// What messages call it.
+    /// Its name in messages.
     fn name(&self) -> &str;
 
-    /// How the names of its files end.
+    /// Its file name suffix.
     fn suffix(&self) -> &'static str;
 
-    /// The command that builds it in cargo's target folder; which packages is the caller's.
-    fn command(&self, target: &Path) -> Command;
+    /// The command that builds it in cargo's target folder, with a profile if it is a library; the caller adds packages.
+    fn command(&self, target: &Path, profile: &str) -> Command;
 }
 
 /// WebAssembly modules.
@@ -123,15 +120,15 @@ pub struct WebAssembly;
 impl WebAssembly {
     const TRIPLE: &'static str = "wasm32-unknown-unknown";
 
-    /// The variable that names the compiler, where it is another than cargo's.
+    /// The environment variable for a compiler other than cargo's.
     const COMPILER: &'static str = "FMU_WASM_RUSTC";
 
-    /// The compiler, unless cargo's is taken.
+    /// The compiler, if not cargo's.
     fn compiler() -> Option<OsString> {
         env::var_os(Self::COMPILER)
     }
 
-    /// Refuses to build without the standard library, or its source where a compiler is named, or without a linker.
+    /// Rejects a build without the standard library (its source if a compiler is set) or a linker.
     pub fn check_tools() -> Result<()> {
         let named = Self::compiler();
         let compiler = named.clone().unwrap_or_else(rustc);
@@ -146,12 +143,12 @@ impl WebAssembly {
         let libraries = Path::new(sysroot.trim()).join("lib/rustlib");
         ensure!(
             named.is_none() || libraries.join("src/rust/library/std/Cargo.toml").is_file(),
-            "{}, which {} names, has no source of the standard library: {}",
+            "{}, set by {}, has no source of the standard library: {}",
             compiler.display(),
             Self::COMPILER,
             Self::on_debian()
         );
-        // What rustc calls by default: its own one, or one on the path.
+        // Rustc's default: its own linker, or one on the path.
         let own = format!("bin/rust-lld{}", consts::EXE_SUFFIX);
         let is_there =
             |target: io::Result<fs::DirEntry>| target.is_ok_and(|it| it.path().join(&own).is_file());
@@ -165,7 +162,7 @@ impl WebAssembly {
         };
         ensure!(
             has_linker,
-            "there is no linker {} for {}; {} names one: {}",
+            "no linker {} for {}; set {}: {}",
             linker.unwrap_or_else(|| "rust-lld".into()).display(),
             compiler.display(),
             linker_variable(Self::TRIPLE),
@@ -174,7 +171,7 @@ impl WebAssembly {
         Ok(())
     }
 
-    /// What brings compiler and linker without rustup: the script of a checkout, or else what that does.
+    /// How to install compiler and linker without rustup: a checkout's script, or its commands.
     fn on_debian() -> String {
         let script = new::checkout().map(|crates| crates.with_file_name("release").join("wasm-tools"));
         let line = match script {
@@ -185,7 +182,7 @@ impl WebAssembly {
                 linker_variable(Self::TRIPLE)
             ),
         };
-        format!("on Debian, {line} installs and sets what it takes")
+        format!("on Debian, {line} installs and configures it")
     }
 }
 
@@ -198,17 +195,17 @@ impl Made for WebAssembly {
         "wasm"
     }
 
-    fn command(&self, target: &Path) -> Command {
-        let mut command = build_command();
+    fn command(&self, target: &Path, _profile: &str) -> Command {
+        let mut command = build_command(PROFILE);
         command.args(["--target", Self::TRIPLE]);
-        // Nothing unwinds there. Optimized for size, the plant's module is a quarter smaller, but its steps, translated
-        // to C, take 1.2 times as long, and the controller's 1.9 times.
+        // Nothing unwinds there. Optimizing for size would make the plant's module a quarter smaller, but its steps,
+        // translated to C, 1.2 times as slow, and the controller's 1.9 times.
         let settings = [r#"panic="abort""#, "opt-level=3", r#"lto="fat""#, "codegen-units=1", "strip=true"];
         for setting in settings {
             command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
         }
         if let Some(compiler) = Self::compiler() {
-            // Cargo would take the modules of two compilers for each other's.
+            // Cargo would confuse the modules of two compilers.
             command.arg("--target-dir").arg(target.join("fmu-wasm"));
             command.env("RUSTC", compiler).env("RUSTC_BOOTSTRAP", "1");
             command.env("CARGO_UNSTABLE_BUILD_STD", "std,panic_abort");
@@ -218,16 +215,18 @@ impl Made for WebAssembly {
     }
 }
 
-/// The beginning of the commands that build, with cargo.
-fn build_command() -> Command {
+/// The common start of build commands with cargo.
+fn build_command(profile: &str) -> Command {
     let mut command = cargo();
     command.arg("build");
-    with_profile(command)
+    with_profile(command, profile)
 }
 
-fn with_profile(mut command: Command) -> Command {
-    command.args(["--profile", PROFILE]);
-    command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+fn with_profile(mut command: Command, profile: &str) -> Command {
+    command.args(["--profile", profile]);
+    if profile == PROFILE {
+        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
+    }
     command
 }
 
@@ -240,21 +239,21 @@ impl Made for Build {
         self.platform.format().suffix()
     }
 
-    fn command(&self, _target: &Path) -> Command {
+    fn command(&self, _target: &Path, profile: &str) -> Command {
         let mut command = if self.links_with_zig() {
             let mut command = Command::new("cargo-zigbuild");
             command.arg("zigbuild");
-            with_profile(command)
+            with_profile(command, profile)
         } else {
-            build_command()
+            build_command(profile)
         };
         if let Some(target) = &self.target {
             command.args(["--target", target]);
         }
         match self.platform {
-            // The library calls itself by its file's name instead of the place where it was built.
+            // The library's own name is its file name, not its build path.
             Platform::Darwin64 | Platform::Aarch64Darwin => {
-                command.args(["--config", &format!("profile.{PROFILE}.rpath=true")]);
+                command.args(["--config", &format!("profile.{profile}.rpath=true")]);
             }
             // The run-time library goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
             Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => {
@@ -268,44 +267,44 @@ impl Made for Build {
 }
 
 impl Build {
-    /// The build for the platform that this runs on.
+    /// The build for this platform.
     pub fn host() -> Result<Self> {
         let platform = Platform::host()
             .context("FMI 2.0 has no name for this platform; see binaries/ in its section 2.3")?;
         Ok(Self { platform, target: None })
     }
 
-    /// Rust's name of the target; none for the host.
+    /// Rust's target name; none for the host.
     pub fn triple(&self) -> Option<&str> {
         self.target.as_deref().map(|target| split(target).0)
     }
 
-    /// Refuses to build where the target's standard library or linker is missing, with what brings them.
+    /// Rejects a build if the target's standard library or linker is missing, with installation instructions.
     pub fn check_tools(&self) -> Result<()> {
         let Some((triple, _)) = self.target.as_deref().map(split) else { return Ok(()) };
         refuse_missing_std(triple, "without rustup, cargo can build it, as docs/platforms.md says")?;
         if self.links_with_zig() {
             if !is_installed("cargo-zigbuild")? {
                 bail!(
-                    "linking for {} takes cargo-zigbuild: `pip install cargo-zigbuild` brings it, and zig",
+                    "linking for {} needs cargo-zigbuild: `pip install cargo-zigbuild` installs it and zig",
                     self.name()
                 );
             }
         } else if linker(triple).is_none() && !cfg!(windows) {
             if triple.ends_with("-windows-gnu") {
-                // What rustc calls by default.
+                // Rustc's default.
                 let processor = triple.split('-').next().unwrap_or_default();
                 let mingw = format!("{processor}-w64-mingw32-gcc");
                 if !is_installed(&mingw)? {
                     bail!(
-                        "linking for {triple} takes {mingw}: on Debian, `apt-get install gcc-mingw-w64-{}` \
-                         brings it",
+                        "linking for {triple} needs {mingw}: on Debian, `apt-get install gcc-mingw-w64-{}` \
+                         installs it",
                         processor.replace('_', "-")
                     );
                 }
             } else if triple.contains("-windows-") {
                 bail!(
-                    "no linker for {triple} is known here; {} names one, or build it on Windows",
+                    "no linker for {triple} is known; set {}, or build on Windows",
                     linker_variable(triple)
                 );
             }
@@ -313,7 +312,7 @@ impl Build {
         Ok(())
     }
 
-    /// Whether zig links it: what no linker here can.
+    /// Whether zig links it: if no linker here can.
     fn links_with_zig(&self) -> bool {
         let Some((triple, glibc)) = self.target.as_deref().map(split) else { return false };
         let is_native = match self.platform {
@@ -321,14 +320,14 @@ impl Build {
             Platform::Linux32 | Platform::Linux64 | Platform::Aarch64Linux => {
                 consts::OS == "linux" && triple.starts_with(consts::ARCH)
             }
-            // Zig cannot for Windows; mingw does.
+            // Zig cannot link for Windows; mingw does.
             Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => true,
         };
         glibc.is_some() || !is_native && linker(triple).is_none()
     }
 }
 
-/// The environment variable that sets cargo's linker for a target.
+/// Cargo's environment variable for a target's linker.
 fn linker_variable(triple: &str) -> String {
     format!("CARGO_TARGET_{}_LINKER", triple.to_uppercase().replace('-', "_"))
 }
@@ -337,12 +336,12 @@ fn linker(triple: &str) -> Option<OsString> {
     env::var_os(linker_variable(triple))
 }
 
-/// The compiler that cargo takes.
+/// Cargo's compiler.
 fn rustc() -> OsString {
     env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())
 }
 
-/// Refuses to build without a target's standard library; `otherwise` is what to do without rustup.
+/// Rejects a build without a target's standard library; `otherwise` is the remedy without rustup.
 fn refuse_missing_std(triple: &str, otherwise: &str) -> Result<()> {
     // Cargo builds it.
     if env::var_os("CARGO_UNSTABLE_BUILD_STD").is_some() {
@@ -363,7 +362,7 @@ fn refuse_missing_std(triple: &str, otherwise: &str) -> Result<()> {
     });
     if !has_std {
         bail!(
-            "{} has no standard library for {triple}: `rustup target add {triple}` brings it; {otherwise}",
+            "{} has no standard library for {triple}: `rustup target add {triple}` installs it; {otherwise}",
             rustc.display()
         );
     }

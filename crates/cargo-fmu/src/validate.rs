@@ -1,4 +1,4 @@
-//! `validate`: what is wrong in an FMU of any maker, by the published rules.
+//! `validate`: violations of the published rules in FMUs from any tool.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ struct JsonFinding<'a> {
 }
 
 impl Validate {
-    /// Prints what is wrong in FMUs. Whether they have no errors.
+    /// Prints the findings on FMUs. Returns whether there are no errors.
     ///
     /// # Errors
     /// When a file cannot be read.
@@ -89,7 +89,7 @@ impl Validate {
     }
 }
 
-/// Refuses an FMU that was just written when there are errors in it, and prints the warnings.
+/// Rejects an FMU that was just written if it has errors, and prints the warnings.
 pub fn check(file: &Path) -> Result<()> {
     let report = validation::validate(file, &[])?;
     if report.count(Severity::Error) > 0 {
@@ -135,7 +135,7 @@ fn text(file: &Path, report: &Report) -> String {
     text + &format!("{}: {version}{errors}, {warnings}{notes}\n", file.display())
 }
 
-/// The report on one FMU, or a list of them on several.
+/// The report on one FMU, or a list of several.
 fn json(reports: &[(&Path, Report)]) -> Result<String> {
     let all: Vec<_> = reports.iter().map(|(file, report)| findings(file, report)).collect();
     let text = if let [one] = &all[..] {
@@ -168,7 +168,7 @@ fn findings<'a>(file: &Path, report: &'a Report) -> Json<'a> {
     }
 }
 
-/// The rules as a table in Markdown, which `docs/validation.md` contains.
+/// The rules as a Markdown table, included in `docs/validation.md`.
 fn table_of_rules() -> String {
     let rows = rules::ALL.iter().map(|rule| {
         format!("| `{}` | {} | {} | {} |\n", rule.id, rule.severity.name(), rule.text, rule.source)
@@ -176,7 +176,7 @@ fn table_of_rules() -> String {
     format!("| rule | severity | requirement | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
 }
 
-/// What the importers refuse, likewise.
+/// What importers reject, likewise.
 fn table_of_importers() -> String {
     let rows = importers::ALL.iter().flat_map(|importer| {
         let Importer { name, versions, evidence, refuses } = importer;

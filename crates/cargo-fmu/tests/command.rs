@@ -67,7 +67,7 @@ fn export_says_that_it_compiles_and_that_it_waits_for_another_cargo() {
     let mut lines = BufReader::new(process.stderr.take().unwrap()).lines().map(Result::unwrap);
     let first = lines.next().unwrap();
     assert!(
-        first.starts_with("Compiling Lag for ") && first.ends_with("cargo says how far it is:"),
+        first.starts_with("Compiling Lag for ") && first.ends_with("cargo shows its progress:"),
         "{first}"
     );
     let waits = lines.find(|line| line.contains("Blocking waiting for file lock"));
@@ -145,10 +145,7 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
         assert!(!path.exists());
     }
     let message = refusal(&["new", folder.to_str().unwrap()]);
-    assert!(
-        message.contains("new packages is there already") && !message.contains("cargo init"),
-        "{message}"
-    );
+    assert!(message.contains("new packages already exists") && !message.contains("cargo init"), "{message}");
 
     let path = folder.join("ünï");
     let output = cargo_fmu(&["new", path.to_str().unwrap(), "--name", "uni", "--vcs", "none"]);
@@ -166,7 +163,7 @@ fn unknown_interfaces_are_refused_with_the_known_ones() {
 #[test]
 fn scheduled_execution_is_refused_in_fmi_2() {
     let message = refusal(&["export", "--interfaces", "se", "--fmi", "2,3"]);
-    assert!(message.contains("--interfaces se is of FMI 3.0; --fmi names 2"), "{message}");
+    assert!(message.contains("--interfaces se needs FMI 3.0, but --fmi is 2"), "{message}");
 }
 
 /// What an export says that lacks tools, with further variables.
@@ -208,20 +205,20 @@ fn webassembly_without_its_tools_is_refused_with_the_line_to_type() {
     // A compiler that answers with what it is asked; there is no such folder.
     let message = refused(&["--wasm"], &[("RUSTC", "echo")]);
     let rustup = "error: echo has no standard library for wasm32-unknown-unknown: `rustup target add \
-                  wasm32-unknown-unknown` brings it; without rustup, ";
+                  wasm32-unknown-unknown` installs it; without rustup, ";
     assert!(message.starts_with(&format!("{rustup}{script}")), "{message}");
     assert_eq!(message.lines().count(), 1, "{message}");
 
     let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "no such compiler")]);
     assert!(message.contains("cannot run no such compiler, the compiler for WebAssembly"), "{message}");
     let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "echo")]);
-    assert!(message.contains("echo, which FMU_WASM_RUSTC names, has no source of the standard library: "));
+    assert!(message.contains("echo, set by FMU_WASM_RUSTC, has no source of the standard library: "));
     assert!(message.contains(&script), "{message}");
 
     add_source(&folder);
     let linker = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
     let message = refused(&["--wasm"], &[("FMU_WASM_RUSTC", "echo"), (linker, "no-such-linker")]);
-    let missing = format!("there is no linker no-such-linker for echo; {linker} names one: {script}");
+    let missing = format!("no linker no-such-linker for echo; set {linker}: {script}");
     assert!(message.contains(&missing), "{message}");
 }
 
@@ -238,7 +235,7 @@ fn sources_take_one_version_of_wasm2c() {
         ];
         refusal_without_tools(&["--sources"], &folder, &variables)
     };
-    let missing = "`--sources` takes wasm2c 1.0.32: on Debian 12, `apt-get install wabt` brings it";
+    let missing = "`--sources` needs wasm2c 1.0.32: on Debian 12, `apt-get install wabt` installs it";
     let message = refused("no-such-program", "echo");
     assert!(message.starts_with(&format!("error: {missing}")), "{message}");
     let another = "this one is cargo-fmu ";
@@ -247,8 +244,8 @@ fn sources_take_one_version_of_wasm2c() {
     // What is missing is told at once.
     let message = refused("no-such-program", "no-such-linker");
     let lines: Vec<_> = message.lines().collect();
-    assert_eq!(lines[0], "error: nothing was built, as more than one thing is missing:");
-    assert!(lines[1].starts_with("- there is no linker no-such-linker for echo"), "{message}");
+    assert_eq!(lines[0], "error: nothing was built, as several things are missing:");
+    assert!(lines[1].starts_with("- no linker no-such-linker for echo"), "{message}");
     assert!(lines[2].starts_with(&format!("- {missing}")), "{message}");
     assert_eq!(lines.len(), 3, "{message}");
 }
@@ -274,26 +271,26 @@ fn a_target_without_its_tools_is_refused_with_their_names() {
         assert!(message.contains(reason), "{target:?}: {message}");
     };
     expect(&["amiga"], &[], "FMI 2.0 has no platform 'amiga'; it has aarch64-darwin, aarch64-linux");
-    expect(&["x86_64-unknown-linux-musl"], &[], "not a Rust target that FMUs are built for");
-    expect(&["x86_64-apple-darwin.2.17"], &[], "only targets with glibc take its version");
+    expect(&["x86_64-unknown-linux-musl"], &[], "not a Rust target for FMUs");
+    expect(&["x86_64-apple-darwin.2.17"], &[], "only glibc targets take its version");
 
     // A compiler that answers with a folder that is not there, and one that fails.
     let target = "i686-unknown-linux-gnu";
     let brings = "echo has no standard library for i686-unknown-linux-gnu: `rustup target add \
-                  i686-unknown-linux-gnu` brings it; without rustup, cargo can build it";
+                  i686-unknown-linux-gnu` installs it; without rustup, cargo can build it";
     expect(&[target], &[("RUSTC", "echo")], brings);
     expect(&[target], &[("RUSTC", "false")], "false does not know the target i686-unknown-linux-gnu");
     expect(&[target], &[("RUSTC", "no such compiler")], "cannot run no such compiler");
 
     // No linker is found where there are no programs; cargo would build the standard library.
     let nothing = [("CARGO_UNSTABLE_BUILD_STD", "std"), ("PATH", env!("CARGO_TARGET_TMPDIR"))];
-    let pip = "`pip install cargo-zigbuild` brings it, and zig";
+    let pip = "`pip install cargo-zigbuild` installs it and zig";
     expect(&["x86_64-unknown-linux-gnu.2.17"], &nothing, pip);
-    expect(&["x86_64-pc-windows-gnu"], &nothing, "`apt-get install gcc-mingw-w64-x86-64` brings it");
+    expect(&["x86_64-pc-windows-gnu"], &nothing, "`apt-get install gcc-mingw-w64-x86-64` installs it");
     expect(
         &["x86_64-pc-windows-msvc"],
         &nothing,
-        "no linker for x86_64-pc-windows-msvc is known here; CARGO_TARGET_X86_64_PC_WINDOWS_MSVC_LINKER names one",
+        "no linker for x86_64-pc-windows-msvc is known; set CARGO_TARGET_X86_64_PC_WINDOWS_MSVC_LINKER",
     );
     expect(
         &["win64", "x86_64-pc-windows-msvc"],
@@ -306,11 +303,11 @@ fn a_target_without_its_tools_is_refused_with_their_names() {
 fn a_library_of_another_platform_is_refused_before_anything_is_built() {
     let library = scratch("library");
     for (content, folder, reason) in [
-        (elf(ELF_X86_64, ""), "win64", "it is ELF for x86-64; win64 takes PE for x86-64"),
-        (elf(ELF_AARCH64, ""), "linux64", "it is ELF for aarch64; linux64 takes ELF for x86-64"),
-        (elf(ELF_X86_64, ""), "darwin64", "darwin64 takes Mach-O for x86-64 or aarch64"),
-        (elf(20, ""), "linux64", "it is for the processor PowerPc"),
-        (mach_o(MACH_O_X86_64, ""), "aarch64-darwin", "aarch64-darwin takes Mach-O for aarch64"),
+        (elf(ELF_X86_64, ""), "win64", "it is ELF for x86-64; win64 requires PE for x86-64"),
+        (elf(ELF_AARCH64, ""), "linux64", "it is ELF for aarch64; linux64 requires ELF for x86-64"),
+        (elf(ELF_X86_64, ""), "darwin64", "darwin64 requires Mach-O for x86-64 or aarch64"),
+        (elf(20, ""), "linux64", "its processor PowerPc is not supported"),
+        (mach_o(MACH_O_X86_64, ""), "aarch64-darwin", "aarch64-darwin requires Mach-O for aarch64"),
         (b"a text".to_vec(), "linux64", "it is not a shared library"),
     ] {
         fs::write(&library, content).unwrap();
@@ -320,7 +317,7 @@ fn a_library_of_another_platform_is_refused_before_anything_is_built() {
         assert!(message.contains(reason), "{reason}: {message}");
     }
     let message = refusal(&["export", "--binary", "linux64"]);
-    assert!(message.contains("there is no '=' in it"), "{message}");
+    assert!(message.contains("it contains no '='"), "{message}");
     let message = refusal(&["export", "--binary", "win64=there is no such.dll"]);
     assert!(message.contains("cannot read there is no such.dll"), "{message}");
 }
@@ -512,10 +509,15 @@ fn fmus_that_do_not_belong_together_are_not_merged() {
     refused(&own, &other, &["there is no modelDescription.xml in", "no_description.fmu"], &[]);
 
     let other = fmu_of("other_library.fmu", &[(linux64, &elf(ELF_X86_64, "other"))]);
-    refused(&own, &other, &[&own, &other, "both hold binaries/linux64/Other.so, and these differ"], &[]);
+    refused(&own, &other, &[&own, &other, "both contain binaries/linux64/Other.so, which differ"], &[]);
     let same = [("binaries/darwin64/Other.dylib", mach_o(MACH_O_ARM64, "b"))];
     let other = fmu_of("apple_again.fmu", &[(same[0].0, &same[0].1)]);
-    refused(&apple, &other, &["both hold binaries/darwin64/Other.dylib", "duplicated architecture"], &[]);
+    refused(
+        &apple,
+        &other,
+        &["both contain binaries/darwin64/Other.dylib", "two are for the same processor"],
+        &[],
+    );
     let other = fmu_of("wrong_folder.fmu", &[("binaries/win64/Other.dll", &library)]);
     refused(&own, &other, &["the library for win64 in", "wrong_folder.fmu", "it is ELF for x86-64"], &[]);
     let other = fmu_of("other_license.fmu", &[("documentation/license.txt", b"")]);

@@ -240,7 +240,7 @@ def failure(package, target):
 
 FAILED = (
     f"error: nothing was exported: cargo could not build the models for {fmpy.platform}; "
-    "its messages stand above"
+    "see its messages above"
 )
 
 

@@ -85,7 +85,7 @@ fn findings_are_told_with_place_rule_and_remedy() {
     let path = fmu("start.fmu", &DESCRIPTION.replace(" start=\"1\"", ""));
     let output = String::from_utf8(cargo_fmu(&["validate", &path]).stdout).unwrap();
     let expected = format!(
-        "modelDescription.xml:8: error: level: it is input, and has no start value [start-missing]\n    \
+        "modelDescription.xml:8: error: level: it is input, but has no start value [start-missing]\n    \
          Add the start value that the library uses.\n{path}: FMI 2.0, 1 error, 0 warnings\n"
     );
     assert_eq!(output, expected);
@@ -95,7 +95,7 @@ fn findings_are_told_with_place_rule_and_remedy() {
         "file": path, "fmiVersion": "2.0", "errors": 1, "warnings": 0, "notes": 0, "omitted": 0,
         "findings": [{
             "rule": "start-missing", "severity": "error", "file": "modelDescription.xml", "line": 8,
-            "variable": "level", "message": "it is input, and has no start value",
+            "variable": "level", "message": "it is input, but has no start value",
             "remedy": "Add the start value that the library uses.",
             "source": "FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5",
         }],

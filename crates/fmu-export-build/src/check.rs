@@ -1,5 +1,5 @@
-//! What is refused, and why: the rules of FMI 2.0 and of the generated Rust that a declaration can
-//! break. Validators of FMUs catch few of these; users of an FMU suffer from all of them.
+//! What is rejected, and why: the rules of FMI 2.0 and of generated Rust that a declaration can break. FMU validators
+//! catch few of these; FMU users suffer from all of them.
 
 pub(crate) mod clocks;
 
@@ -18,7 +18,7 @@ use crate::rust;
 use crate::units::Units;
 use crate::xml;
 
-/// Words of Rust that cannot be names of fields.
+/// Rust keywords, which cannot name fields.
 const RESERVED: [&str; 51] = [
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
     "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
@@ -27,19 +27,19 @@ const RESERVED: [&str; 51] = [
     "where", "while", "yield",
 ];
 
-/// The longest name, in bytes: longer ones than anyone reads would take long to look up.
+/// The longest name, in bytes: longer ones are unreadable and slow to look up.
 pub(crate) const LONGEST_NAME: usize = 200;
 
-/// How many scalar variables a model has at most: more than anyone compiles.
+/// The most scalar variables in a model: more than anyone compiles.
 const MOST_VARIABLES: usize = 100_000;
 
-/// How many dimensions an array has at most.
+/// The most dimensions of an array.
 const MOST_DIMENSIONS: usize = 16;
 
 /// The checks that need no variable.
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
     if !is_c_identifier(identifier) {
-        let reason = format!("'{identifier}' is not an identifier of C, as the name of an FMU must be");
+        let reason = format!("'{identifier}' is not a C identifier, as an FMU's name must be");
         refusals.add("model_identifier", reason);
     }
     if let Some(experiment) = &declaration.default_experiment {
@@ -60,7 +60,7 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
     texts(declaration, refusals);
 }
 
-/// The names of everything but variables.
+/// The names of everything except variables.
 fn names(declaration: &Declaration, refusals: &mut Refusals) {
     let described = |list: &[Described]| list.iter().map(|known| known.name.clone()).collect::<Vec<_>>();
     unique("log_categories", described(&declaration.log_categories), refusals);
@@ -100,13 +100,13 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
     for (number, component) in components.iter().enumerate() {
         if variables.contains(component) {
-            let reason = format!("'{component}' is the name of a variable, too");
+            let reason = format!("'{component}' is also the name of a variable");
             refusals.add(format!("components[{number}].name"), reason);
         }
     }
 }
 
-/// Event indicators are called as variables are, such as `vessel.empty`.
+/// Event indicators are named like variables, such as `vessel.empty`.
 fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
     let mut seen = BTreeSet::new();
     for (number, name) in declaration.event_indicators.iter().enumerate() {
@@ -127,7 +127,7 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
     }
 }
 
-/// Terminals: their names, and that their variables are there, each once.
+/// Terminals: their names, and that their variables exist, each once.
 pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
     let Model { declaration, scalars, names, .. } = model;
     let elements: BTreeSet<_> =
@@ -151,7 +151,7 @@ pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
                     format!("in FMI 3.0 the array of '{name}' is one variable; name the array")
                 }
                 Some(positions) if !positions.iter().all(|position| seen.insert(position)) => {
-                    format!("'{name}' is in it twice")
+                    format!("'{name}' is listed twice")
                 }
                 Some(_) => continue,
             };
@@ -160,7 +160,7 @@ pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
     }
 }
 
-/// The texts that are free to choose, all of which become attributes of XML.
+/// The free texts, all of which become XML attributes.
 fn texts(declaration: &Declaration, refusals: &mut Refusals) {
     let mut check = |key: String, text: &str| {
         if let Err(reason) = one_line(text) {
@@ -203,28 +203,30 @@ fn one_line(text: &str) -> Result<(), String> {
         return Err("the text is empty".to_owned());
     }
     if !survives_xml(text) {
-        return Err("the text contains a character that XML does not keep, such as a line break".to_owned());
+        return Err(
+            "the text contains a character that XML does not preserve, such as a line break".to_owned()
+        );
     }
     if text.contains(DIRECTION_OF_WRITING) {
-        return Err("the text contains a mark for the direction of writing, which Rust refuses".to_owned());
+        return Err("the text contains a bidirectional control character, which Rust rejects".to_owned());
     }
     Ok(())
 }
 
-/// The marks that rustc's lint `text_direction_codepoint_in_comment` refuses: an editor shows another text by them than the
-/// one that is there.
+/// The marks rejected by rustc's lint `text_direction_codepoint_in_comment`: with them, an editor displays a text
+/// other than the actual one.
 const DIRECTION_OF_WRITING: [char; 9] = [
     '\u{202a}', '\u{202b}', '\u{202c}', '\u{202d}', '\u{202e}', '\u{2066}', '\u{2067}', '\u{2068}',
     '\u{2069}',
 ];
 
-/// Whether an attribute of XML carries a text unchanged: tabs and line breaks become spaces, and most other
-/// control characters and two of Unicode's code points are not allowed in XML at all.
+/// Whether an XML attribute preserves a text: tabs and line breaks become spaces, and most other control characters
+/// and two Unicode code points are not allowed in XML at all.
 fn survives_xml(text: &str) -> bool {
     !text.chars().any(|character| character.is_control() || matches!(character, '\u{fffe}' | '\u{ffff}'))
 }
 
-/// Refuses a name that stands twice in a list.
+/// Rejects a name that occurs twice in a list.
 fn unique(list: &str, names: impl IntoIterator<Item = String>, refusals: &mut Refusals) {
     let mut seen = BTreeSet::new();
     for (number, name) in names.into_iter().enumerate() {
@@ -246,7 +248,7 @@ fn type_name(name: &str, key: &str, refusals: &mut Refusals) {
     }
     let upper = name.starts_with(|first: char| first.is_ascii_uppercase());
     if !upper || name == "Self" || !name.chars().all(|character| character.is_ascii_alphanumeric()) {
-        refusals.add(format!("{key}.name"), format!("'{name}' is not written like this: TypeName"));
+        refusals.add(format!("{key}.name"), format!("'{name}' is not of the form TypeName"));
     }
 }
 
@@ -274,12 +276,12 @@ fn field_name(name: &str) -> Result<(), String> {
         return Err(format!("'{name}' is not made of lower-case letters, digits and underscores"));
     }
     if RESERVED.contains(&name) {
-        return Err(format!("'{name}' is a reserved word of Rust"));
+        return Err(format!("'{name}' is a reserved word in Rust"));
     }
     Ok(())
 }
 
-/// A name that is written differently in Rust; it is made of what is said in words.
+/// A name that is written differently in Rust; `made_of` describes its characters.
 fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
     length(name)?;
     let allowed = |character: char| {
@@ -291,25 +293,25 @@ fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
         return Err(format!("'{name}' is not made of {made_of}"));
     }
     if RESERVED.contains(&rust::snake_case(name).as_str()) {
-        return Err(format!("'{name}' is a reserved word of Rust"));
+        return Err(format!("'{name}' is a reserved word in Rust"));
     }
     Ok(())
 }
 
-/// What the checks of one variable find out about it.
+/// The results of one variable's checks.
 pub(crate) struct Checked {
     pub(crate) place: Place,
     pub(crate) data_type: DataType,
     pub(crate) variability: Variability,
     pub(crate) initial: Option<Initial>,
-    /// The start values of its scalars, row by row.
+    /// Its scalars' start values, row by row.
     pub(crate) starts: Option<Vec<Start>>,
 }
 
-/// The key of a variable that is to blame, and the reason.
+/// The key at fault, and the reason.
 pub(crate) type Blame = (&'static str, String);
 
-/// The checks of one declared variable, which comes after so many scalars.
+/// Checks one declared variable, which follows this many scalars.
 pub(crate) fn variable(
     declaration: &Declaration,
     variable: &VariableDeclaration,
@@ -339,7 +341,7 @@ pub(crate) fn variable(
     let scalars =
         variable.sizes.iter().try_fold(with_derivative, |product: usize, &size| product.checked_mul(size));
     if scalars.is_none_or(|scalars| scalars > MOST_VARIABLES - before.min(MOST_VARIABLES)) {
-        let reason = "with arrays' elements and derivatives";
+        let reason = "counting array elements and derivatives";
         let key = if variable.sizes.is_empty() { "name" } else { "dimensions" };
         return Err((key, format!("a model has at most {MOST_VARIABLES} variables, {reason}")));
     }
@@ -351,12 +353,12 @@ pub(crate) fn variable(
     bounds(variable, data_type)?;
     clocks::keys(variable, data_type)?;
     if !variable.clocks.is_empty() && !matches!(variability, Variability::Discrete | Variability::Tunable) {
-        return Err(("clocks", "what changes at ticks of clocks is 'discrete' or 'tunable'".to_owned()));
+        return Err(("clocks", "a variable with clocks is 'discrete' or 'tunable'".to_owned()));
     }
     if variable.previous.is_some() && (variable.clocks.is_empty() || variability != Variability::Discrete) {
         return Err((
             "previous",
-            "what has a previous value is 'discrete', and belongs to 'clocks'".to_owned(),
+            "a variable with a previous value is 'discrete' and has 'clocks'".to_owned(),
         ));
     }
     let has_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
@@ -382,7 +384,7 @@ pub(crate) fn variable(
     Ok(Checked { place, data_type, variability, initial, starts })
 }
 
-/// The types that every version has.
+/// The types of every version.
 const COMMON_TYPES: [&str; 4] = ["Real", "Integer", "Boolean", "String"];
 
 fn built_in_types() -> impl Iterator<Item = &'static str> {
@@ -405,11 +407,11 @@ fn data_type(declaration: &Declaration, variable: &VariableDeclaration) -> Resul
         name => DataType::Enumeration(enumerations().position(|known| known == name).ok_or_else(|| {
             let known = built_in_types().map(str::to_owned).chain(enumerations().cloned());
             let nearest = match name {
-                // The names in FMI 3.0 and in languages of the types that FMI 2.0 has, too.
-                "Float64" | "f64" | "float" | "double" => "; it is called 'Real' here".to_owned(),
-                "Int32" | "i32" | "int" => "; it is called 'Integer' here".to_owned(),
-                "bool" => "; it is called 'Boolean' here".to_owned(),
-                "str" => "; it is called 'String' here".to_owned(),
+                // The names in FMI 3.0 and in programming languages of types that FMI 2.0 also has.
+                "Float64" | "f64" | "float" | "double" => "; use 'Real'".to_owned(),
+                "Int32" | "i32" | "int" => "; use 'Integer'".to_owned(),
+                "bool" => "; use 'Boolean'".to_owned(),
+                "str" => "; use 'String'".to_owned(),
                 _ => nearest(name, known),
             };
             let types = built_in_types().collect::<Vec<_>>().join(", ");
@@ -434,10 +436,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     };
     let variability = variable.variability.unwrap_or(default);
     if is_structural && variability != Variability::Fixed {
-        return Err((
-            "variability",
-            "the build fixes a structuralParameter, so that it is 'fixed'".to_owned(),
-        ));
+        return Err(("variability", "the build fixes a structuralParameter, so it is 'fixed'".to_owned()));
     }
     if data_type == DataType::Clock {
         if !matches!(causality, Causality::Input | Causality::Output | Causality::Local) {
@@ -458,11 +457,11 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     };
     if !allowed {
         let (causality, variability) = (xml::causality(Some(causality)), xml::variability(variability));
-        let reason = format!("FMI allows no variability '{variability}' with the causality '{causality}'");
+        let reason = format!("FMI does not allow variability '{variability}' with causality '{causality}'");
         return Err(("variability", reason));
     }
     if variability == Variability::Continuous && !is_float(data_type) {
-        return Err(("variability", format!("only a Real is continuous, not {}", variable.data_type)));
+        return Err(("variability", format!("only a Real can be continuous, not {}", variable.data_type)));
     }
     let is_state = variable.derivative.is_some();
     if is_state
@@ -470,20 +469,17 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
             || variability != Variability::Continuous
             || !matches!(causality, Causality::Local | Causality::Output))
     {
-        return Err(("derivative", "only a continuous Real that is local or an output has one".to_owned()));
+        return Err(("derivative", "only a continuous local or output Real has one".to_owned()));
     }
     if variable.reinit && !is_state {
-        return Err(("reinit", "only a state, which has a 'derivative', can be set by events".to_owned()));
+        return Err(("reinit", "events can set only a state, which has a 'derivative'".to_owned()));
     }
     for (key, is_strict, bound) in
         [("strict_min", variable.strict_min, variable.min), ("strict_max", variable.strict_max, variable.max)]
     {
         if is_strict && !(is_state && bound.is_some()) {
             let bound = key.trim_start_matches("strict_");
-            return Err((
-                key,
-                format!("only a state, which has a 'derivative', with a '{bound}' has a meaning up to it"),
-            ));
+            return Err((key, format!("it is for a state, which has a 'derivative', with a '{bound}'")));
         }
     }
     let place = match causality {
@@ -497,8 +493,8 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     Ok((place, variability))
 }
 
-/// How the start comes about: there is a choice for states, and for discrete variables that events change. The
-/// standard's default, `calculated`, is not for a variable with a start value, which every state has.
+/// How the start value is determined: a choice for states, and for discrete variables that events change. The
+/// standard's default, `calculated`, does not suit variables with a start value, which all states have.
 fn initial(
     variable: &VariableDeclaration,
     place: Place,
@@ -519,12 +515,12 @@ fn initial(
         _ if variability == Variability::Discrete => (
             Some(Initial::Calculated),
             &[Initial::Calculated, Initial::Exact],
-            "that of a discrete variable is 'calculated' or 'exact'",
+            "a discrete variable's is 'calculated' or 'exact'",
         ),
         _ => (
             Some(Initial::Calculated),
             &[Initial::Calculated],
-            "that of a calculated variable that is neither a state nor discrete is 'calculated'",
+            "for a calculated variable, neither state nor discrete, it is 'calculated'",
         ),
     };
     match variable.initial {
@@ -534,7 +530,7 @@ fn initial(
     }
 }
 
-/// Whether dependencies are declared only where there are any.
+/// Whether dependencies are declared only where possible.
 fn reads(
     variable: &VariableDeclaration,
     place: Place,
@@ -547,9 +543,7 @@ fn reads(
     let blame = match place {
         _ if is_given && reads => ("reads", "it is set from outside, so it reads nothing"),
         _ if is_given && initial_reads => ("initial_reads", "it is set from outside, so it reads nothing"),
-        Place::States if reads => {
-            ("reads", "of a state, what its equation reads belongs to its 'derivative'")
-        }
+        Place::States if reads => ("reads", "a state's reads belong to its 'derivative'"),
         _ if reads && variability == Variability::Constant => ("reads", "a constant reads nothing"),
         _ if initial == Some(Initial::Exact) && initial_reads => {
             ("initial_reads", "its start is exact, so it reads nothing in initialization")
@@ -563,7 +557,7 @@ fn is_float(data_type: DataType) -> bool {
     matches!(data_type, DataType::Real | DataType::Float32)
 }
 
-/// Unit, display unit and nominal are a Real's.
+/// Only Reals have unit, display unit and nominal.
 fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
     if !is_float(data_type) {
         let used = [
@@ -577,11 +571,11 @@ fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame
         };
     }
     match &variable.unit {
-        None => return Err(("unit", "a Real needs one; '1' when it has no dimension".to_owned())),
+        None => return Err(("unit", "a Real needs one; '1' if dimensionless".to_owned())),
         Some(UnitNames::Each(units)) => {
             let elements: usize = variable.sizes.iter().product();
             if variable.sizes.is_empty() {
-                return Err(("unit", "a list of units is for an array".to_owned()));
+                return Err(("unit", "only an array can have a list of units".to_owned()));
             }
             if units.len() != elements {
                 return Err(("unit", format!("the list has {} units for {elements} elements", units.len())));
@@ -598,7 +592,7 @@ fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame
     Ok(())
 }
 
-/// Min and max, as far as the type has them.
+/// Min and max, for types that have them.
 fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
     for (key, bound) in [("min", variable.min), ("max", variable.max)] {
         let Some(bound) = bound else { continue };
@@ -624,14 +618,14 @@ fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Bla
     Ok(())
 }
 
-/// The nearest bound that a number of JSON gives exactly.
+/// The nearest bound that a JSON number represents exactly.
 #[expect(clippy::cast_precision_loss, reason = "every whole number up to 2 to the power of 53 is exact")]
 fn exact(bound: i128) -> f64 {
     const LARGEST: i128 = 1 << f64::MANTISSA_DIGITS;
     bound.clamp(-LARGEST, LARGEST) as f64
 }
 
-/// Walks through a start value of the given dimensions, row by row.
+/// Visits a start value of the given dimensions, row by row.
 fn flatten(
     dimensions: &[usize],
     start: &Value,
@@ -645,9 +639,9 @@ fn flatten(
             values.iter().try_for_each(|value| flatten(inner, value, take))
         }
         Value::Array(values) => {
-            Err(format!("it has {} elements where the dimensions ask for {size}", values.len()))
+            Err(format!("it has {} elements, but the dimensions require {size}", values.len()))
         }
-        _ => Err(format!("{start} is not an array of {size} elements, as the dimensions ask for")),
+        _ => Err(format!("{start} is not an array of {size} elements, as the dimensions require")),
     }
 }
 
@@ -694,14 +688,16 @@ fn start_value(
             let bytes = bytes.collect::<Option<_>>();
             bytes
                 .map(Start::Binary)
-                .ok_or_else(|| format!("{value} is not made of two hexadecimal digits a byte"))
+                .ok_or_else(|| format!("{value} does not consist of two hexadecimal digits per byte"))
         }
         DataType::Boolean => value.as_bool().map(Start::Boolean).ok_or_else(mismatch),
         DataType::Clock => Err("a Clock has none".to_owned()),
         DataType::String => {
             let text = value.as_str().ok_or_else(mismatch)?;
             if !survives_xml(text) {
-                return Err("it contains a character that XML does not keep, such as a line break".to_owned());
+                return Err(
+                    "it contains a character that XML does not preserve, such as a line break".to_owned()
+                );
             }
             Ok(Start::String(text.to_owned()))
         }
@@ -713,13 +709,13 @@ fn start_value(
                 let known = || items.iter().map(|item| item.name.clone());
                 let nearest = nearest(name, known());
                 let known = known().collect::<Vec<_>>().join(", ");
-                format!("'{name}' is not an item of {}, whose are {known}{nearest}", variable.data_type)
+                format!("'{name}' is not one of {}'s items {known}{nearest}", variable.data_type)
             })
         }
     }
 }
 
-/// The checks of the file of units by itself.
+/// Checks the units file by itself.
 pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
     let mut names = BTreeSet::new();
     let known = Units::new(units);
@@ -757,7 +753,7 @@ pub(crate) fn units(units: &[UnitDeclaration], refusals: &mut Refusals) {
     }
 }
 
-/// Each state belongs to one of the groups, where there are any, and each group has states.
+/// If there are groups, each state belongs to one, and each group has states.
 pub(crate) fn state_groups(
     declaration: &Declaration,
     parts: &[Part<'_>],
@@ -795,7 +791,7 @@ pub(crate) fn state_groups(
     }
 }
 
-/// The generated types must have different names.
+/// The generated types must have distinct names.
 pub(crate) fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals: &mut Refusals) {
     let mut names: BTreeSet<_> = rust::FIXED_NAMES.map(str::to_owned).into();
     if declaration.has_clocks() {
@@ -833,14 +829,14 @@ pub(crate) fn types_of_version(scalars: &[Scalar], version: Version, refusals: &
     }
 }
 
-/// A co-simulation unit without outputs computes nothing for anyone.
+/// A co-simulation unit without outputs is useless.
 pub(crate) fn outputs(scalars: &[Scalar], refusals: &mut Refusals) {
     if scalars.iter().all(|scalar| scalar.causality != Some(Causality::Output)) {
-        refusals.add("variables", "there is no variable with the causality 'output'");
+        refusals.add("variables", "no variable has causality 'output'");
     }
 }
 
-/// A calculated parameter changes with parameters only.
+/// Only parameters change a calculated parameter.
 pub(crate) fn calculated_parameters(scalars: &[Scalar], refusals: &mut Refusals) {
     let of_parameter = |scalar: &Scalar| {
         matches!(

@@ -1,6 +1,6 @@
-//! The files as they are written: a model's declaration, and the units beside it.
+//! The files as written: a model's declaration, and its units.
 //!
-//! The comments on the fields are what editors show: schema/model.schema.json is made of them.
+//! Editors show the fields' comments: schema/model.schema.json is generated from them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,14 +13,14 @@ use serde_json::Value;
 
 use crate::error::Refusal;
 
-/// The types that FMI 3.0 alone has.
+/// The types of FMI 3.0 only.
 pub(crate) const TYPES_OF_FMI3: [&str; 10] =
     ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary", CLOCK];
 
 /// The type of clocks.
 const CLOCK: &str = "Clock";
 
-/// A model: what it is called and which variables it has.
+/// A model: its name and variables.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -28,64 +28,64 @@ pub(crate) struct Declaration {
     /// The JSON Schema of this file, for editors.
     #[serde(rename = "$schema")]
     _schema: Option<String>,
-    /// Name of the model, of the FMU and its library. Default: the package's name, with _ for -.
+    /// Name of the model, the FMU and its library. Default: the package's name, with _ for -.
     pub(crate) model_identifier: Option<String>,
-    /// What the model is. Default: the package's description.
+    /// What the model represents. Default: the package's description.
     pub(crate) description: Option<String>,
     /// Default: the package's authors.
     pub(crate) author: Option<String>,
-    /// Left out of the FMU by default.
+    /// Omitted by default.
     pub(crate) copyright: Option<String>,
     /// Default: the package's license.
     pub(crate) license: Option<String>,
-    /// What an importer proposes for a run.
+    /// Settings that an importer proposes for a run.
     pub(crate) default_experiment: Option<DefaultExperiment>,
-    /// What the FMU can do. Default: everything but directional derivatives, which the model has to implement.
+    /// What the FMU can do. Default: everything but derivatives and Event Mode, which not every model implements.
     #[serde(default)]
     pub(crate) capabilities: Capabilities,
-    /// Further log categories, or other texts for logStatusError, logStatusWarning and logEvents, which every model has.
+    /// Additional log categories, or new descriptions of the built-in logStatusError, logStatusWarning and logEvents.
     #[serde(default)]
     pub(crate) log_categories: Vec<Described>,
-    /// A file of units beside those of SI, relative to this file.
+    /// File of units beyond those of SI, relative to this file.
     pub(crate) units: Option<String>,
-    /// A fragment of HTML for the page of documentation, relative to this file.
+    /// HTML fragment for the documentation page, relative to this file.
     pub(crate) documentation: Option<String>,
-    /// The PNG that importers show the FMU with, relative to this file.
+    /// PNG that importers show for the FMU, relative to this file.
     pub(crate) icon: Option<String>,
-    /// The folder of files that the model reads at run time, relative to this file; the FMU's folder resources.
+    /// Folder of files that the model reads at run time, relative to this file; becomes the FMU's folder resources.
     pub(crate) resources: Option<String>,
     /// Types whose values are names.
     #[serde(default)]
     pub(crate) enumerations: Vec<EnumerationDeclaration>,
-    /// The variables of the model itself: its inputs and outputs, and what belongs to no component.
+    /// The model's own variables: its inputs and outputs, and others that belong to no component.
     #[serde(default)]
     pub(crate) variables: Vec<VariableDeclaration>,
-    /// Variables that several components share.
+    /// Variables shared by several components.
     #[serde(default)]
     pub(crate) component_types: Vec<ComponentType>,
-    /// The parts of the model. The variable x of the component c is called c.x.
+    /// The model's parts. Variable x of component c is called c.x.
     #[serde(default)]
     pub(crate) components: Vec<ComponentDeclaration>,
     /// Groups of components whose states are integrated together.
     #[serde(default)]
     pub(crate) state_groups: Vec<Described>,
-    /// The names of the event indicators: the functions whose change of sign is an event.
+    /// Names of the event indicators: functions whose sign changes are events.
     #[serde(default)]
     pub(crate) event_indicators: Vec<String>,
-    /// Those event indicators that no event may leave positive: the distance beyond an end stop, say.
+    /// Event indicators that no event may leave positive, such as the distance beyond an end stop.
     #[serde(default)]
     pub(crate) limits: Vec<String>,
-    /// Groups of variables that tools connect in one stroke with those of another FMU.
+    /// Groups of variables that tools connect at once with those of another FMU.
     #[serde(default)]
     pub(crate) terminals: Vec<TerminalDeclaration>,
-    /// The clock of a sampled model in Scheduled Execution, at whose ticks a sample is computed.
+    /// The clock of a sampled model in Scheduled Execution, which ticks at each sample.
     pub(crate) clock: Option<ClockDeclaration>,
-    /// The same as a variable, by [`Declaration::complete`].
+    /// The same as a variable, from [`Declaration::complete`].
     #[serde(skip)]
     pub(crate) sample_clock: Option<VariableDeclaration>,
 }
 
-/// A clock whose interval is the period of a sampled model (FMI 3.0.2, section 2.2.8).
+/// A clock whose interval is a sampled model's period (FMI 3.0.2, section 2.2.8).
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -97,13 +97,13 @@ pub(crate) struct ClockDeclaration {
 impl Declaration {
     /// Adds what follows from the rest.
     pub(crate) fn complete(&mut self) -> Result<(), Refusal> {
-        // FMI 3.0.2, section 4.4: an FMU that has clocks has Event Mode.
+        // FMI 3.0.2, section 4.4: an FMU with clocks has Event Mode.
         self.capabilities.event_mode |= self.has_clocks();
         self.sample_clock = self.clock.as_ref().map(ClockDeclaration::variable);
         self.find_sizes()
     }
 
-    /// Finds the sizes of arrays, of which some are structural parameters.
+    /// Finds the sizes of arrays, some of which are structural parameters.
     fn find_sizes(&mut self) -> Result<(), Refusal> {
         let is_structural =
             |variable: &&VariableDeclaration| variable.causality == Causality::StructuralParameter;
@@ -146,7 +146,7 @@ impl Declaration {
         variables.map(|variable| variable.data_type.as_str())
     }
 
-    /// Whether a variable has a type that FMI 2.0 does not have.
+    /// Whether a variable's type does not exist in FMI 2.0.
     pub(crate) fn needs_fmi3(&self) -> bool {
         self.types().any(|name| TYPES_OF_FMI3.contains(&name))
     }
@@ -168,7 +168,7 @@ impl ClockDeclaration {
     }
 }
 
-/// A group of variables that tools connect in one stroke (FMI 3.0.2, section 2.4.9).
+/// A group of variables that tools connect at once (FMI 3.0.2, section 2.4.9).
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -178,7 +178,7 @@ pub(crate) struct TerminalDeclaration {
     /// Default: bus.
     #[serde(default)]
     pub(crate) matching_rule: MatchingRule,
-    /// The variables, by whose names the members are connected; in FMI 3.0 arrays as a whole.
+    /// The members, connected by name; in FMI 3.0, whole arrays.
     pub(crate) variables: Vec<String>,
 }
 
@@ -187,9 +187,9 @@ pub(crate) struct TerminalDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum MatchingRule {
-    /// All, which must have the same names on both sides.
+    /// All; both sides must have the same names.
     Plug,
-    /// Those whose names are on both sides.
+    /// Those whose names exist on both sides.
     #[default]
     Bus,
 }
@@ -199,11 +199,11 @@ pub(crate) enum MatchingRule {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct DefaultExperiment {
-    /// When the run starts.
+    /// Start of the run.
     pub(crate) start_time: Option<f64>,
-    /// When the run ends.
+    /// End of the run.
     pub(crate) stop_time: Option<f64>,
-    /// The communication step.
+    /// Communication step.
     pub(crate) step_size: Option<f64>,
 }
 
@@ -213,19 +213,19 @@ pub(crate) struct DefaultExperiment {
 #[serde(deny_unknown_fields, default)]
 #[allow(clippy::struct_excessive_bools, reason = "they are the standard's flags")]
 pub(crate) struct Capabilities {
-    /// Communication steps may differ in length.
+    /// Communication steps may vary in length.
     pub(crate) variable_communication_step_size: bool,
-    /// Inputs may come with their derivatives.
+    /// Inputs may have derivatives.
     pub(crate) interpolate_inputs: bool,
     /// The state can be saved and restored.
     pub(crate) get_and_set_state: bool,
-    /// A saved state can be carried into another process. Default: whether it can be saved.
+    /// A saved state can be moved to another process. Default: whether it can be saved.
     pub(crate) serialize_state: Option<bool>,
     /// The model implements `Model::differentiate`.
     pub(crate) directional_derivatives: bool,
-    /// The model implements `Model::differentiate_backwards`. In FMI 3.0 alone.
+    /// The model implements `Model::differentiate_backwards`. FMI 3.0 only.
     pub(crate) adjoint_derivatives: bool,
-    /// In Co-Simulation of FMI 3.0, importers may handle the model's events, and exchange values between internal steps.
+    /// In FMI 3.0 co-simulation, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
 }
 
@@ -264,7 +264,7 @@ pub(crate) struct Described {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EnumerationDeclaration {
-    /// Written like this: `TypeName`.
+    /// In the form `TypeName`.
     pub(crate) name: String,
     pub(crate) description: String,
     pub(crate) items: Vec<Described>,
@@ -276,7 +276,7 @@ pub(crate) struct EnumerationDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Letters, digits and underscores, up to 200. In Rust it is written like this: `lower_case`.
+    /// Letters, digits and underscores, up to 200. `lower_case` in Rust.
     pub(crate) name: String,
     /// What it is.
     pub(crate) description: Option<String>,
@@ -285,83 +285,81 @@ pub(crate) struct VariableDeclaration {
     pub(crate) causality: Causality,
     /// When its value may change. Default: fixed for parameters, continuous for other Reals, otherwise discrete.
     pub(crate) variability: Option<Variability>,
-    /// How its start value comes about. To be chosen for states: exact (the default), or approx where initialization
-    /// computes it (the default with `initial_reads`); and for other discrete variables that are calculated (the
-    /// default): exact where they begin at a start value, and events change them.
+    /// How its start value is determined. For states: exact (the default), or approx if initialization computes it
+    /// (the default with `initial_reads`); for other discrete variables: calculated (the default), or exact if they
+    /// begin at a start value that events change.
     pub(crate) initial: Option<Initial>,
-    /// Real (the default), Integer, Boolean, String or the name of an enumeration; in FMI 3.0 also `Float32`, `Int8`,
+    /// Real (the default), Integer, Boolean, String or an enumeration's name; in FMI 3.0 also `Float32`, `Int8`,
     /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
-    /// The unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 without dimension. For an array also a list.
+    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. For an array optionally a list.
     pub(crate) unit: Option<UnitNames>,
-    /// Another unit, in which tools shall show the value.
+    /// Unit in which tools show the value.
     pub(crate) display_unit: Option<String>,
-    /// The smallest value.
+    /// Smallest value.
     pub(crate) min: Option<f64>,
-    /// The largest value.
+    /// Largest value.
     pub(crate) max: Option<f64>,
-    /// A typical magnitude, for solvers.
+    /// Typical magnitude, for solvers.
     pub(crate) nominal: Option<f64>,
-    /// The value of a parameter, input, state or exact variable to begin with, and that of a constant; for an array a
-    /// list, row by row.
+    /// Initial value of a parameter, input, state, constant or exact variable; for an array a list, row by row.
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
-    /// The sizes of an array, up to 16; in FMI 3.0 also the names of structural parameters. A model has up to 100000
-    /// variables, with the elements of arrays and the derivatives.
+    /// Array sizes, up to 16; in FMI 3.0 optionally names of structural parameters. A model has up to 100000
+    /// variables, counting array elements and derivatives.
     #[serde(default)]
     pub(crate) dimensions: Vec<Dimension>,
-    /// The same as numbers, by [`Declaration::find_sizes`].
+    /// The same as numbers, from [`Declaration::find_sizes`].
     #[serde(skip)]
     pub(crate) sizes: Vec<usize>,
     /// Makes the variable a continuous-time state.
     #[serde(default, deserialize_with = "true_or_object")]
     #[cfg_attr(test, schemars(schema_with = "derivative_schema"))]
     pub(crate) derivative: Option<DerivativeDeclaration>,
-    /// Of a state: whether events may set it, by which it jumps.
+    /// For a state: events may set it, so that it jumps.
     #[serde(default)]
     pub(crate) reinit: bool,
-    /// Of a state: whether the equations have no meaning below `min`, as of a pressure below 0. An evaluation there is
-    /// discarded, so that a solver tries a shorter step.
+    /// For a state: the equations are invalid below `min`, as for a pressure below 0. Evaluations there are discarded,
+    /// so that a solver tries a shorter step.
     #[serde(default)]
     pub(crate) strict_min: bool,
-    /// The same above `max`.
+    /// Likewise above `max`.
     #[serde(default)]
     pub(crate) strict_max: bool,
-    /// The variables that its equation reads directly. Left out: it depends on everything.
+    /// Variables that its equation reads directly. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// The same for initialization, where that differs.
+    /// Likewise for initialization, if different.
     pub(crate) initial_reads: Option<Vec<String>>,
-    /// The number by which importers know it, up to 2147483647; of an array, the number of the first element. Default: the
-    /// next free one.
+    /// Importers' number for it, up to 2147483647; for an array, the first element's. Default: the next free number.
     pub(crate) value_reference: Option<u32>,
-    /// The clocks at whose ticks alone the variable changes.
+    /// The clocks at whose ticks the variable changes, and only then.
     #[serde(default)]
     pub(crate) clocks: Vec<String>,
-    /// Of a variable of clocks: the variable that has its value of the previous tick, which makes it a clocked state.
+    /// For a variable with clocks: the variable holding its value at the previous tick, which makes it a clocked
+    /// state.
     pub(crate) previous: Option<String>,
-    /// Of a clock that is an input: when it ticks. Other clocks are triggered.
+    /// For an input clock: when it ticks. Other clocks are triggered.
     pub(crate) interval_variability: Option<IntervalVariability>,
-    /// Of a periodic clock: the time between two ticks, in s. Left out of a fixed or tunable one where it follows from
+    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable one if it follows from
     /// parameters.
     pub(crate) interval_decimal: Option<f64>,
-    /// Of a periodic clock whose interval is declared: the time of the first tick after the start, in s.
+    /// For a periodic clock with a declared interval: the time from start to first tick, in s.
     pub(crate) shift_decimal: Option<f64>,
-    /// The interval as a multiple of 1/`resolution` s.
+    /// Interval as a multiple of 1/`resolution` s.
     pub(crate) interval_counter: Option<u64>,
-    /// The shift as a multiple of 1/`resolution` s.
+    /// Shift as a multiple of 1/`resolution` s.
     pub(crate) shift_counter: Option<u64>,
-    /// The denominator of `interval_counter` and `shift_counter`.
+    /// Denominator of `interval_counter` and `shift_counter`.
     pub(crate) resolution: Option<u64>,
-    /// Of a clock with an interval: whether importers may exchange it as a fraction. Implied by `interval_counter`.
+    /// For a clock with an interval: importers may exchange it as a fraction. Implied by `interval_counter`.
     #[serde(default)]
     pub(crate) supports_fraction: bool,
-    /// Of a clock that is an input: whether importers may take back a tick during an event.
+    /// For an input clock: importers may revoke a tick during an event.
     #[serde(default)]
     pub(crate) can_be_deactivated: bool,
-    /// Of a clock that is an input: which one comes first where several tick at one time, from 0; needed in Scheduled
-    /// Execution.
+    /// For an input clock: order of simultaneous ticks, from 0; required in Scheduled Execution.
     pub(crate) priority: Option<u32>,
 }
 
@@ -372,20 +370,20 @@ pub(crate) struct VariableDeclaration {
 pub(crate) enum IntervalVariability {
     /// Periodically, as declared.
     Constant,
-    /// Periodically, by what the importer sets or what follows from fixed parameters.
+    /// Periodically, as set by the importer or following from fixed parameters.
     Fixed,
-    /// The same with tunable parameters.
+    /// Likewise with tunable parameters.
     Tunable,
-    /// After a time that the model finds at each tick for the next one.
+    /// After a time that the model determines at each tick for the next one.
     Changing,
-    /// After a time that the model finds when it likes.
+    /// After a time that the model determines at any time.
     Countdown,
     /// When something triggers it.
     Triggered,
 }
 
 impl IntervalVariability {
-    /// Whether ticks are at equal distances.
+    /// Whether ticks are equidistant.
     pub(crate) fn is_periodic(self) -> bool {
         matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
     }
@@ -410,7 +408,7 @@ impl VariableDeclaration {
         Some(counter? as f64 / self.resolution? as f64)
     }
 
-    /// The interval and the shift of a periodic clock in s, where they are declared.
+    /// The interval and shift of a periodic clock in s, if declared.
     pub(crate) fn timing(&self) -> Option<[f64; 2]> {
         let interval = self.interval_decimal.or(self.seconds(self.interval_counter))?;
         let shift = self.shift_decimal.or(self.seconds(self.shift_counter));
@@ -428,7 +426,7 @@ impl VariableDeclaration {
     }
 }
 
-/// A size of an array.
+/// An array size.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "expected a size, or the name of a structural parameter")]
@@ -437,7 +435,7 @@ pub(crate) enum Dimension {
     Parameter(String),
 }
 
-/// The unit of a variable, or of each element of an array.
+/// The unit of a variable, or of each array element.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "expected a unit, or a list of units")]
@@ -447,7 +445,7 @@ pub(crate) enum UnitNames {
 }
 
 impl UnitNames {
-    /// The unit of the element with this number, counted from 0.
+    /// The unit of an element, numbered from 0.
     pub(crate) fn of(&self, element: usize) -> &str {
         match self {
             Self::All(unit) => unit,
@@ -469,9 +467,9 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) description: Option<String>,
     /// Default: the state's unit divided by s.
     pub(crate) unit: Option<String>,
-    /// The variables that its equation reads directly. Left out: it depends on everything.
+    /// Variables that its equation reads directly. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// The same for initialization, where that differs.
+    /// Likewise for initialization, if different.
     pub(crate) initial_reads: Option<Vec<String>>,
     /// Default: the number after the state's.
     pub(crate) value_reference: Option<u32>,
@@ -482,7 +480,7 @@ pub(crate) struct DerivativeDeclaration {
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Causality {
     Parameter,
-    /// The size of arrays, which the build fixes at its start value. In FMI 3.0 alone.
+    /// An array size, which the build fixes at its start value. FMI 3.0 only.
     StructuralParameter,
     CalculatedParameter,
     Input,
@@ -511,22 +509,22 @@ pub(crate) enum Initial {
     Calculated,
 }
 
-/// Variables that several components have in common.
+/// Variables shared by several components.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentType {
-    /// Written like this: `TypeName`.
+    /// In the form `TypeName`.
     pub(crate) name: String,
     pub(crate) variables: Vec<VariableDeclaration>,
 }
 
-/// A part of the model: with variables of its own, or those of a type.
+/// A part of the model, with its own variables or those of a type.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentDeclaration {
-    /// Written like this: `lower_case`.
+    /// In the form `lower_case`.
     pub(crate) name: String,
     pub(crate) description: Option<String>,
     /// Its variables, unless it has a type.
@@ -534,23 +532,23 @@ pub(crate) struct ComponentDeclaration {
     /// One of the `component_types`.
     #[serde(rename = "type")]
     pub(crate) component_type: Option<String>,
-    /// The one of the `state_groups` that its states belong to.
+    /// The `state_groups` entry to which its states belong.
     pub(crate) state_group: Option<String>,
-    /// Start values of the type's variables that hold for this component.
+    /// Start values for this component of its type's variables.
     #[serde(default, deserialize_with = "without_duplicates")]
     #[cfg_attr(test, schemars(schema_with = "starts_schema"))]
     pub(crate) start: BTreeMap<String, Value>,
-    /// The variables that the type's {placeholders} stand for in this component.
+    /// The variables for the type's {placeholders} in this component.
     #[serde(default, deserialize_with = "without_duplicates")]
     pub(crate) connections: BTreeMap<String, String>,
 }
 
-/// A unit of the file of units (FMI 2.0.5, section 2.2.2).
+/// A unit of the units file (FMI 2.0.5, section 2.2.2).
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct UnitDeclaration {
     pub(crate) name: String,
-    /// The exponents of the SI base units; left out of a unit that is built in, and of one without.
+    /// Exponents of the SI base units; omitted for a built-in unit, or one without base.
     #[serde(default, deserialize_with = "some_without_duplicates")]
     pub(crate) base: Option<BTreeMap<BaseUnit, i32>>,
     /// From this unit to the base unit.
@@ -562,7 +560,7 @@ pub(crate) struct UnitDeclaration {
     pub(crate) display_units: Vec<DisplayUnitDeclaration>,
 }
 
-/// A unit for display: the name of a known unit, or a new one.
+/// A display unit: the name of a known unit, or a new one.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, deny_unknown_fields, expecting = "expected the name of a unit, or an object with a name")]
 pub(crate) enum DisplayUnitDeclaration {
@@ -635,7 +633,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// `true` for a derivative of which there is nothing to say.
+/// `true` for a derivative that needs no details.
 fn true_or_object<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<Option<DerivativeDeclaration>, D::Error> {
@@ -660,7 +658,7 @@ fn true_or_object<'de, D: Deserializer<'de>>(
     deserializer.deserialize_any(TrueOrObject)
 }
 
-/// A map in which each key stands once; serde's own takes the last of several.
+/// A map with unique keys; serde's own keeps the last duplicate.
 fn without_duplicates<'de, D, K, V>(deserializer: D) -> Result<BTreeMap<K, V>, D::Error>
 where
     D: Deserializer<'de>,
@@ -695,7 +693,7 @@ where
     deserializer.deserialize_map(MapVisitor(PhantomData))
 }
 
-/// The same for a map that may be absent.
+/// Likewise for an optional map.
 fn some_without_duplicates<'de, D, K, V>(deserializer: D) -> Result<Option<BTreeMap<K, V>>, D::Error>
 where
     D: Deserializer<'de>,
@@ -725,8 +723,8 @@ fn derivative_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Sch
 mod tests {
     use super::*;
 
-    /// The schema is made of the types that the parser is made of. After a wanted change it is written anew with
-    /// `FMU_EXPORT_BLESS=1 cargo test -p fmu-export-build --lib`.
+    /// The parser's types generate the schema. After an intended change, update it with `FMU_EXPORT_BLESS=1 cargo test
+    /// -p fmu-export-build --lib`.
     #[test]
     fn the_schema_is_that_of_the_parser() {
         let schema = schemars::generate::SchemaSettings::draft2020_12().into_generator();

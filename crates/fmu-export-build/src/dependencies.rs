@@ -1,8 +1,8 @@
 //! Which unknown depends on which known (FMI 2.0.5, section 2.2.8).
 //!
-//! The declaration says of each variable what its own equation reads. Importers want the closure of that: to find
-//! algebraic loops between FMUs they ask which *inputs* an output depends on, through all variables between. Where an
-//! equation does not say what it reads, the closure is everything.
+//! The declaration lists what each variable's own equation reads. Importers need its closure: to find algebraic loops
+//! between FMUs they ask on which *inputs* an output depends, through all intermediate variables. If an equation does
+//! not declare its reads, the closure is everything.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -24,22 +24,22 @@ pub(crate) struct Structure {
     pub(crate) initial_unknowns: Vec<Unknown>,
 }
 
-/// A variable and the knowns it depends on, as ascending positions; none where it may depend on each.
+/// A variable and the knowns on which it depends, as ascending positions; none if it may depend on all.
 pub(crate) struct Unknown {
     pub(crate) scalar: usize,
     pub(crate) dependencies: Closure,
 }
 
-/// How many reads are followed at most, so that no model takes minutes.
+/// The most reads to follow, so that no model takes minutes.
 pub(crate) const MOST: usize = 2_000_000;
 
-/// What is said of the variable at which there are more.
+/// The error for the variable at which there are more.
 pub(crate) fn too_many(scalar: &Scalar) -> String {
-    format!("{}: following all reads up to here takes more than {MOST} steps; leave some out", scalar.name)
+    format!("{}: following all reads up to here takes more than {MOST} steps; omit some", scalar.name)
 }
 
 impl Structure {
-    /// In FMI 3.0 an unknown depends on parameters and discrete-time states as well (section 2.4.8).
+    /// In FMI 3.0 an unknown also depends on parameters and discrete-time states (section 2.4.8).
     pub(crate) fn new(scalars: &[Scalar], version: Version) -> Result<Self, Refusal> {
         let known_in_steps: fn(&Scalar) -> bool = match version {
             Version::Two => Scalar::known_in_steps,
@@ -67,11 +67,11 @@ impl Structure {
     }
 }
 
-/// The knowns that are reached from a variable through the variables in between, as ascending positions; none where it
-/// may depend on each.
+/// The knowns reached from a variable through intermediate variables, as ascending positions; none if it may depend on
+/// all.
 type Closure = Option<Rc<[usize]>>;
 
-/// The closure of each variable. A state that is an output depends on itself.
+/// Each variable's closure. A state that is an output depends on itself.
 fn closures(
     scalars: &[Scalar],
     known: fn(&Scalar) -> bool,
@@ -83,13 +83,13 @@ fn closures(
         scalar => reads(scalar).as_deref(),
     };
     let mut closures: Vec<Closure> = vec![None; scalars.len()];
-    // Those that are the same are one, as those of variables with the same reads are.
+    // Equal ones are shared, as those of variables with the same reads.
     let mut distinct: BTreeSet<Rc<[usize]>> = BTreeSet::new();
     let (mut last, mut steps) = (vec![0; scalars.len()], 0);
     for (number, circle) in
         circles(scalars.len(), |position| of(position).unwrap_or_default()).iter().enumerate()
     {
-        // Each known once: `last` has the circle that it was added for, counted from 1.
+        // Each known once: `last` holds the circle for which it was added, counted from 1.
         let mut add = |position: usize, reached: &mut Vec<usize>| {
             if std::mem::replace(&mut last[position], number + 1) != number + 1 {
                 reached.push(position);
@@ -127,12 +127,12 @@ fn closures(
     Ok(closures)
 }
 
-/// The variables that read each other in circles, and each other one by itself, after all that they read: Tarjan's
-/// strongly connected components, each in ascending order.
+/// Tarjan's strongly connected components: variables that read each other in circles, and each other one by itself,
+/// after all that they read; each in ascending order.
 fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<usize>> {
     const NOT_SEEN: usize = usize::MAX;
     let (mut circles, mut open, mut seen) = (Vec::new(), Vec::new(), 0);
-    // When each was seen first, and the earliest that is reached from it and open.
+    // When each was first seen, and the earliest open one reachable from it.
     let (mut first, mut earliest, mut is_open) = (vec![NOT_SEEN; count], vec![0; count], vec![false; count]);
     for start in 0..count {
         let mut path = if first[start] == NOT_SEEN { vec![(start, 0)] } else { Vec::new() };
@@ -170,15 +170,15 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
     circles
 }
 
-/// Refuses variables that read each other in a circle without a state in between: no order of the
-/// equations computes them. (In initialization states may be solved for together, so a circle through
-/// `initial_reads` is a system of equations and allowed.)
+/// Rejects variables that read each other in a circle without a state in between: no order of the equations computes
+/// them. (Initialization may solve for states simultaneously, so a circle through `initial_reads` is a valid system of
+/// equations.)
 pub(crate) fn refuse_cycles(scalars: &[Scalar], refusals: &mut Refusals) {
     let reads = |position: usize| scalars[position].reads.as_deref().unwrap_or_default();
     let circles = circles(scalars.len(), reads).into_iter();
     let first = circles.filter(|circle| circle.len() > 1 || reads(circle[0]).contains(&circle[0])).min();
     let Some(circle) = first else { return };
-    // The shortest way from its first variable back to it, by who reads whom.
+    // The shortest path from its first variable back to it, by readers.
     let (mut reader, mut pending) = (BTreeMap::new(), VecDeque::from([circle[0]]));
     while let Some(position) = pending.pop_front().filter(|_| !reader.contains_key(&circle[0])) {
         for read in reads(position).iter().filter(|read| circle.binary_search(read).is_ok()) {

@@ -10,14 +10,14 @@ use jsonc_parser::common::Ranged as _;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// How often a file is read to find all that the parser refuses.
+/// How often a file is read to find everything that the parser rejects.
 const MOST_READINGS: usize = 50;
 
 /// Why nothing was generated: one or more findings, each with file, line and key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error(Vec<Finding>);
 
-/// One thing that is wrong.
+/// One problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
     file: PathBuf,
@@ -27,7 +27,7 @@ pub struct Finding {
 }
 
 impl Error {
-    /// What is wrong with a file as a whole.
+    /// A problem with a file as a whole.
     pub(crate) fn of_file(file: &Path, reason: impl fmt::Display) -> Self {
         Self(vec![Finding {
             file: file.to_owned(),
@@ -37,13 +37,13 @@ impl Error {
         }])
     }
 
-    /// What is wrong in a line of a file.
+    /// A problem in a line of a file.
     pub(crate) fn of_line(file: &Path, line: usize, reason: impl fmt::Display) -> Self {
         let reason = reason.to_string();
         Self(vec![Finding { file: file.to_owned(), line: Some(line), key: String::new(), reason }])
     }
 
-    /// Everything that is wrong, in the order in which it was found.
+    /// All problems, in the order found.
     #[must_use]
     pub fn findings(&self) -> &[Finding] {
         &self.0
@@ -72,7 +72,7 @@ impl fmt::Display for Finding {
 
 impl std::error::Error for Error {}
 
-/// What a check refuses: the path of the key to blame, such as `variables[3].unit`, and the reason.
+/// A check's rejection: the path of the key at fault, such as `variables[3].unit`, and the reason.
 #[derive(Debug)]
 pub(crate) struct Refusal {
     key: String,
@@ -85,8 +85,8 @@ impl Refusal {
     }
 }
 
-/// Refusals that are collected, to be told all at once: of each key the first, as what is wrong in a component type
-/// is wrong in all its components.
+/// Rejections collected for a single report: for each key the first, as a problem of a component type affects all its
+/// components.
 #[derive(Debug, Default)]
 pub(crate) struct Refusals {
     found: Vec<Refusal>,
@@ -104,12 +104,12 @@ impl Refusals {
         }
     }
 
-    /// The value of what was not refused.
+    /// The value, unless rejected.
     pub(crate) fn take<T>(&mut self, result: Result<T, Refusal>) -> Option<T> {
         result.map_err(|refusal| self.push(refusal)).ok()
     }
 
-    /// Ends a round of checks whose results the next ones need.
+    /// Ends a round of checks that the next ones depend on.
     pub(crate) fn check(&mut self) -> Result<(), Self> {
         if self.found.is_empty() { Ok(()) } else { Err(std::mem::take(self)) }
     }
@@ -124,7 +124,7 @@ impl IntoIterator for Refusals {
     }
 }
 
-/// The lines of a text, by the positions of its line breaks.
+/// A text's lines, by the positions of its line breaks.
 pub(crate) struct Lines(Vec<usize>);
 
 impl Lines {
@@ -132,23 +132,23 @@ impl Lines {
         Self(text.match_indices('\n').map(|(position, _)| position).collect())
     }
 
-    /// The line that a position is in.
+    /// The line of a position.
     pub(crate) fn of(&self, position: usize) -> usize {
         1 + self.0.partition_point(|&line_break| line_break < position)
     }
 }
 
-/// A file of JSON that was read.
+/// A JSON file that was read.
 pub(crate) struct Source {
     file: PathBuf,
     text: String,
 }
 
 impl Source {
-    /// Reads a file of the schema `T`.
+    /// Reads a file with the schema `T`.
     pub(crate) fn read<T: DeserializeOwned>(file: &Path) -> Result<(T, Self), Error> {
         let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
-        // Some editors begin a file with a mark of its encoding.
+        // Some editors put a byte order mark first.
         let text = text.strip_prefix('\u{feff}').map_or(text.clone(), str::to_owned);
         let deserializer = &mut serde_json::Deserializer::from_str(&text);
         let value = serde_path_to_error::deserialize(&mut *deserializer).map_err(|error| {
@@ -168,7 +168,7 @@ impl Source {
         }
     }
 
-    /// The parser's refusals, of which it tells the first: it reads the file once more without what was refused.
+    /// All the parser's rejections, of which it reports only the first: rereads the file without the rejected parts.
     fn all<T: DeserializeOwned>(&self, first: Refusal) -> Vec<Refusal> {
         let mut refusals = vec![first];
         let Ok(mut content) = serde_json::from_str::<Value>(&self.text) else { return refusals };
@@ -182,7 +182,7 @@ impl Source {
             let missing = refusal.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
             let key = missing.map_or(refusal.key.clone(), |missing| format!("{}.{missing}", refusal.key));
             key.trim_start_matches('.').clone_into(&mut refused);
-            // What was taken out is missing now.
+            // A removed part is missing now.
             if refusals.iter().all(|known| known.key != refused) {
                 refusals.push(refusal);
             }
@@ -190,7 +190,7 @@ impl Source {
         refusals
     }
 
-    /// Refusals of this file's content.
+    /// Rejections of this file's content.
     pub(crate) fn error(&self, refusals: impl IntoIterator<Item = Refusal>) -> Error {
         let parsed = jsonc_parser::parse_to_ast(
             &self.text,
@@ -209,8 +209,8 @@ impl Source {
     }
 }
 
-/// Takes out the value of a path, the innermost one that has a key, or puts something there, if nothing is. Whether there is
-/// such a place.
+/// Removes the value at a path, its innermost one with a key, or inserts one if there is none. Returns whether the
+/// place exists.
 fn mend(content: &mut Value, path: &str) -> bool {
     let path =
         path.trim_end_matches(|character: char| character.is_ascii_digit() || "[]".contains(character));
@@ -225,16 +225,16 @@ fn mend(content: &mut Value, path: &str) -> bool {
     true
 }
 
-/// What the parser refuses.
+/// The parser's rejection.
 fn refusal(key: &str, error: &serde_json::Error) -> Refusal {
-    // The position has a place of its own in a finding.
+    // A finding states the position separately.
     let position = format!(" at line {} column {}", error.line(), error.column());
     let reason = error.to_string();
     let reason = reason.strip_suffix(&position).unwrap_or(&reason);
     Refusal::new(key.trim_end_matches(".?").trim_start_matches(['.', '?']), plain(reason))
 }
 
-/// Where in a text the value of a path stands, or else the innermost one around it that is there.
+/// The position in a text of the value at a path, or of the innermost existing one around it.
 fn offset(root: &ast::Value<'_>, path: &str) -> usize {
     let (mut value, mut start) = (root, root.start());
     for segment in path.split(['.', '[']) {
@@ -255,7 +255,7 @@ fn offset(root: &ast::Value<'_>, path: &str) -> usize {
     start
 }
 
-/// Serde's reason in the words of those who write JSON, with the word that is likely meant by an unknown one.
+/// Serde's reason in terms of JSON, with a suggestion for an unknown word.
 fn plain(reason: &str) -> String {
     let reason = reason.replace('`', "'").replace("unknown field", "unknown key");
     let reason = reason.replace("unknown variant", "unknown value").replace("missing field", "missing key");
@@ -291,12 +291,12 @@ fn plain(reason: &str) -> String {
     format!("expected {expected}, found {found}")
 }
 
-/// The known name that is nearest to one, as the end of a message; nothing where none is near.
+/// The nearest known name, as the end of a message; empty if none is near.
 pub(crate) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
     nearest_of(name, known).map_or_else(String::new, |known| format!("; the nearest is '{known}'"))
 }
 
-/// The known name that is nearest to one, if they differ in at most a third of their letters; capitals do not count.
+/// The nearest known name, if at most a third of the letters differ; case is ignored.
 pub(crate) fn nearest_of(name: &str, known: impl Iterator<Item = String>) -> Option<String> {
     let distance = |other: &str| {
         let lower = strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());

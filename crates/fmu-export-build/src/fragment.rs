@@ -1,9 +1,9 @@
-//! The part of a model's documentation that is written by hand: a piece of HTML, written as XML, that the
-//! generated page takes in.
+//! The hand-written part of a model's documentation: a fragment of HTML, written as XML, included in the generated
+//! page.
 //!
-//! `<var>tank.pressure</var>` becomes a link to the variable, `<img src="loop.svg" alt="…"/>` the picture
-//! itself. What would leave the page broken is refused, by file and line: names that no variable has, links
-//! to nowhere, pictures that are not there, and whatever is loaded from elsewhere.
+//! `<var>tank.pressure</var>` becomes a link to the variable, `<img src="loop.svg" alt="…"/>` the picture itself. What
+//! would break the page is rejected, with file and line: unknown variable names, dead links, missing pictures, and
+//! anything loaded from elsewhere.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -15,15 +15,15 @@ use quick_xml::{Reader, XmlVersion, escape};
 use crate::error::{Error, Lines, nearest};
 use crate::page::breakable;
 
-/// A fragment that is ready for the page.
+/// A fragment ready for the page.
 #[derive(Default)]
 pub(crate) struct Fragment {
     markup: String,
-    /// Where in the markup the first section begins: what stands before it opens the page.
+    /// Where the first section begins in the markup: what precedes it opens the page.
     first_section: Option<usize>,
-    /// Id and text of each heading, for the page's contents.
+    /// Each heading's id and text, for the page's contents.
     pub(crate) headings: Vec<(String, String)>,
-    /// The file and the pictures in it.
+    /// The file and its pictures.
     pub(crate) files: Vec<PathBuf>,
 }
 
@@ -35,11 +35,11 @@ impl Fragment {
     }
 }
 
-/// The ids of the page's own sections begin so.
+/// Prefix of the ids of the page's own sections.
 pub(crate) const PAGE_ID: &str = "page-";
 
-/// The elements of a language, which is HTML outside of `<math>` and `<svg>`: none that loads or runs something, or that
-/// only a whole page has.
+/// The elements of a language, HTML outside of `<math>` and `<svg>`: none that load or run anything, or belong only to
+/// a whole page.
 type Language = &'static [&'static str];
 
 #[rustfmt::skip]
@@ -62,11 +62,10 @@ const SVG: Language = &[
     "title", "tspan", "use",
 ];
 
-/// The attributes that may stand in a fragment, beside those that begin with `aria-` or `data-`: what an element looks like
-/// and is called.
+/// The allowed attributes, besides `aria-…` and `data-…`: an element's appearance and name.
 #[rustfmt::skip]
 const ATTRIBUTES: [&str; 140] = [
-    // Of every language.
+    // All languages.
     "class", "dir", "display", "height", "href", "id", "lang", "role", "style", "width", "xlink:href", "xml:lang",
     "xml:space", "xmlns", "xmlns:xlink",
     // HTML
@@ -89,17 +88,17 @@ const ATTRIBUTES: [&str; 140] = [
     "x1", "x2", "y", "y1", "y2",
 ];
 
-/// The functions of CSS that may stand in an attribute, beside `url(#…)`.
+/// The CSS functions allowed in an attribute, besides `url(#…)`.
 #[rustfmt::skip]
 const FUNCTIONS: [&str; 17] = [
     "calc", "hsl", "hsla", "light-dark", "matrix", "max", "min", "rgb", "rgba", "rotate", "scale", "skewX", "skewY",
     "translate", "translateX", "translateY", "var",
 ];
 
-/// HTML's elements without an end tag that may stand in a fragment.
+/// The allowed HTML elements without an end tag.
 const VOID: [&str; 5] = ["br", "col", "hr", "img", "wbr"];
 
-/// Reads a fragment; `anchors` has the id on the page of each name that a variable goes by.
+/// Reads a fragment; `anchors` maps each name of a variable to its id on the page.
 pub(crate) fn read(file: &Path, anchors: &BTreeMap<String, String>) -> Result<Fragment, Error> {
     let mut reading = Reading {
         anchors,
@@ -119,7 +118,7 @@ pub(crate) fn read(file: &Path, anchors: &BTreeMap<String, String>) -> Result<Fr
     }
 }
 
-/// Where in a file something stands.
+/// A location in a file.
 #[derive(Clone)]
 struct Place {
     file: PathBuf,
@@ -135,26 +134,26 @@ impl Place {
 /// An element that has not ended.
 struct Open {
     name: String,
-    /// The language of what is within.
+    /// The language of its content.
     language: Language,
     in_heading: bool,
 }
 
-/// The work in progress.
+/// The reading in progress.
 struct Reading<'a> {
     anchors: &'a BTreeMap<String, String>,
     /// The ids of the page's own rows.
     taken: BTreeSet<&'a str>,
     fragment: Fragment,
     ids: BTreeSet<String>,
-    /// Where in the markup the outermost open element begins.
+    /// Where the outermost open element begins in the markup.
     element: usize,
     /// The links within the page.
     links: Vec<(Place, String)>,
 }
 
 impl Reading<'_> {
-    /// Appends the content of a file: the fragment itself, or a picture with what it is called.
+    /// Appends a file's content: the fragment itself, or a picture with its alternative text.
     fn include(&mut self, file: &Path, picture: Option<&str>) -> Result<(), Error> {
         let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
         self.fragment.files.push(file.to_owned());
@@ -181,7 +180,7 @@ impl Reading<'_> {
                             MATHML => "<math>",
                             _ => "<svg>",
                         };
-                        return Err(place.refuse(&format!("<{name}> is not among the elements of {within}")));
+                        return Err(place.refuse(&format!("<{name}> is not allowed in {within}")));
                     }
                     let in_heading = name == "h3" || around.is_some_and(|open| open.in_heading);
                     let language = match name.as_str() {
@@ -207,7 +206,7 @@ impl Reading<'_> {
                 Event::Text(text) => self.text(&text, open.last().is_some_and(|open| open.in_heading)),
                 Event::GeneralRef(reference) => {
                     let reference = format!("&{};", &*reference);
-                    // XML has five names; HTML's others are unknown to it.
+                    // XML has five names; it does not know HTML's others.
                     escape::unescape(&reference)
                         .map_err(|_| place.refuse(&format!("write the character itself, not {reference}")))?;
                     self.text(&reference, open.last().is_some_and(|open| open.in_heading));
@@ -225,7 +224,7 @@ impl Reading<'_> {
     }
 
     fn text(&mut self, escaped: &str, in_heading: bool) {
-        // Identifiers of one letter are italic, words are not; the style sheet cannot count letters.
+        // Single-letter identifiers are italic, words are not; a style sheet cannot count letters.
         if escaped.chars().count() > 1 && self.fragment.markup.ends_with("<mi>") {
             self.fragment.markup.truncate(self.fragment.markup.len() - ">".len());
             self.fragment.markup += " class=\"word\">";
@@ -236,7 +235,7 @@ impl Reading<'_> {
         }
     }
 
-    /// A variable's name, which is the content of `<var>`.
+    /// A variable's name, the content of `<var>`.
     fn begin_variable(
         &mut self,
         content: quick_xml::Result<Event<'_>>,
@@ -244,7 +243,7 @@ impl Reading<'_> {
         place: &Place,
     ) -> Result<(), Error> {
         let Ok(Event::Text(name)) = content else {
-            return Err(place.refuse("<var> is for the name of a variable"));
+            return Err(place.refuse("<var> must contain a variable's name"));
         };
         let anchor = self.anchors.get(&*name).ok_or_else(|| {
             let nearest = nearest(&name, self.anchors.keys().cloned());
@@ -299,9 +298,7 @@ impl Reading<'_> {
             let is_text =
                 key.starts_with("aria-") || key.starts_with("data-") || key == "alt" || key == "title";
             if !is_text && !ATTRIBUTES.contains(&key.as_str()) {
-                return Err(
-                    place.refuse(&format!("{key} of <{element}> is not among the attributes of a fragment"))
-                );
+                return Err(place.refuse(&format!("{key} of <{element}> is not allowed in a fragment")));
             }
             let is_link = matches!(key.as_str(), "href" | "xlink:href");
             let beginnings: &[&str] = match element {
@@ -315,10 +312,10 @@ impl Reading<'_> {
             let is_address = is_link || key == "src";
             if is_address && !beginnings.iter().any(begins) {
                 let reason = format!("{key}=\"{value}\" does not begin with {}", beginnings.join(", "));
-                return Err(place.refuse(&format!("{reason}, as that of <{element}> does")));
+                return Err(place.refuse(&format!("{reason}, as that of <{element}> must")));
             }
             if !is_address && !is_text && !is_harmless_css(value) {
-                return Err(place.refuse(&format!("{key}=\"{value}\" may be loaded from elsewhere")));
+                return Err(place.refuse(&format!("{key}=\"{value}\" may load from elsewhere")));
             }
             if is_link && let Some(target) = value.strip_prefix('#') {
                 self.links.push((place.clone(), target.to_owned()));
@@ -334,8 +331,8 @@ impl Reading<'_> {
     }
 }
 
-/// Whether a value, read as CSS, names nothing outside the page: it has known functions only, and no escapes, which
-/// would be another way to write one.
+/// Whether a value, read as CSS, references nothing outside the page: only known functions, and no escapes, which
+/// could disguise others.
 fn is_harmless_css(value: &str) -> bool {
     let is_name = |letter: char| letter.is_alphanumeric() || matches!(letter, '-' | '_');
     let parts: Vec<_> = value.split('(').collect();

@@ -1,4 +1,4 @@
-//! What an FMU offers of FMI, a version and interfaces of it: a choice of its export, not of its declaration.
+//! The FMI version and interfaces that an FMU offers: a choice of its export, not its declaration.
 
 use std::env::{self, VarError};
 use std::fmt;
@@ -6,20 +6,20 @@ use std::str::FromStr;
 
 use crate::declaration::Declaration;
 
-/// The environment variable that names the interfaces of what [`generate`](crate::generate) generates, as the text of
-/// an [`Interfaces`]; co-simulation when it is not set.
+/// The environment variable with the interfaces that [`generate`](crate::generate) generates, as the text of an
+/// [`Interfaces`]; co-simulation if unset.
 pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
 
-/// The environment variable that names the version of FMI of what [`generate`](crate::generate) generates, as the text of
-/// a [`Version`]; 2.0 when it is not set.
+/// The environment variable with the FMI version that [`generate`](crate::generate) generates, as the text of a
+/// [`Version`]; 2.0 if unset.
 pub const VERSION_VARIABLE: &str = "FMU_FMI_VERSION";
 
-/// What an FMU offers of FMI.
+/// The FMI version and interfaces of an FMU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fmi {
     /// The version of the standard.
     pub version: Version,
-    /// The interfaces of that version.
+    /// Its interfaces.
     pub interfaces: Interfaces,
 }
 
@@ -30,7 +30,7 @@ impl From<Interfaces> for Fmi {
 }
 
 impl Fmi {
-    /// What the environment asks for.
+    /// The environment's choice.
     pub(crate) fn of_environment() -> Result<Self, String> {
         Ok(Self {
             version: of_environment(VERSION_VARIABLE)?,
@@ -38,17 +38,17 @@ impl Fmi {
         })
     }
 
-    /// Refuses interfaces that the version does not have.
+    /// Rejects interfaces that the version lacks.
     pub(crate) fn check(self) -> Result<Self, String> {
         if self.version == Version::Two && self.interfaces.scheduled_execution() {
-            Err("Scheduled Execution is an interface of FMI 3.0, and FMI 2.0 was asked for; choose `--fmi 3`"
+            Err("Scheduled Execution exists in FMI 3.0 only, but the export is for FMI 2.0; use `--fmi 3`"
                 .to_owned())
         } else {
             Ok(self)
         }
     }
 
-    /// The macro of `fmu-export` that makes the functions of a model.
+    /// The macro of `fmu-export` that defines a model's functions.
     pub(crate) fn macro_name(self, declaration: &Declaration) -> &'static str {
         let has_event_mode = declaration.capabilities.event_mode;
         match (self.version, self.interfaces) {
@@ -71,7 +71,7 @@ impl Fmi {
     }
 }
 
-/// What a variable of the environment asks for.
+/// An environment variable's choice.
 fn of_environment<T: Default + FromStr<Err = String>>(variable: &str) -> Result<T, String> {
     match env::var(variable) {
         Ok(text) => text.parse().map_err(|reason| format!("{variable}: {reason}")),
@@ -80,7 +80,7 @@ fn of_environment<T: Default + FromStr<Err = String>>(variable: &str) -> Result<
     }
 }
 
-/// A version of FMI. Their texts are `2` and `3`.
+/// An FMI version, with the text `2` or `3`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Version {
     /// FMI 2.0.
@@ -119,18 +119,18 @@ impl fmt::Display for Version {
     }
 }
 
-/// The interfaces that an FMU offers. Their texts are `cs`, `me`, `cs,me` and `se`.
+/// The interfaces that an FMU offers, with the texts `cs`, `me`, `cs,me` and `se`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interfaces {
-    /// The FMU steps by itself.
+    /// The FMU steps itself.
     #[default]
     CoSimulation,
     /// The importer integrates the FMU's states.
     ModelExchange,
-    /// Both, of which the importer chooses one for each instance.
+    /// Both; the importer chooses one per instance.
     Both,
-    /// The importer schedules the FMU's clock, in FMI 3.0: alone, as a clock binds all interfaces of its FMU (FMI 3.0.2,
-    /// section 2.5.2).
+    /// The importer schedules the FMU's clock, in FMI 3.0: no other interface, as a clock affects all interfaces of
+    /// its FMU (FMI 3.0.2, section 2.5.2).
     ScheduledExecution,
 }
 
@@ -150,19 +150,19 @@ impl Interfaces {
         }
     }
 
-    /// Whether co-simulation is among them.
+    /// Whether they include co-simulation.
     #[must_use]
     pub fn co_simulation(self) -> bool {
         matches!(self, Self::CoSimulation | Self::Both)
     }
 
-    /// Whether Model Exchange is among them.
+    /// Whether they include Model Exchange.
     #[must_use]
     pub fn model_exchange(self) -> bool {
         matches!(self, Self::ModelExchange | Self::Both)
     }
 
-    /// Whether Scheduled Execution is among them.
+    /// Whether they include Scheduled Execution.
     #[must_use]
     pub fn scheduled_execution(self) -> bool {
         self == Self::ScheduledExecution

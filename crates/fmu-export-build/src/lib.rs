@@ -26,21 +26,21 @@ use resources::Resources;
 pub use error::{Error, Finding};
 pub use interfaces::{Fmi, INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
-/// The JSON Schema of a model's declaration, for editors, as the file `model.schema.json`.
+/// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
 
-/// The package that a model belongs to: what its declaration need not repeat.
+/// A model's package, whose metadata its declaration need not repeat.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Package {
     /// Its name.
     pub name: String,
     /// Its version.
     pub version: String,
-    /// Its description, or nothing.
+    /// Its description, or empty.
     pub description: String,
-    /// Its authors, separated by colons, or nothing.
+    /// Its authors, separated by colons, or empty.
     pub authors: String,
-    /// The SPDX expression of its license, or nothing.
+    /// Its license's SPDX expression, or empty.
     pub license: String,
 }
 
@@ -66,33 +66,30 @@ impl Package {
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
-    /// The files that were read beside the declaration: units, documentation with its pictures, icon; and the folder
-    /// of resources.
+    /// The files read besides the declaration: units, documentation with its pictures, icon; and the resources folder.
     pub sources: Vec<PathBuf>,
     /// The modelDescription.xml.
     pub model_description: PathBuf,
-    /// The typed interface, beside it.
+    /// The typed interface, in the same folder.
     pub variables: PathBuf,
-    /// The page of documentation, `index.html` beside them.
+    /// The documentation page, `index.html` in the same folder.
     pub documentation: PathBuf,
-    /// The icon, `model.png` beside them, where the declaration names one.
+    /// The icon, `model.png` in the same folder, if declared.
     pub icon: Option<PathBuf>,
-    /// The same as a drawing, `model.svg` beside them, where there is an SVG of the icon's name beside the icon.
+    /// The icon as a drawing, `model.svg` in the same folder, if an SVG of its name exists.
     pub drawing: Option<PathBuf>,
-    /// The terminals, `terminalsAndIcons.xml` beside them, where the declaration has any; in FMI 3.0 also where it has an
-    /// icon.
+    /// The terminals, `terminalsAndIcons.xml` in the same folder, if declared; in FMI 3.0 also for an icon.
     pub terminals: Option<PathBuf>,
-    /// The folder of the files that the model reads at run time, `resources` beside them, where the declaration names
-    /// one.
+    /// The folder of files that the model reads at run time, `resources` in the same folder, if declared.
     pub resources: Option<PathBuf>,
 }
 
-/// Generates the interface of a model into the folder of its name in `OUT_DIR`. For build scripts. The environment
-/// variables [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the version of FMI and its interfaces; without the
-/// former it is 2.0, or 3.0 where a variable has a type that 2.0 does not have.
+/// Generates a model's interface into the folder of its name in `OUT_DIR`. For build scripts. The environment
+/// variables
+/// [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the FMI version and interfaces; the default version is 2.0, or 3.0
+/// if a variable's type needs it.
 ///
-/// When the declaration is refused, the build ends with what is wrong: an error for each finding, with file, line
-/// and key.
+/// If the declaration is rejected, the build fails with an error per finding, with file, line and key.
 ///
 /// # Panics
 /// Outside a build script.
@@ -106,7 +103,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
         println!("cargo::error={reason}");
         end_build();
     });
-    // A file that cannot be read is reported below.
+    // An unreadable file is reported below.
     let needs_fmi3 = || {
         let read = Source::read::<Declaration>(declaration);
         read.is_ok_and(|(declaration, _)| declaration.needs_fmi3())
@@ -115,17 +112,17 @@ pub fn generate(declaration: impl AsRef<Path>) {
         fmi.version = Version::Three;
     }
     match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
-        // The compiler would say of each type alone that it is missing.
+        // The compiler would report every missing type separately.
         Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
             println!(
                 "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
-                 name of the model's type, or `sampled` or `clocked` for `equations`, or neither for a `Model`",
+                 model's type, or `sampled` or `clocked` instead of `equations`, or neither for a `Model`",
                 declaration.display()
             );
             end_build();
         }
         Ok(generated) => {
-            // `fmu!` finds the variables by the name of the library, which is to be the identifier.
+            // `fmu!` finds the variables by the library's name, which must equal the identifier.
             let folder = generated.variables.parent().and_then(Path::file_name);
             let identifier = folder.and_then(|folder| folder.to_str()).unwrap_or_default();
             println!("cargo::rustc-env=FMU_VARIABLES_OF_{identifier}={}", generated.variables.display());
@@ -136,7 +133,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
         }
         Err(error) => {
             for finding in error.findings() {
-                // A name that is refused may have a line break in it.
+                // A rejected name may contain a line break.
                 println!("cargo::error={}", finding.to_string().replace('\n', " "));
             }
             end_build();
@@ -144,7 +141,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
     }
 }
 
-/// Whether a source in a folder includes what is generated; also where one cannot be read, of which the compiler tells.
+/// Whether a source in a folder includes generated code; true for unreadable ones, which the compiler reports.
 fn uses_generated(folder: &Path) -> bool {
     let Ok(entries) = fs::read_dir(folder) else { return true };
     entries.flatten().map(|entry| entry.path()).any(|path| {
@@ -158,17 +155,17 @@ fn uses_generated(folder: &Path) -> bool {
     })
 }
 
-/// Ends the build script after errors, for which cargo ends the build. Of a script that fails, cargo would show all that it
-/// printed, with the errors among it once more.
+/// Ends the build script after errors, so that cargo fails the build. For a failing script, cargo would show its whole
+/// output, repeating the errors.
 fn end_build() -> ! {
     process::exit(0)
 }
 
-/// Generates the interface of a model into the folder of its name in a folder.
+/// Generates a model's interface into the folder of its name in another folder.
 ///
 /// # Errors
-/// When the declaration or a file that it names cannot be read, or contradicts itself or FMI, or when the
-/// documentation names what the model does not have.
+/// When the declaration or a file named in it cannot be read, or contradicts itself or FMI, or when the documentation
+/// names something that the model lacks.
 pub fn generate_into(
     declaration: &Path,
     out_dir: &Path,
@@ -226,13 +223,13 @@ pub fn generate_into(
     ] {
         let file = folder.join(name);
         if !is_there && file.exists() {
-            // Of a build before this was taken out of the declaration.
+            // From a previous build, before it was removed from the declaration.
             fs::remove_file(&file).map_err(|error| Error::of_file(&file, error))?;
         }
     }
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
-        // Of a build before, which may have had other files.
+        // From a previous build, which may have had other files.
         fs::remove_dir_all(&resources_folder).map_err(|error| Error::of_file(&resources_folder, error))?;
     }
     if let Some(resources) = &resources {
@@ -264,7 +261,7 @@ fn read_units(file: &Path) -> Result<Vec<UnitDeclaration>, Error> {
     Ok(units)
 }
 
-/// The picture that importers show, which FMI 2.0.5 wants as a PNG (section 2.3).
+/// The picture that importers show, a PNG by FMI 2.0.5, section 2.3.
 fn read_icon(file: &Path) -> Result<Vec<u8>, Error> {
     let picture = fs::read(file).map_err(|error| Error::of_file(file, error))?;
     if picture.starts_with(b"\x89PNG\r\n\x1a\n") {

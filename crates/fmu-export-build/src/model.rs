@@ -1,7 +1,7 @@
-//! From the declaration to the flat model: components filled in, arrays spread into scalars, names looked up.
+//! From the declaration to the flat model: fills in components, spreads arrays into scalars, resolves names.
 //!
-//! Everything that is generated is printed from the [`Model`], and what reaches it is complete and consistent:
-//! whatever cannot be is refused on the way, here and in [`check`].
+//! All output is printed from the [`Model`], which is complete and consistent: anything else is rejected on the way,
+//! here and in [`check`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -20,36 +20,36 @@ use crate::interfaces::{Fmi, Version};
 use crate::rust;
 use crate::units::{self, Unit, Units};
 
-/// The largest value reference that can be declared, which leaves room for those that follow.
+/// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
 
-/// What the identifier of an FMU for Scheduled Execution adds to that of the same model's other one.
+/// What an FMU for Scheduled Execution adds to the identifier of the same model's other FMU.
 const SCHEDULED: &str = "Scheduled";
 
-/// A model that is ready to be printed.
+/// A model ready to be printed.
 pub(crate) struct Model<'a> {
     pub(crate) declaration: &'a Declaration,
     pub(crate) fmi: Fmi,
-    /// The declared identifier: the name of the library.
+    /// The declared identifier: the library's name.
     pub(crate) library: String,
-    /// The identifier of the FMU.
+    /// The FMU's identifier.
     pub(crate) identifier: String,
     pub(crate) description: Option<String>,
     pub(crate) author: Option<String>,
     pub(crate) license: Option<String>,
     pub(crate) version: &'a str,
     pub(crate) log_categories: Vec<Described>,
-    /// The units that are used: those of the file first, in its order.
+    /// The units used: those of the file first, in its order.
     pub(crate) units: Vec<Unit>,
     /// The interface (the part without a name) and the components.
     pub(crate) parts: Vec<Part<'a>>,
-    /// Every scalar variable, in the order of the XML.
+    /// All scalar variables, in the order of the XML.
     pub(crate) scalars: Vec<Scalar>,
-    /// The scalars behind each name: each scalar's, and each array's.
+    /// The scalars behind each name of a scalar or an array.
     pub(crate) names: BTreeMap<String, Vec<usize>>,
 }
 
-/// The variables of one component, or those of none.
+/// The variables of one component, or of none.
 pub(crate) struct Part<'a> {
     pub(crate) name: Option<&'a str>,
     pub(crate) component_type: Option<&'a str>,
@@ -60,12 +60,12 @@ pub(crate) struct Part<'a> {
     pub(crate) key: String,
 }
 
-/// A variable as it is declared, maybe an array: a field of a generated struct.
+/// A declared variable, possibly an array: a field of a generated struct.
 pub(crate) struct Field<'a> {
     pub(crate) declaration: &'a VariableDeclaration,
     pub(crate) place: Place,
     pub(crate) data_type: DataType,
-    /// The positions of its scalars, row by row.
+    /// Its scalars' positions, row by row.
     pub(crate) positions: Vec<usize>,
 }
 
@@ -76,7 +76,7 @@ impl Field<'_> {
     }
 }
 
-/// The field of the generated `Variables` that holds a value; time and event indicators are in none.
+/// The field of the generated `Variables` that holds a value; time and event indicators have none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Place {
     Time,
@@ -98,17 +98,17 @@ pub(crate) enum DataType {
     String,
     /// The position among the model's enumerations.
     Enumeration(usize),
-    /// In FMI 3.0 alone.
+    /// FMI 3.0 only.
     Float32,
-    /// In FMI 3.0 alone.
+    /// FMI 3.0 only.
     Whole(Whole),
-    /// In FMI 3.0 alone.
+    /// FMI 3.0 only.
     Binary,
-    /// In FMI 3.0 alone.
+    /// FMI 3.0 only.
     Clock,
 }
 
-/// The types of whole numbers that FMI 3.0 has beside `Int32`.
+/// The integer types of FMI 3.0 other than `Int32`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Whole {
     Int8,
@@ -137,7 +137,7 @@ impl Whole {
         }
     }
 
-    /// The type of Rust, and its bounds.
+    /// The Rust type, and its bounds.
     pub(crate) fn in_rust(self) -> (&'static str, RangeInclusive<i128>) {
         match self {
             Self::Int8 => ("i8", i8::MIN.into()..=i8::MAX.into()),
@@ -167,7 +167,7 @@ pub(crate) struct Scalar {
     pub(crate) name: String,
     /// The path in the declaration.
     pub(crate) key: String,
-    /// The position of its part, and of its field there; those of a derivative are its state's.
+    /// The positions of its part, and of its field there; a derivative has its state's.
     field: [usize; 2],
     pub(crate) value_reference: u32,
     pub(crate) description: Option<String>,
@@ -186,24 +186,24 @@ pub(crate) struct Scalar {
     pub(crate) start: Option<Start>,
     /// For a derivative: the position of its state.
     pub(crate) state: Option<usize>,
-    /// Of a state: whether events may set it.
+    /// For a state: whether events may set it.
     pub(crate) reinit: bool,
-    /// Of a state: whether the equations have no meaning below `min`, and above `max`.
+    /// For a state: whether the equations are invalid below `min`, and above `max`.
     pub(crate) strict: [bool; 2],
-    /// The positions of the clocks at whose ticks alone it changes; none where it changes at any time.
+    /// The positions of the clocks at whose ticks it changes; none if it changes at any time.
     pub(crate) clocks: Vec<usize>,
-    /// Of a clocked state: the position of its previous value.
+    /// For a clocked state: the position of its previous value.
     pub(crate) previous: Option<usize>,
     /// Whether it is such a previous value.
     pub(crate) is_previous: bool,
-    /// Where the value is within its place, e.g. `tank.pressure` or `gain[0][2]`.
+    /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
-    /// The same in initialization.
+    /// Likewise in initialization.
     pub(crate) initial_reads: Reads,
 }
 
-/// The positions of the variables that an equation reads; none where it may read everything.
+/// The positions of the variables that an equation reads; none if it may read everything.
 pub(crate) type Reads = Option<Vec<usize>>;
 
 impl Scalar {
@@ -237,12 +237,12 @@ impl Scalar {
         }
     }
 
-    /// Whether it is given while the model steps.
+    /// Whether it is given between steps.
     pub(crate) fn known_in_steps(&self) -> bool {
         matches!(self.place, Place::Inputs | Place::States | Place::Time) || self.is_input_clock()
     }
 
-    /// Whether it is a clock that the importer activates.
+    /// Whether the importer activates it as a clock.
     pub(crate) fn is_input_clock(&self) -> bool {
         self.place == Place::Clocks && self.causality == Some(Causality::Input)
     }
@@ -327,8 +327,8 @@ impl<'a> Model<'a> {
         Ok(model)
     }
 
-    /// The arrays that are one variable each, by the positions of their elements: in FMI 3.0 those whose elements have one
-    /// unit, and of states the derivatives. In FMI 2.0 there are none.
+    /// The arrays that are one variable each, by their elements' positions: in FMI 3.0 those whose elements share a
+    /// unit, and the derivatives of states. None in FMI 2.0.
     pub(crate) fn arrays(&self) -> Vec<Vec<usize>> {
         let mut arrays = Vec::new();
         if self.fmi.version == Version::Three {
@@ -347,20 +347,20 @@ impl<'a> Model<'a> {
         arrays
     }
 
-    /// The declared variable that a position belongs to.
+    /// The declared variable of a position.
     pub(crate) fn field(&self, position: usize) -> &Field<'a> {
         let [part, field] = self.scalars[position].field;
         &self.parts[part].fields[field]
     }
 
-    /// The positions of the variables of a place.
+    /// The positions of a place's variables.
     pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
         (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
     }
 }
 
-/// Adds the clock of a sampled model, with the value reference that follows all others. Everything that changes does so at
-/// its ticks, by all that is known then.
+/// Adds a sampled model's clock, with the value reference after all others. Everything that changes does so at its
+/// ticks, depending on all that is known then.
 fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], scalars: &mut Vec<Scalar>) {
     let position = scalars.len();
     for scalar in scalars.iter_mut() {
@@ -395,7 +395,7 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
     parts[0].fields.push(field);
 }
 
-/// Adds the event indicators, which in FMI 3.0 are variables, with the value references that follow all others.
+/// Adds the event indicators, variables in FMI 3.0, with the value references after all others.
 fn add_event_indicators(
     indicators: &[String],
     scalars: &mut Vec<Scalar>,
@@ -417,14 +417,14 @@ fn add_event_indicators(
             ..Scalar::time()
         };
         if names.contains_key(&indicator.name) {
-            let reason = format!("{}: there is another variable of this name", indicator.name);
+            let reason = format!("{}: another variable has this name", indicator.name);
             refusals.add(format!("event_indicators[{number}]"), reason);
         }
         scalars.push(indicator);
     }
 }
 
-/// The categories that the runtime logs under, unless they are declared, and the declared ones.
+/// The runtime's log categories, unless declared, and the declared ones.
 fn log_categories(declared: &[Described]) -> Vec<Described> {
     let default = [("logStatusError", "errors"), ("logStatusWarning", "warnings"), ("logEvents", "events")];
     default
@@ -435,23 +435,23 @@ fn log_categories(declared: &[Described]) -> Vec<Described> {
         .collect()
 }
 
-/// The work in progress.
+/// The flattening in progress.
 struct Flattening<'a> {
     declaration: &'a Declaration,
     /// The positions of the component types.
     types: BTreeMap<&'a str, usize>,
     parts: Vec<Part<'a>>,
     scalars: Vec<Scalar>,
-    /// The value references that are declared, with the path of the key.
+    /// The declared value references, with their keys' paths.
     pinned: Vec<(usize, u32, String)>,
-    /// The scalars behind each name by which `reads` may call them: each scalar's, and each array's.
+    /// The scalars behind each name in `reads`, of a scalar or an array.
     names: BTreeMap<String, Vec<usize>>,
-    /// The equations whose reads are still to be looked up.
+    /// The equations whose reads are not yet resolved.
     equations: Vec<Equation<'a>>,
     refusals: Refusals,
 }
 
-/// What a scalar reads, in the words of the declaration.
+/// What a scalar reads, as declared.
 struct Equation<'a> {
     position: usize,
     component: Option<&'a ComponentDeclaration>,
@@ -541,7 +541,7 @@ impl<'a> Flattening<'a> {
             let Some(field) = self.refusals.take(field) else { continue };
             let name = &variable.name;
             if let Some(other) = names.insert((field.place, field.name()), name) {
-                self.refusals.add(name_key, format!("{name}: in Rust it has the name of '{other}'"));
+                self.refusals.add(name_key, format!("{name}: its Rust name is that of '{other}'"));
             }
             part.fields.push(field);
         }
@@ -574,7 +574,7 @@ impl<'a> Flattening<'a> {
             let position = self.scalars.len();
             positions.push(position);
             let unit = declaration.unit.as_ref().map(|unit| unit.of(number).to_owned());
-            // The start value of a structural parameter is the only one.
+            // A structural parameter's start value is its only value.
             let fixed = start.filter(|_| declaration.causality == Causality::StructuralParameter);
             let fixed = fixed.and_then(Value::as_f64);
             let state = Scalar {
@@ -661,8 +661,7 @@ impl<'a> Flattening<'a> {
         Ok(())
     }
 
-    /// Notes the value references that a variable declares: its own, and those of its derivative, which follow its
-    /// own unless they are declared.
+    /// Records a variable's declared value references: its own, and its derivative's, which follows unless declared.
     fn pin(
         &mut self,
         declaration: &VariableDeclaration,
@@ -694,7 +693,7 @@ impl<'a> Flattening<'a> {
         Ok(())
     }
 
-    /// A type without a component is checked by nothing, so it must not be there.
+    /// Rejects types without a component, which nothing would check.
     fn refuse_unused_types(&mut self) {
         let used: BTreeSet<_> = self.parts.iter().filter_map(|part| part.component_type).collect();
         for (number, component_type) in self.declaration.component_types.iter().enumerate() {
@@ -706,13 +705,13 @@ impl<'a> Flattening<'a> {
         }
     }
 
-    /// The declared value references, and for the other variables those between them, in the order of declaration.
+    /// Assigns the declared value references, and the gaps to other variables, in declaration order.
     fn assign_value_references(&mut self) {
         let mut taken = BTreeMap::new();
         for (position, reference, key) in &self.pinned {
             if let Some(other) = taken.insert(*reference, *position) {
                 let (name, other) = (&self.scalars[*position].name, &self.scalars[other].name);
-                let reason = format!("{name}: '{other}' has the value reference {reference}, too");
+                let reason = format!("{name}: '{other}' also has the value reference {reference}");
                 self.refusals.add(key, reason);
             }
             self.scalars[*position].value_reference = *reference;
@@ -726,7 +725,7 @@ impl<'a> Flattening<'a> {
         }
     }
 
-    /// Turns the names that equations read into positions.
+    /// Resolves the names that equations read to positions.
     fn look_up_reads(&mut self) {
         let (mut used, mut read) = (BTreeSet::new(), 0);
         for Equation { position, component, reads, initial_reads } in &self.equations {
@@ -777,7 +776,7 @@ impl<'a> Flattening<'a> {
         }
     }
 
-    /// Turns the names of clocks into positions. Their ticks are among what a variable depends on.
+    /// Resolves names of clocks to positions. A variable depends on their ticks, too.
     fn look_up_clocks(&mut self) {
         let mut clocked = Vec::new();
         for field in self.parts.iter().flat_map(|part| &part.fields) {
@@ -791,13 +790,13 @@ impl<'a> Flattening<'a> {
                         format!("there is no clock '{name}'{}", nearest(name, clocks))
                     }
                     Some(clock) if clock == field.positions[0] => {
-                        "a clock does not tick by itself".to_owned()
+                        "a clock cannot belong to itself".to_owned()
                     }
                     Some(clock)
                         if self.scalars[clock].causality == Some(Causality::Local)
                             && first.causality != Some(Causality::Local) =>
                     {
-                        format!("the clock '{name}' is local, so that only local variables belong to it")
+                        format!("the clock '{name}' is local, so only local variables can belong to it")
                     }
                     Some(clock) => {
                         clocked.extend(field.positions.iter().map(|&position| (position, clock)));
@@ -817,7 +816,7 @@ impl<'a> Flattening<'a> {
         }
     }
 
-    /// Turns the names of previous values into positions (FMI 3.0.2, section 2.4.7.4).
+    /// Resolves names of previous values to positions (FMI 3.0.2, section 2.4.7.4).
     fn look_up_previous(&mut self) {
         let mut found = BTreeMap::new();
         for field in self.parts.iter().flat_map(|part| &part.fields) {
@@ -832,13 +831,13 @@ impl<'a> Flattening<'a> {
                 Some((positions, previous))
                     if previous.data_type != first.data_type || positions.len() != field.positions.len() =>
                 {
-                    format!("'{name}' has another type or size")
+                    format!("'{name}' differs in type or size")
                 }
                 Some((_, previous))
                     if previous.variability != Variability::Discrete
                         || previous.causality == Some(Causality::Input) =>
                 {
-                    format!("'{name}' is not a discrete variable of the model's own")
+                    format!("'{name}' is not a discrete output or local variable")
                 }
                 Some((positions, _)) if found.contains_key(&positions[0]) => {
                     format!("'{name}' is the previous value of another variable")
@@ -856,7 +855,7 @@ impl<'a> Flattening<'a> {
         }
     }
 
-    /// The units that the variables use.
+    /// The units used by variables.
     fn find_units(&mut self, units: &Units<'_>) -> Vec<Unit> {
         let mut used: Vec<Unit> = Vec::new();
         let mut places = BTreeMap::new();
@@ -886,10 +885,10 @@ impl<'a> Flattening<'a> {
 }
 
 fn duplicate(name: &str, key: &str) -> Refusal {
-    Refusal::new(format!("{key}.name"), format!("{name}: there is another variable of this name"))
+    Refusal::new(format!("{key}.name"), format!("{name}: another variable has this name"))
 }
 
-/// The positions behind one entry of `reads`; notes which connections were used.
+/// The positions behind an entry of `reads`; records which connections are used.
 fn look_up_read<'n, 'a>(
     names: &'n BTreeMap<String, Vec<usize>>,
     component: Option<&'a ComponentDeclaration>,
@@ -913,7 +912,7 @@ fn look_up_read<'n, 'a>(
         })?;
         used.insert((&component.name, connection));
         if !names.contains_key(name) {
-            // The connection itself is refused.
+            // The connection itself is rejected.
             return Ok(&[]);
         }
         vec![wrap(name)]
@@ -927,8 +926,8 @@ fn look_up_read<'n, 'a>(
     })
 }
 
-/// The elements of an array, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in
-/// Rust's (`[0][1]`). A scalar has one element without either.
+/// An array's elements, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in Rust's (`[0][1]`). A
+/// scalar has one element without either.
 fn elements(dimensions: &[usize]) -> Vec<(String, String)> {
     let mut elements = vec![Vec::new()];
     for &size in dimensions {

@@ -1,8 +1,8 @@
 //! The page for people: `documentation/index.html` of the FMU (FMI 2.0.5, section 2.3).
 //!
-//! It says what modelDescription.xml says, from the same model, and takes in the fragment that the
-//! model's author wrote. The page is whole by itself, readable without scripts, the same bytes for the same
-//! model, and XML as well as HTML: every element is closed, so that a parser of either reads the same.
+//! It shows the content of modelDescription.xml, from the same model, and includes the author's fragment. The page is
+//! self-contained, readable without scripts, reproducible byte for byte, and both XML and HTML: every element is
+//! closed, so that both parsers read the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -25,7 +25,7 @@ struct Table {
     id: &'static str,
     title: &'static str,
     causality: Causality,
-    /// Of the local variables, whether they are states; an output that is a state is with the outputs.
+    /// For local variables, whether they are states; an output state belongs to the outputs.
     of_states: bool,
 }
 
@@ -41,7 +41,7 @@ impl Table {
     }
 }
 
-/// The tables in their order.
+/// The tables, in order.
 const TABLES: [Table; 7] = [
     Table::new("page-inputs", "Inputs", Causality::Input),
     Table::new("page-outputs", "Outputs", Causality::Output),
@@ -52,8 +52,7 @@ const TABLES: [Table; 7] = [
     Table::new("page-locals", "Local variables", Causality::Local),
 ];
 
-/// The id on the page of each name that a variable or an enumeration goes by: an array's elements are in its
-/// row.
+/// The id on the page of each name of a variable or enumeration: an array's elements are in its row.
 pub(crate) fn anchors(model: &Model<'_>) -> BTreeMap<String, String> {
     let others = model.declaration.enumerations.iter().map(|enumeration| enumeration.name.as_str());
     let mut anchors: BTreeMap<String, String> =
@@ -103,7 +102,7 @@ pub(crate) fn write(
         capabilities = page.capabilities(),
         commands = page.commands(),
         events = if model.fmi.interfaces.model_exchange() {
-            " In Model Exchange tunable parameters and discrete variables change at events alone."
+            " In Model Exchange, tunable parameters and discrete variables change only at events."
         } else {
             ""
         },
@@ -134,7 +133,7 @@ pub(crate) fn write(
     .html()
 }
 
-/// A section that holds a part of the fragment, if there is any.
+/// A section with a part of the fragment, if any.
 fn section(id: &str, heading: &str, markup: &str) -> String {
     if markup.is_empty() {
         return String::new();
@@ -142,7 +141,7 @@ fn section(id: &str, heading: &str, markup: &str) -> String {
     format!("<section id=\"{id}\">\n{heading}{markup}\n</section>\n")
 }
 
-/// Every declared variable, with the part that it belongs to.
+/// All declared variables, each with its part.
 fn fields<'m, 'a>(model: &'m Model<'a>) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> {
     model.parts.iter().flat_map(|part| part.fields.iter().map(move |field| (part, field)))
 }
@@ -167,7 +166,7 @@ struct Page<'m, 'a> {
 }
 
 impl<'m, 'a> Page<'m, 'a> {
-    /// The declared variables in a place.
+    /// The declared variables of a place.
     fn of(&self, place: Place) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> + use<'m, 'a> {
         fields(self.model).filter(move |(_, field)| field.place == place)
     }
@@ -224,7 +223,7 @@ impl<'m, 'a> Page<'m, 'a> {
         lines(facts.map(|(term, text)| format!("<div><dt>{term}</dt><dd>{}</dd></div>", escape(text))))
     }
 
-    /// What is declared of the default experiment: `0 s to 10 s in steps of 0.1 s`.
+    /// The declared default experiment: `0 s to 10 s in steps of 0.1 s`.
     fn experiment(&self) -> Option<String> {
         let experiment = self.model.declaration.default_experiment.as_ref()?;
         let from = experiment.start_time.or(experiment.stop_time.and(Some(0.0)));
@@ -240,13 +239,12 @@ impl<'m, 'a> Page<'m, 'a> {
             (
                 "canHandleVariableCommunicationStepSize",
                 has.variable_communication_step_size,
-                "communication steps may differ in length",
+                "communication steps may vary in length",
             ),
             (
                 "canInterpolateInputs",
                 has.interpolate_inputs,
-                "inputs may come with their derivatives, by which they change within a step; discrete ones hold \
-                 their values",
+                "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
             ),
         ];
         let of_both = [
@@ -255,11 +253,7 @@ impl<'m, 'a> Page<'m, 'a> {
                 has.get_and_set_state,
                 "the state can be saved and restored, for example to repeat a step",
             ),
-            (
-                "canSerializeFMUstate",
-                has.serializes_state(),
-                "a saved state can be carried into another process",
-            ),
+            ("canSerializeFMUstate", has.serializes_state(), "a saved state can be moved to another process"),
             (
                 "providesDirectionalDerivative",
                 has.directional_derivatives,
@@ -273,7 +267,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let of_fmi3 = [(
             "hasEventMode",
             has.event_mode,
-            "the importer may handle the events, at which communication steps then end",
+            "the importer may handle events, which then end communication steps",
         )];
         let is_fmi3 = self.model.fmi.version == Version::Three;
         let of_steps = of_steps.into_iter().chain(of_fmi3.into_iter().filter(|_| is_fmi3));
@@ -284,7 +278,7 @@ impl<'m, 'a> Page<'m, 'a> {
         }))
     }
 
-    /// What to type for a run in FMPy, and the inputs as a file.
+    /// The commands for a run in FMPy, and the inputs as a file.
     fn commands(&self) -> String {
         let name = &self.model.identifier;
         let run = |options: &str| format!("fmpy simulate {name}.fmu{options} --output-file result.csv\n");
@@ -310,13 +304,12 @@ impl<'m, 'a> Page<'m, 'a> {
         commands += &run(" --input-file inputs.csv");
         format!(
             "<pre>{commands}</pre>\n\
-            <p>An <code>inputs.csv</code> with every input at its start value; each later time is another line:</p>\n\
+            <p>An <code>inputs.csv</code> with all inputs at their start values; add a line for each later time:</p>\n\
             <pre>{header}\n{values}</pre>"
         )
     }
 
-    /// The start value of a scalar as FMPy's command line and its files of inputs take it; no text, which
-    /// they would need quoted.
+    /// A scalar's start value for FMPy's command line and input files; no text, which would need quotes.
     fn typed_start(&self, field: &Field<'_>) -> Option<String> {
         let start = self.model.scalars[field.positions[0]].start.as_ref();
         match start.filter(|_| field.declaration.sizes.is_empty())? {
@@ -422,7 +415,7 @@ impl<'m, 'a> Page<'m, 'a> {
         text
     }
 
-    /// A text as markup, in which units have raised exponents.
+    /// A text as markup, with superscript exponents in units.
     fn prose(&self, text: &str) -> String {
         let words = text.split(' ').map(|word| {
             let bare = word.trim_matches(['(', ')', ',', ';', ':', '.']);
@@ -469,7 +462,7 @@ impl<'m, 'a> Page<'m, 'a> {
         self.model.scalars[field.positions[0]].start.is_some()
     }
 
-    /// The start values of a scalar or a list, in the display unit, too; a matrix has a table of its own.
+    /// The start values of a scalar or a list, also in the display unit; a matrix has its own table.
     fn start(&self, field: &Field<'_>) -> String {
         if let [_, _] = field.declaration.sizes[..]
             && self.has_start(field)
@@ -509,7 +502,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let Some(Start::Real(start)) = variable.start else { return None };
         let unit = self.units.get(variable.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
-        // Conversion leaves some parts in 1e16 that nobody wants to read.
+        // Conversion leaves errors of some 1e-16 that nobody wants to read.
         let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
         Some(format!("{} {}", number(value), document::unit(wanted)))
     }
@@ -529,12 +522,12 @@ impl<'m, 'a> Page<'m, 'a> {
         )
     }
 
-    /// What an output depends on at the same instant: inputs and states.
+    /// The inputs and states on which an output depends instantaneously.
     fn dependencies(&self, field: &Field<'_>) -> String {
         let unknowns = field.positions.iter().filter_map(|position| self.outputs.get(position));
         let knowns: Option<Vec<_>> = unknowns.map(|unknown| unknown.dependencies.as_deref()).collect();
         let Some(knowns) = knowns else {
-            return "<span>may depend at once on every input and state</span>".to_owned();
+            return "<span>may depend instantaneously on every input and state</span>".to_owned();
         };
         let mut knowns: Vec<_> = knowns.concat();
         knowns.sort_unstable();
@@ -546,7 +539,7 @@ impl<'m, 'a> Page<'m, 'a> {
             .collect();
         links.dedup();
         let links = if links.is_empty() { "no input or state".to_owned() } else { links.join(", ") };
-        format!("<span>depends at once on {links}</span>")
+        format!("<span>depends instantaneously on {links}</span>")
     }
 
     fn enumerations(&self) -> String {
@@ -568,11 +561,11 @@ impl<'m, 'a> Page<'m, 'a> {
     }
 }
 
-/// The columns that not every table has.
+/// The columns that only some tables have.
 struct Columns {
     start: bool,
     range: bool,
-    /// How the start value comes about, in place of the variability.
+    /// How the start value is determined, instead of the variability.
     initial: bool,
 }
 
@@ -580,7 +573,7 @@ fn code(name: &str) -> String {
     format!("<code>{}</code>", breakable(name))
 }
 
-/// A name that may break between its words: after dots and underscores, and before capitals.
+/// A name with breaks between its words: after dots and underscores, and before capitals.
 pub(crate) fn breakable(name: &str) -> String {
     let mut text = String::new();
     let mut before = '.';
@@ -604,7 +597,7 @@ fn range(variable: &VariableDeclaration) -> String {
     }
 }
 
-/// The shortest decimal that reads back as the same double, with an exponent where it saves many zeros.
+/// The shortest decimal that reads back as the same double, with an exponent if it saves many zeros.
 fn number(value: f64) -> String {
     if value == 0.0 || (1e-4..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }

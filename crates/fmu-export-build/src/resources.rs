@@ -10,12 +10,13 @@ use crate::error::Error;
 /// A folder of files.
 pub(crate) struct Resources {
     pub(crate) folder: PathBuf,
-    /// Those in the folder and in folders below, relative to it.
+    /// The files in the folder and its subfolders, relative to it.
     files: Vec<PathBuf>,
 }
 
 impl Resources {
-    /// Finds the files of a folder, which may not hold the declaration: a whole package, with what cargo builds in it.
+    /// Finds a folder's files. It may not contain the declaration: that would be a whole package, with cargo's build
+    /// output.
     pub(crate) fn find(folder: PathBuf, declaration: &Path) -> Result<Self, String> {
         if !folder.is_dir() {
             return Err(format!("there is no folder {}", folder.display()));
@@ -25,7 +26,7 @@ impl Resources {
         let within = declaration.canonicalize().map_err(unreadable)?;
         if within.starts_with(folder.canonicalize().map_err(unreadable)?) {
             return Err(
-                "the folder holds this file, too; put the resources into a folder of their own".to_owned()
+                "the folder also holds this file; put the resources into a separate folder".to_owned()
             );
         }
         let (mut files, mut pending) = (Vec::new(), vec![folder.clone()]);
@@ -34,7 +35,7 @@ impl Resources {
                 let path = entry.map_err(unreadable)?.path();
                 if path.file_name().and_then(OsStr::to_str).is_none() {
                     return Err(format!(
-                        "the name {} is not Unicode, as names in an FMU are",
+                        "the name {} is not Unicode, as names in an FMU must be",
                         path.display()
                     ));
                 }
@@ -62,7 +63,7 @@ impl Resources {
             if let Some(folder) = target.parent() {
                 fs::create_dir_all(folder).map_err(of(folder))?;
             }
-            // The content alone: a copy with the permissions of a file that is read-only could not be replaced.
+            // Only the content: a copy with read-only permissions could not be replaced.
             let content = fs::read(&source).map_err(of(&source))?;
             fs::write(&target, content).map_err(of(&target))?;
         }

@@ -1,7 +1,7 @@
-//! The typed Rust interface: what a model reads and writes instead of value references.
+//! The typed Rust interface, which a model uses instead of value references.
 //!
-//! The text is included into a module of the model's crate, whose lints do not apply to it: hence a module with an
-//! `#[allow]` within. What all generated structs can do is in macros of `fmu-export`.
+//! The text is included in a module of the model's crate, whose lints should not apply to it: hence an inner module
+//! with `#[allow]`. Macros of `fmu-export` implement what all generated structs have in common.
 
 mod access;
 
@@ -16,11 +16,10 @@ use crate::model::{DataType, Field, Model, Part, Place, Start};
 pub(crate) const FIXED_NAMES: [&str; 7] =
     ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables", "Evaluation"];
 
-/// The type that holds all groups of states, where there are any.
+/// The type that holds all state groups, if any.
 const STATE_GROUPS: &str = "StateGroups";
 
-/// The places that have structs of their own; the derivatives are in those of the states. Clocks have one where there are
-/// any.
+/// The places with their own structs; derivatives use those of the states. Clocks have one if there are any.
 const PLACES: [Place; 6] =
     [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs, Place::Clocks];
 
@@ -60,7 +59,7 @@ impl Place {
         self.fields(part).any(|field| field.data_type == DataType::Real)
     }
 
-    /// The struct that holds the variables of a part.
+    /// The struct that holds a part's variables.
     fn struct_name(self, part: &Part<'_>) -> String {
         let prefix = match (part.component_type, part.name) {
             (Some(component_type), _) => component_type.to_owned(),
@@ -70,8 +69,7 @@ impl Place {
     }
 }
 
-/// The names of the structs for the variables of components and for groups of states, each with the path of what
-/// it is named after.
+/// The struct names of component variables and state groups, each with the path of its origin.
 pub(crate) fn struct_names(declaration: &Declaration, parts: &[Part<'_>]) -> Vec<(String, String)> {
     let mut types = BTreeSet::new();
     let mut is_first =
@@ -93,7 +91,7 @@ pub(crate) fn struct_names(declaration: &Declaration, parts: &[Part<'_>]) -> Vec
         .collect()
 }
 
-/// The struct that holds the states of a group.
+/// The struct that holds a group's states.
 fn states_name(group: &str) -> String {
     pascal_case(group) + Place::States.type_name()
 }
@@ -123,7 +121,7 @@ pub(crate) fn pascal_case(name: &str) -> String {
         .collect()
 }
 
-/// The lints that do not apply to what is generated.
+/// The lints that do not apply to generated code.
 const LINTS: &str =
     "dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls";
 
@@ -177,8 +175,8 @@ fn is_copy(data_type: DataType) -> bool {
     !matches!(data_type, DataType::String | DataType::Binary)
 }
 
-/// The enumerations, in a module of their own: their names are free to choose, such as `Vec`, and the rest of the text refers
-/// to them by their path.
+/// The enumerations, in their own module: their names are free, such as `Vec`, and the rest of the text refers to them
+/// by path.
 fn enumerations(enumerations: &[EnumerationDeclaration]) -> String {
     if enumerations.is_empty() {
         return String::new();
@@ -195,7 +193,7 @@ mod enumerations {{{texts}}}
     )
 }
 
-/// Where an enumeration is, for the rest of the text.
+/// An enumeration's path, for the rest of the text.
 fn enumeration_path(enumeration: &EnumerationDeclaration) -> String {
     format!("super::enumerations::{}", enumeration.name)
 }
@@ -226,7 +224,7 @@ pub enum {name} {{
 struct Generator<'m, 'a> {
     model: &'m Model<'a>,
     structure: &'m Structure,
-    /// The structs of components that start from the same values each, and so have a default.
+    /// The structs of components with equal start values, which therefore have a default.
     with_default: BTreeSet<String>,
 }
 
@@ -258,7 +256,7 @@ impl Generator<'_, '_> {
         starts.into_iter().filter(|(_, starts)| starts.len() == 1).map(|(name, _)| name).collect()
     }
 
-    /// The struct for the variables of some parts.
+    /// The struct for some parts' variables.
     fn place_struct(&self, place: Place, name: &str, title: &str, parts: &[&Part<'_>]) -> String {
         let (mut fields, mut starts) = (Vec::new(), Vec::new());
         for part in parts {
@@ -329,7 +327,7 @@ impl Generator<'_, '_> {
         }
     }
 
-    /// A variable's start value, or where it is calculated, one that stands until then.
+    /// A variable's start value, or its value until it is calculated.
     fn start(&self, position: usize) -> String {
         let scalar = &self.model.scalars[position];
         match (&scalar.start, scalar.data_type) {
@@ -363,7 +361,7 @@ impl Generator<'_, '_> {
             ("parameters", "The parameters.", Place::Parameters),
             (
                 "inputs",
-                "The inputs as they were set, which may be out of their bounds; a model is given those within.",
+                "The inputs as set, possibly out of bounds; a model receives them within bounds.",
                 Place::Inputs,
             ),
             ("start", "The states' start values, as the importer set them.", Place::States),
@@ -392,7 +390,7 @@ impl Generator<'_, '_> {
             + &default("Variables", &starts.join(",\n            "))
     }
 
-    /// The struct that equations are given: what they may only read by shared references.
+    /// The struct that equations receive: read-only parts by shared references.
     fn evaluation_struct(&self) -> String {
         let fields = [
             ("parameters", "The parameters.", Place::Parameters, ""),
@@ -438,7 +436,7 @@ pub struct Evaluation<'a{parameter}> {{
         self.arrays(Place::States.type_name(), &parts, "")
     }
 
-    /// The structs that hold the states of a group each.
+    /// The structs that each hold a group's states.
     fn state_groups(&self) -> String {
         let groups = &self.model.declaration.state_groups;
         let mut text = String::new();
@@ -459,12 +457,12 @@ pub struct Evaluation<'a{parameter}> {{
             };
             let constants = format!(
                 "
-    /// The states' nominal values; 1 where none is declared.
+    /// The states' nominal values; 1 if undeclared.
     pub const NOMINAL: Self = Self {{
             {}
     }};
 
-    /// The smallest values that are declared.
+    /// The declared minimum values.
     pub const MIN: Self = Self {{
             {}
     }};
@@ -481,7 +479,7 @@ pub struct Evaluation<'a{parameter}> {{
                 text,
                 "
 impl<T: ::core::marker::Copy> {name}<T> {{
-    /// Those among all states.
+    /// This group's states among all states.
     #[must_use]
     pub fn of(states: &States<T>) -> Self {{
         Self {{ {} }}
@@ -500,7 +498,7 @@ impl<T: ::core::marker::Copy> {name}<T> {{
             let _ = write!(
                 text,
                 "
-/// All states by their groups.
+/// All states by group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct {STATE_GROUPS}<T = f64> {{
 {members}}}
@@ -520,7 +518,7 @@ impl<T: ::core::marker::Copy> States<T> {{
         text
     }
 
-    /// The states of some parts as an array, with further constants.
+    /// Some parts' states as an array, with further constants.
     fn arrays(&self, name: &str, parts: &[&Part<'_>], constants: &str) -> String {
         let fields = parts.iter().flat_map(|part| Place::States.fields(part));
         let positions: Vec<_> = fields.flat_map(|field| field.positions.iter().copied()).collect();
@@ -566,12 +564,12 @@ impl{of} {name}{to} {{
     }
 }
 
-/// The place of each position in a list.
+/// Each position's place in a list.
 fn numbered(positions: &[usize]) -> BTreeMap<usize, usize> {
     positions.iter().enumerate().map(|(place, &position)| (position, place)).collect()
 }
 
-/// A part's variables as the fields of a struct expression, from the values of their scalars.
+/// A part's variables as the fields of a struct expression, from their scalars' values.
 fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> String {
     let fields = place.fields(part).map(|field| {
         let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
@@ -580,7 +578,7 @@ fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> Str
     fields.collect::<Vec<_>>().join(", ")
 }
 
-/// The same for several parts, each component in a struct of its own.
+/// Likewise for several parts, each component in its own struct.
 fn nested_values(place: Place, parts: &[&Part<'_>], value: impl Fn(usize) -> String) -> String {
     let parts = parts.iter().map(|part| {
         let values = values(place, part, &value);
@@ -601,16 +599,16 @@ struct StructField {
     is_copy: bool,
 }
 
-/// What a field is to the macro `numbers!`.
+/// A field's kind in the macro `numbers!`.
 enum Kind {
     /// A Real, or an array of these sizes.
     Number(Vec<usize>),
-    /// A struct that is generic over the number type.
+    /// A struct generic over the number type.
     Nested,
     Other,
 }
 
-/// A struct, generic over its number type where it has Reals, with what its kind can do.
+/// A struct, generic over its number type if it has Reals, with the functions of its kind.
 fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
     let generic = fields.iter().any(|field| !matches!(field.kind, Kind::Other));
     let copy = if fields.iter().all(|field| field.is_copy) { "Copy, " } else { "" };
@@ -659,7 +657,7 @@ impl ::core::default::Default for {name} {{
     )
 }
 
-/// The expression of an array from those of its elements, row by row.
+/// An array expression from its elements' expressions, row by row.
 fn nest(dimensions: &[usize], elements: &[String]) -> String {
     match dimensions {
         [] => elements.concat(),
@@ -677,10 +675,10 @@ fn described(description: Option<&str>, name: &str) -> String {
     description.map_or_else(|| format!("`{name}`"), markdown)
 }
 
-/// A description as rustdoc shall show it: what would be markup is escaped.
+/// A description for rustdoc: markup is escaped.
 fn markdown(text: &str) -> String {
     let mut escaped = String::new();
-    // What is indented, or within `~~~`, would be code, which rustdoc compiles.
+    // Indented or `~~~` text would be code, which rustdoc compiles.
     for character in text.trim().chars() {
         if "\\`*_[]<>~".contains(character) {
             escaped.push('\\');

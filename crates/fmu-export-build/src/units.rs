@@ -1,9 +1,9 @@
-//! Units: what a unit's name means in SI base units (FMI 2.0.5, section 2.2.2).
+//! Units: the meaning of a unit's name in SI base units (FMI 2.0.5, section 2.2.2).
 //!
-//! A name is an expression in the notation of the Modelica language, to which FMI refers, and of UCUM: factors
-//! joined by `.`, at most one `/`, whose denominator of several factors is in parentheses, exponents behind the
-//! symbol (`kg/s`, `N.m`, `W/(m2.K)`, `s-1`, `1/min`). A symbol is looked up as a whole first and only then split
-//! into prefix and symbol, as SI and UCUM have it: `min` is a minute, `cd` a candela, `Pa` a pascal, `ft` nothing.
+//! A name is an expression in the notation of Modelica, to which FMI refers, and of UCUM: factors joined by `.`, at
+//! most one `/`, a denominator of several factors in parentheses, exponents after the symbol (`kg/s`, `N.m`,
+//! `W/(m2.K)`, `s-1`, `1/min`). A symbol is looked up whole before being split into prefix and symbol, as in SI and
+//! UCUM: `min` is a minute, `cd` a candela, `Pa` a pascal, `ft` nothing.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use crate::check;
 use crate::declaration::{BaseUnit, DisplayUnitDeclaration, UnitDeclaration};
 use crate::error;
 
-/// A unit as modelDescription.xml defines it.
+/// A unit as defined in modelDescription.xml.
 #[derive(Clone, Debug)]
 pub(crate) struct Unit {
     pub(crate) name: String,
-    /// The exponents of the base units; none where they are not integers or not known.
+    /// Exponents of the base units; none if not integers or unknown.
     pub(crate) base: Option<BTreeMap<BaseUnit, i32>>,
     /// From this unit to the base unit.
     pub(crate) factor: f64,
@@ -23,7 +23,7 @@ pub(crate) struct Unit {
     pub(crate) display_units: Vec<DisplayUnit>,
 }
 
-/// A unit that values are shown in, with the conversion to it.
+/// A display unit, with the conversion to it.
 #[derive(Clone, Debug)]
 pub(crate) struct DisplayUnit {
     pub(crate) name: String,
@@ -31,7 +31,7 @@ pub(crate) struct DisplayUnit {
     pub(crate) offset: f64,
 }
 
-/// Which prefixes a symbol takes.
+/// The prefixes that a symbol allows.
 #[derive(Clone, Copy, PartialEq)]
 enum Prefixes {
     None,
@@ -71,11 +71,11 @@ const DIMENSIONLESS: Exponents = [0.0; 8];
 const ANGLE: Exponents = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 const PI: f64 = std::f64::consts::PI;
 
-/// A symbol, its prefixes, its exponents of the base units, numerator, denominator and power of ten of its factor.
-/// The parts of the factor are kept apart so that a product of units is rounded once.
+/// A symbol, its prefixes, exponents of the base units, and its factor's numerator, denominator and power of ten, kept
+/// apart so that a product of units is rounded only once.
 type Symbol = (&'static str, Prefixes, Exponents, f64, f64, i32);
 
-/// The symbols of SI (brochure, 9th edition, tables 2, 4 and 8) and of what engineers use beside it.
+/// The symbols of SI (brochure, 9th edition, tables 2, 4 and 8) and others that engineers use.
 #[rustfmt::skip]
 const SYMBOLS: [Symbol; 51] = [
     ("g",    All,      [1., 0., 0., 0., 0., 0., 0., 0.], 1., 1., -3),
@@ -131,7 +131,7 @@ const SYMBOLS: [Symbol; 51] = [
     ("1",    NoPrefix, DIMENSIONLESS,                    1., 1., 0),
 ];
 
-/// Names of units and shorter forms, which are no symbols, and the symbols.
+/// Names of units and abbreviations that are not symbols, and the symbols.
 const NAMES: [(&str, &str); 36] = [
     ("gram", "g"),
     ("kilogram", "kg"),
@@ -171,7 +171,7 @@ const NAMES: [(&str, &str); 36] = [
     ("percent", "%"),
 ];
 
-/// How the letters and signs of other notations are written here.
+/// Letters and signs of other notations, and their spelling here.
 const WRITTEN: [(&str, &str); 12] = [
     ("°C", "degC"),
     ("℃", "degC"),
@@ -187,7 +187,7 @@ const WRITTEN: [(&str, &str); 12] = [
     ("^", ""),
 ];
 
-/// The zero of the Celsius scale in K: the one unit here whose zero is not that of its base unit.
+/// Zero Celsius in K: the only unit here with an offset.
 const CELSIUS: (&str, f64) = ("degC", 273.15);
 
 /// A unit in terms of base units.
@@ -209,7 +209,7 @@ impl Measure {
         for (sum, added) in exponents.iter_mut().zip(other.exponents) {
             *sum += exponent * added;
         }
-        // A whole exponent's power of ten stays whole; the factor of any other is only used among its like.
+        // An integer exponent keeps the power of ten an integer; the factor of any other is only used among its like.
         let power = f64::from(other.power_of_ten) * exponent;
         let rest = 10_f64.powf(power.fract());
         let (above, below) = if exponent < 0.0 {
@@ -236,7 +236,7 @@ impl Measure {
         }
     }
 
-    /// The exponents as FMI has them, where they are integers.
+    /// The exponents as in FMI, if they are integers.
     #[allow(clippy::cast_possible_truncation, reason = "exponents are small")]
     fn base(&self) -> Option<BTreeMap<BaseUnit, i32>> {
         let whole = self.exponents.iter().all(|exponent| exponent.fract() == 0.0);
@@ -254,7 +254,7 @@ pub(crate) struct Units<'a> {
 
 impl<'a> Units<'a> {
     pub(crate) fn new(declared: &'a [UnitDeclaration]) -> Self {
-        // Of several of one name, the first.
+        // The first of several with the same name.
         let names = declared
             .iter()
             .map(|unit| unit.name.as_str())
@@ -270,7 +270,7 @@ impl<'a> Units<'a> {
         self.names.get(name).copied()
     }
 
-    /// A unit by its name, with the display units that the file declares.
+    /// A unit by name, with the display units declared in the file.
     pub(crate) fn find(&self, name: &str) -> Result<Unit, String> {
         let declared = self.position(name).map(|position| &self.declared[position]);
         let mut unit = match (self.measure(name), declared) {
@@ -310,19 +310,19 @@ impl<'a> Units<'a> {
         Ok(unit)
     }
 
-    /// The conversion from a unit to another of its dimension.
+    /// The conversion from a unit to another of the same dimension.
     pub(crate) fn display_unit(&self, unit: &str, display: &str) -> Result<DisplayUnit, String> {
         let (from, to) = (self.measure(unit)?, self.measure(display)?);
         let equal = |(one, other): (&f64, &f64)| (one - other).abs() < 1e-9;
         if !from.exponents.iter().zip(&to.exponents).all(equal) {
-            return Err(format!("'{display}' does not measure what '{unit}' does"));
+            return Err(format!("'{display}' and '{unit}' have different dimensions"));
         }
         let ratio = Measure { offset: 0.0, ..from }.times(Measure { offset: 0.0, ..to }, -1.0);
         let offset = (from.offset - to.offset) / to.factor();
         Ok(DisplayUnit { name: display.to_owned(), factor: ratio.factor(), offset })
     }
 
-    /// What a whole unit means.
+    /// The meaning of a whole unit.
     fn measure(&self, name: &str) -> Result<Measure, String> {
         if let Some(measure) = self.declared(name) {
             return Ok(measure);
@@ -341,14 +341,16 @@ impl<'a> Units<'a> {
                 format!("the unit '{name}'{within} is not known{}", self.nearest(symbol))
             })?;
             if measure.offset != 0.0 || symbol == CELSIUS.0 {
-                return Err(format!("the unit '{name}': '{symbol}' has an offset and stands alone; use K"));
+                return Err(format!(
+                    "the unit '{name}': '{symbol}' has an offset and cannot be combined; use K"
+                ));
             }
             product = product.times(measure, exponent);
         }
         Ok(product)
     }
 
-    /// A unit of the file that says what it is in base units.
+    /// A unit of the file that is defined in base units.
     fn declared(&self, name: &str) -> Option<Measure> {
         let unit = &self.declared[self.position(name)?];
         let base = unit.base.as_ref()?;
@@ -356,7 +358,7 @@ impl<'a> Units<'a> {
         Some(Measure { exponents, numerator: unit.factor, offset: unit.offset, ..Measure::ONE })
     }
 
-    /// What is likely meant by an unknown symbol, as the end of a message: a product without its point, the unit of a name,
+    /// A suggestion for an unknown symbol, as the end of a message: a product without its point, the unit of a name,
     /// or the nearest symbol.
     fn nearest(&self, symbol: &str) -> String {
         let known = |name: &str| self.declared(name).or_else(|| built_in(name)).is_some();
@@ -405,7 +407,7 @@ fn built_in(name: &str) -> Option<Measure> {
 /// A symbol to a power.
 type Factor<'a> = (&'a str, f64);
 
-/// The factors of a unit, above and below its stroke.
+/// A unit's factors, above and below its slash.
 fn factors(name: &str) -> Result<[Vec<Factor<'_>>; 2], String> {
     let (above, below) = match name.split_once('/') {
         None => (product(name), Some(Vec::new())),
@@ -595,7 +597,7 @@ mod tests {
             ("m/s²", "the unit 'm/s²' is written 'm/s2'"),
             ("m^2", "the unit 'm^2' is written 'm2'"),
             ("Ωx", "the unit 'Ωx' is not known"),
-            ("J/degC", "the unit 'J/degC': 'degC' has an offset and stands alone; use K"),
+            ("J/degC", "the unit 'J/degC': 'degC' has an offset and cannot be combined; use K"),
         ] {
             assert_eq!(meaning(name), Err(reason.to_owned()));
         }
@@ -625,7 +627,7 @@ mod tests {
         ] {
             assert_eq!(display(unit, shown), Ok((factor, offset)), "{unit} {shown}");
         }
-        assert_eq!(display("Pa", "K"), Err("'K' does not measure what 'Pa' does".to_owned()));
+        assert_eq!(display("Pa", "K"), Err("'K' and 'Pa' have different dimensions".to_owned()));
     }
 
     #[test]

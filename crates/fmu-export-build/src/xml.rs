@@ -1,7 +1,7 @@
 //! The modelDescription.xml, written element by element in the order of its schema.
 //!
-//! The same model gives the same bytes: nothing depends on the time or on the order of a hash map, so
-//! the GUID, a hash of these bytes, changes exactly when the interface does.
+//! The same model gives the same bytes: nothing depends on time or a hash map's order, so the GUID, a hash of these
+//! bytes, changes exactly when the interface does.
 
 mod fmi2;
 mod fmi3;
@@ -18,10 +18,10 @@ use crate::interfaces::Version;
 use crate::model::{Model, Start};
 use fmu_xml::{Attributes, XmlWriter, conversion, element, empty, float};
 
-/// What made the FMU.
+/// The tool that made the FMU.
 pub(crate) const GENERATION_TOOL: &str = concat!("fmu-export ", env!("CARGO_PKG_VERSION"));
 
-/// A modelDescription.xml and the GUID in it, which FMI 3.0 calls the instantiation token.
+/// A modelDescription.xml and its GUID, called instantiation token in FMI 3.0.
 pub(crate) struct Description {
     pub(crate) guid: String,
     pub(crate) text: String,
@@ -60,7 +60,7 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
                     attributes.extend(conversion(unit.factor, unit.offset));
                     empty(writer, "BaseUnit", attributes)?;
                 }
-                // Also those of the file that no variable asks for: importers let their users choose among them.
+                // Including those in the file that no variable uses: importers offer them to their users.
                 unit.display_units.iter().try_for_each(|display| {
                     let mut attributes = vec![("name", display.name.clone())];
                     attributes.extend(conversion(display.factor, display.offset));
@@ -72,7 +72,7 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     })
 }
 
-/// The attributes of the root: what model it is, by a name and value that the version has for its hash.
+/// The root's attributes: the model's identity, and the version's own attribute for its hash.
 fn identity(model: &Model<'_>, version: &str, (hash, value): (&'static str, &str)) -> Attributes {
     given([
         ("fmiVersion", Some(version.to_owned())),

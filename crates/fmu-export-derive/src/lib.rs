@@ -1,14 +1,14 @@
-//! `#[derive(Persistent)]`: every field of a struct, or the variant of an enum and its fields, goes into a serialized state,
-//! in the order of declaration.
+//! `#[derive(Persistent)]`: a serialized state contains every field of a struct, or the variant of an enum and its
+//! fields, in declaration order.
 
 use proc_macro2::TokenStream;
 use quote::{ToTokens, format_ident, quote};
 use syn::{Data, DataEnum, DeriveInput, Error, Field, Fields, Index, Member, parse_macro_input, parse_quote};
 
-/// Implements `fmu_export::Persistent` for a struct or an enum whose fields implement it; those of an enum also have a
+/// Implements `fmu_export::Persistent` for a struct or enum whose fields implement it; an enum's fields also need a
 /// `Default`, from which a variant is read.
 ///
-/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` computes it anew.
+/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` recomputes it.
 #[proc_macro_derive(Persistent, attributes(persistent))]
 pub fn derive_persistent(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
@@ -54,7 +54,7 @@ fn implementation(mut input: DeriveInput) -> Result<TokenStream, Error> {
     })
 }
 
-/// Persists the number of an enum's variant, then the variant's fields.
+/// Persists the number of an enum's variant, then its fields.
 fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
     let (mut numbers, mut beginnings, mut fields) = (vec![], vec![], vec![]);
     for (number, variant) in (0_u32..).zip(&enumeration.variants) {
@@ -71,7 +71,7 @@ fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
             }
         });
     }
-    let refusal = format!("{{variant}} in the serialized state is no variant of {name}");
+    let refusal = format!("{{variant}} in the serialized state is not a variant of {name}");
     Ok(quote! {
         let before: u32 = match self { #(#numbers),* };
         let mut variant = before;

@@ -1,14 +1,14 @@
-//! Whether a model's equations set what is calculated, all of it, and nothing else.
+//! Checks that a model's equations set every calculated variable, and nothing else.
 
 use crate::description::{DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::model::Variables;
 
-/// Evaluates twice, with different values in the place of what is calculated. After that these are equal, but for discrete
-/// ones that are left as they were, which events may set, or the model's preparation; and everything else is as it was.
+/// Evaluates twice from different values of the calculated variables. The results must be equal, except discrete
+/// variables left alone, which events or the model's preparation may set; everything else must be unchanged.
 ///
 /// # Errors
-/// The first variable that is not set, or that is changed and must not be.
+/// The first variable that is not set, or changed but read-only.
 pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&mut V)) -> Result<(), Error> {
     let marked = [false, true].map(|mark| {
         let mut marked = variables.clone();
@@ -26,7 +26,7 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
         let is_left = marked.iter().zip(&evaluated).all(|(marked, evaluated)| !differ([marked, evaluated]));
         let may_be_left = variable.variability == Variability::Discrete;
         if is_calculated && differ(evaluated.each_ref()) && !(is_left && may_be_left) {
-            // What is left is the cause of others, which are made of it.
+            // A variable that was left alone is the cause; others are computed from it.
             follows = follows.filter(|_| !is_left).or(Some(variable));
             if is_left {
                 break;
@@ -41,13 +41,13 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
     }
     follows.map_or(Ok(()), |variable| {
         Err(Error::new(format!(
-            "`evaluate` does not set {}, or makes it of what it was before",
+            "`evaluate` does not set {}, or computes it from its previous value",
             variable.name
         )))
     })
 }
 
-/// The first discrete variable that differs.
+/// The first discrete variable with different values.
 pub(crate) fn first_discrete_difference<V: Variables>(
     one: &V,
     other: &V,

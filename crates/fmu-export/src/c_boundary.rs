@@ -1,16 +1,13 @@
-//! What the C functions of every version of the standard have in common: from an importer's pointers to an instance, to
-//! slices and to strings.
+//! What the C functions of every FMI version share: turning an importer's pointers into instances, slices and strings.
 //!
-//! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), in the calls
-//! of their loggers, and where the floating-point environment is replaced. What they rely on is what the standard demands
-//! of an importer: an instance comes from the function that instantiates, and is used by one thread at a time until it is
-//! freed; arrays have as many elements as their counts say, and those that results are written to overlap with no other
-//! argument; strings end in NUL. What can be checked is checked: null pointers, instances and states of another FMU,
-//! UTF-8, every number.
+//! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), in calls of
+//! their loggers, and where the floating-point environment is replaced. It relies on what the standard demands of
+//! importers: instances come from the instantiation function, and one thread at a time uses them until they are freed;
+//! arrays have the stated lengths, and result arrays overlap no other argument; strings end in NUL. The rest is
+//! checked: null pointers, instances and states of another FMU, UTF-8, every number.
 //!
-//! Nothing is relied on beyond that. Arrays and results may be at any address: 32-bit compilers align doubles to 4
-//! bytes, Rust to 8, and bindings of other languages pass parts of buffers. Memory for results is not read, and no
-//! Rust enum is read from the importer's memory.
+//! Arrays and results may be unaligned: 32-bit compilers align doubles to 4 bytes, Rust to 8, and bindings pass parts
+//! of buffers. Result memory is never read, and no Rust enum is read from the importer's memory.
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr;
@@ -31,8 +28,8 @@ use crate::saved_states;
 use crate::serialized_state::checksum;
 use crate::status::Status;
 
-/// Replaces the default panic hook, which writes to the host's stderr; a panic's message and place go to the
-/// importer's logger instead. The hook belongs to this library, into which the standard library is linked.
+/// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
+/// hook is local to this library, which links its own standard library.
 pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(not(target_family = "wasm"))]
@@ -41,8 +38,8 @@ pub fn silence_panics() {
     ONCE.call_once(crate::wasm::report_panics);
 }
 
-/// Makes a C function from an expression that is generic over the FMU, which [`exported_model!`] defines: so the compiler
-/// tells what a model lacks once, and not for each function.
+/// Makes a C function from an expression generic over the FMU of [`exported_model!`], so that the compiler reports
+/// only once what a model lacks.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! exported_function {
@@ -61,7 +58,7 @@ macro_rules! exported_function {
     };
 }
 
-/// Defines the FMU of [`exported_function!`]: its model, and the trait that this must implement.
+/// Defines the FMU of [`exported_function!`]: its model, and the trait it must implement.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! exported_model {
@@ -78,8 +75,7 @@ macro_rules! exported_model {
     };
 }
 
-/// What an importer's handle points to. The FMUs of a coupled system are in one process; the first word distinguishes
-/// their instances.
+/// The target of a handle. Coupled FMUs share a process; the first word tells their instances apart.
 #[repr(C)]
 pub(crate) struct Exported<M: Model> {
     fmu: u64,
@@ -90,7 +86,7 @@ impl<M: Model> Exported<M> {
     /// The first word of this FMU's instances.
     const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
 
-    /// What a handle points to, unless that is null or another FMU's.
+    /// The target of a handle, unless it is null or another FMU's.
     ///
     /// # Safety
     /// `handle` is null or came from [`instantiate`] of this or another FMU made by this crate, is not freed, and
@@ -100,13 +96,13 @@ impl<M: Model> Exported<M> {
         if target.is_null() || !target.is_aligned() {
             return None;
         }
-        // SAFETY: the caller promises that a handle which is not null begins with this word; it is aligned for it.
+        // SAFETY: the caller promises that a non-null handle begins with this word; it is aligned for it.
         let fmu = unsafe { target.cast::<u64>().read() };
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive and not shared.
         (fmu == Self::FMU).then(|| unsafe { &mut *target })
     }
 
-    /// What a handle points to, if that is valid.
+    /// The target of a handle, if valid.
     ///
     /// # Safety
     /// As for [`Exported::of`].
@@ -118,29 +114,29 @@ impl<M: Model> Exported<M> {
     /// The locks of an instance, unless the handle is null or another FMU's.
     ///
     /// # Safety
-    /// As for [`Exported::of`], but that another thread may be in a call, which this one has preempted: what is read is
-    /// not changed by any call.
+    /// As for [`Exported::of`], except that this thread may have preempted another one's call: no call changes what is
+    /// read here.
     pub(crate) unsafe fn preemption(handle: *mut c_void) -> Option<Preemption> {
         let target = handle.cast::<Self>();
         if target.is_null() || !target.is_aligned() {
             return None;
         }
-        // SAFETY: the caller promises that a handle which is not null begins with this word; it is aligned for it.
+        // SAFETY: the caller promises that a non-null handle begins with this word; it is aligned for it.
         let fmu = unsafe { target.cast::<u64>().read() };
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive; no reference is made.
         (fmu == Self::FMU).then(|| unsafe { (&raw const (*target).instance.preemption).read() })
     }
 }
 
-/// Makes an instance for an interface and sets it up: its handle, or null, and a message, where an argument is wrong or
-/// the model panics.
+/// Creates an instance for an interface. Returns its handle, or null and a message if an argument is wrong or the
+/// model panics.
 pub(crate) fn instantiate<M: Model>(
     function: &str,
     logger: Logger,
     interface: Result<Interface, Error>,
     set_up: impl FnOnce(&mut Instance<M>),
 ) -> *mut c_void {
-    // Instances are large: this one is made where it stays, as each move would copy it.
+    // Created in place: instances are large, and moves would copy them.
     let made = interface.and_then(|interface| {
         check_memory(size_of::<Exported<M>>())?;
         in_default_environment(|| {
@@ -163,7 +159,7 @@ pub(crate) fn instantiate<M: Model>(
     }
 }
 
-/// Runs the body of a function on the instance of a handle, in Rust's floating-point environment.
+/// Runs a function's body on the instance of a handle, in Rust's floating-point environment.
 ///
 /// # Safety
 /// As for [`Exported::of`].
@@ -178,8 +174,8 @@ pub(crate) unsafe fn call<M: Model>(
     }
 }
 
-/// Runs the body of a function that copies and compares numbers, in the importer's floating-point environment. Where it
-/// computes, it enters Rust's.
+/// Runs a function's body that only copies and compares numbers, in the importer's floating-point environment. Where
+/// it computes, it enters Rust's.
 ///
 /// # Safety
 /// As for [`Exported::of`].
@@ -204,30 +200,30 @@ unsafe fn run<M: Model>(
     // SAFETY: the caller's promise.
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
     let status = body(&mut target.instance);
-    // From here on the target is not accessed: the importer's logger may call or free it.
+    // Do not access the target below: the importer's logger may call or free it.
     if let Some(messages) = target.instance.take_messages() {
         messages.deliver(function);
     }
     status
 }
 
-/// Frees an instance, and the states of it that were not freed.
+/// Frees an instance and its unfreed states.
 ///
 /// # Safety
 /// As for [`Exported::of`]; the handle is not used again.
 pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     // SAFETY: the caller's promise.
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return };
-    // A call after this one is recognized as invalid as long as the memory is not reused.
+    // Later calls are recognized as invalid until the memory is reused.
     target.fmu = 0;
     // SAFETY: the pointer came from `instantiate`, and the standard forbids its use after this call.
     let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
     saved_states::free_all_of(handle.addr());
-    // A panic here cannot be reported: the logger belongs to the instance that is freed.
+    // A panic here cannot be reported: the logger belongs to the freed instance.
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
-/// An array argument; null is taken as an empty one.
+/// An array argument; null counts as empty.
 ///
 /// # Safety
 /// Unless null, `array` has `count` elements that nothing changes during the call.
@@ -271,7 +267,7 @@ pub(crate) unsafe fn write_elements<T: Copy>(
     // SAFETY: the caller's promise.
     let mut values = unsafe { elements(name, array, count) }?.into_owned();
     let answer = write(&mut values);
-    // After an error too: values written before it are returned, as if the importer's array had been passed.
+    // After an error too: values written before it are returned, as if written to the importer's array.
     for (index, value) in values.into_iter().enumerate() {
         // SAFETY: the caller promises that this is an element.
         unsafe { array.add(index).write_unaligned(value) };
@@ -279,7 +275,7 @@ pub(crate) unsafe fn write_elements<T: Copy>(
     answer
 }
 
-/// Checks the number of an array's elements, before it is accessed.
+/// Checks an array's element count before access.
 fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
     if found == elements.len() {
         Ok(())
@@ -303,7 +299,7 @@ pub(crate) unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a
     Ok(unsafe { CStr::from_ptr(text) })
 }
 
-/// Reads the state with a handle.
+/// Reads the state behind a handle.
 pub(crate) fn with_state<M: Model, T>(
     state: *mut c_void,
     body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
@@ -315,12 +311,12 @@ pub(crate) fn with_state<M: Model, T>(
     body(&state.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Keeps a memory as a new state, and returns its handle.
+/// Stores a memory as a new state, and returns its handle.
 pub(crate) fn keep<M: Model>(handle: *mut c_void, memory: Memory<M>) -> *mut c_void {
     ptr::without_provenance_mut(saved_states::keep(handle.addr(), memory))
 }
 
-/// Runs the body of a function that gets values, on the value references of scalars and the memory of their values.
+/// Runs the body of a getter on the value references of scalars and the memory for their values.
 ///
 /// # Safety
 /// As for [`call`]; the arrays have as many elements as their counts say.
@@ -341,7 +337,7 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
     }
 }
 
-/// The same of a function that sets values.
+/// Likewise for a setter.
 ///
 /// # Safety
 /// As for [`get_values`].
@@ -362,7 +358,7 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
     }
 }
 
-/// Gets strings, which stay valid until the next time for this instance.
+/// Gets strings, valid until the next such call for this instance.
 ///
 /// # Safety
 /// As for [`get_values`].
@@ -427,7 +423,7 @@ pub(crate) unsafe fn set_debug_logging<M: Model>(
     }
 }
 
-/// Saves the state of an instance: into a new one where `*state` is null, otherwise over the one that is there.
+/// Saves an instance's state: into a new one if `*state` is null, otherwise over the existing one.
 ///
 /// # Safety
 /// As for [`call`]; `state` is null or may be read and written to.
@@ -470,7 +466,7 @@ pub(crate) unsafe fn set_state<M: Model>(
     }
 }
 
-/// Frees a saved state: a null one is freed already.
+/// Frees a saved state; null is a no-op.
 ///
 /// # Safety
 /// As for [`get_state`].
@@ -494,7 +490,7 @@ pub(crate) unsafe fn free_state<M: Model>(
     }
 }
 
-/// The number of bytes of a serialized state.
+/// The size of a serialized state in bytes.
 ///
 /// # Safety
 /// As for [`call`]; `size` is null or may be written to.
@@ -514,7 +510,7 @@ pub(crate) unsafe fn serialized_size<M: Model>(
     }
 }
 
-/// Serializes a saved state into as many bytes as [`serialized_size`] says.
+/// Serializes a saved state into as many bytes as [`serialized_size`] reports.
 ///
 /// # Safety
 /// As for [`call`]; there are as many bytes as counted.
@@ -539,7 +535,7 @@ pub(crate) unsafe fn serialize<M: Model>(
     }
 }
 
-/// Makes a serialized state a saved one, always a new one: unlike [`get_state`], this does not read `*state`, which the
+/// Turns a serialized state into a new saved one. Unlike [`get_state`], this does not read `*state`, which the
 /// standard does not require to be set and which may happen to be a state's handle.
 ///
 /// # Safety
@@ -580,7 +576,7 @@ pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
     }
 }
 
-/// Gets an array with a number for each of some names: of the states or event indicators.
+/// Gets one number for each name: of the states or event indicators.
 ///
 /// # Safety
 /// As for [`call`]; there are as many values as counted.

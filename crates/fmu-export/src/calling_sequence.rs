@@ -1,5 +1,4 @@
-//! The states of an instance, and what a version of the standard says of its functions: in which of the states an importer
-//! may call them. The tables themselves are in the versions' modules.
+//! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
 
 use core::fmt;
 use std::borrow::Cow;
@@ -12,18 +11,18 @@ use crate::persistence::{Archive, Persistent};
 /// The interfaces of FMI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Interface {
-    /// The model steps by itself.
+    /// The model steps itself.
     CoSimulation,
-    /// The model steps by itself from event to event, which the importer handles.
+    /// The model steps itself from event to event; the importer handles events.
     CoSimulationWithEvents,
     /// The importer integrates the model's states.
     ModelExchange,
-    /// The importer activates the model's partition.
+    /// The importer activates the model partitions.
     ScheduledExecution,
 }
 
 impl Interface {
-    /// Whether its instances have the functions of another one.
+    /// Whether its instances have another interface's functions.
     #[inline]
     pub(crate) fn has(self, functions_of: Self) -> bool {
         self == functions_of || (self, functions_of) == (Self::CoSimulationWithEvents, Self::CoSimulation)
@@ -48,13 +47,13 @@ pub(crate) enum Phase {
     Instantiated,
     /// While initial values are computed.
     InitializationMode,
-    /// Between steps of co-simulation.
+    /// Co-Simulation: between steps.
     StepComplete,
     /// Model Exchange: at an event.
     EventMode,
     /// Model Exchange: between events.
     ContinuousTimeMode,
-    /// After a step in which the model asked for the end.
+    /// After a step in which the model requested the end.
     StepFailed,
     /// After the simulation.
     Terminated,
@@ -105,7 +104,7 @@ impl Phase {
         Self::ConfigurationMode,
     ];
 
-    /// The interface whose instances alone have the state.
+    /// The only interface whose instances have the state, if there is just one.
     pub(crate) const fn interface(self) -> Option<Interface> {
         match self {
             Self::StepComplete | Self::StepFailed | Self::StepEventMode | Self::IntermediateUpdateMode => {
@@ -122,7 +121,7 @@ impl Phase {
     }
 }
 
-/// A set of states: a bit for each.
+/// A set of states, one bit each.
 #[derive(Clone, Copy)]
 pub(crate) struct Phases(u16);
 
@@ -163,35 +162,35 @@ impl Persistent for Phase {
 
 /// A function of one version of the standard that takes an instance.
 pub(crate) trait Function: Copy + 'static {
-    /// What arguments of the accessors are called, in messages.
+    /// The standard's name for the accessors' array of value references, in messages.
     const VALUE_REFERENCES: &'static str;
-    /// Likewise.
+    /// Likewise for the values.
     const VALUES: &'static str;
-    /// The state after an error, unless the standard lets the importer go on.
+    /// The state after an error, unless the standard lets the importer continue.
     const AFTER_ERROR: Option<Phase>;
 
     /// The name in the standard.
     fn name(self) -> &'static str;
 
-    /// The interface whose instances alone have the function.
+    /// The only interface whose instances have the function, if there is just one.
     fn interface(self) -> Option<Interface>;
 
     /// The states in which it may be called.
     fn phases(self) -> Phases;
 
-    /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of the
-    /// values that come with them.
+    /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of
+    /// their values.
     ///
     /// # Errors
-    /// When there are not as many values.
+    /// When the number of values is wrong.
     fn scalars<V: Variables>(
         references: Cow<'_, [ValueReference]>,
         values: usize,
     ) -> Result<Cow<'_, [ValueReference]>, Error>;
 }
 
-/// Declares the functions of a version that take an instance: the interface that each belongs to, if only one has it, and
-/// the states in which it may be called, in brackets or as a set.
+/// Declares a version's functions that take an instance: their interface, if only one has them, and the states in
+/// which they may be called, in brackets or as a set.
 macro_rules! functions {
     (@ [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
     (@ $phases:ident) => { $phases };
@@ -234,7 +233,7 @@ macro_rules! functions {
 
 pub(crate) use functions;
 
-/// Checks a table: functions of an interface are called in its states.
+/// Checks that a table lists functions of an interface in its states only.
 #[cfg(test)]
 pub(crate) fn check_interfaces<F: Function + fmt::Debug>(functions: &[F]) {
     for function in functions {

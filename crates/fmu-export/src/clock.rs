@@ -1,18 +1,18 @@
-//! The clocks of FMI 3.0 (FMI 3.0.2, section 2.2.8), as a model sees them in its variables.
+//! The clocks of FMI 3.0 (FMI 3.0.2, section 2.2.8), as a model sees them among its variables.
 
 use crate::description::IntervalVariability;
 
-/// A clock: whether it ticks now, and when it ticks next where the model tells that.
+/// A clock: whether it ticks now, and, if the model determines that, when next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clock {
     pub(crate) ticks: bool,
-    /// Of a time-based clock, in s: between two ticks, otherwise up to the next one.
+    /// Of a time-based clock, in s: the time between two ticks, or for an aperiodic one up to the next.
     interval: Option<f64>,
-    /// Of a periodic clock: from the start to the first tick, in s.
+    /// Of a periodic clock, in s: from the start to the first tick.
     pub(crate) shift: f64,
-    /// Whether the model has set the interval since the importer was told one.
+    /// Whether the model has set the interval since the importer last read it.
     pub(crate) is_new: bool,
-    /// The interval that the importer was told.
+    /// The interval last reported to the importer.
     told: Option<f64>,
     /// Whether it has ticked since Event Mode was entered.
     pub(crate) has_ticked: bool,
@@ -22,7 +22,7 @@ pub struct Clock {
 
 crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated });
 
-/// What is told of a clock's interval: `fmi3IntervalQualifier`.
+/// The state of a reported interval: `fmi3IntervalQualifier`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
 pub(crate) enum IntervalQualifier {
@@ -39,42 +39,42 @@ impl Clock {
         Self { interval: Some(interval), shift, ..Self::default() }
     }
 
-    /// Whether it ticks now. Of the inputs one does at a time.
+    /// Whether it ticks now. Only one input clock ticks at a time.
     #[must_use]
     pub fn ticks(&self) -> bool {
         self.ticks
     }
 
-    /// Lets it tick: an output or a local clock, which the importer is told.
+    /// Makes it tick: an output or local clock, as reported to the importer.
     pub fn tick(&mut self) {
         self.ticks = true;
     }
 
-    /// The interval in s, where it is known.
+    /// The interval in s, if known.
     #[must_use]
     pub fn interval(&self) -> Option<f64> {
         self.interval
     }
 
-    /// Sets the interval in s: of a periodic clock the time between two ticks, which follows from parameters; otherwise
-    /// the time from now to the next tick.
+    /// Sets the interval in s: of a periodic clock, which follows from parameters; otherwise from now to the next
+    /// tick.
     pub fn set_interval(&mut self, interval: f64) {
         self.interval = Some(interval);
         self.is_new = true;
     }
 
-    /// The time in s from the start to the first tick of a periodic clock.
+    /// Of a periodic clock: the time from start to first tick in s.
     #[must_use]
     pub fn shift(&self) -> f64 {
         self.shift
     }
 
-    /// Sets this time in s, where it follows from parameters.
+    /// Sets this time in s, if it follows from parameters.
     pub fn set_shift(&mut self, shift: f64) {
         self.shift = shift;
     }
 
-    /// A tick begins, after which the interval of an aperiodic clock is another one.
+    /// Begins a tick, after which an aperiodic clock has a new interval.
     pub(crate) fn begin_tick(&mut self, kind: IntervalVariability) {
         self.ticks = true;
         if !kind.is_periodic() {
@@ -83,7 +83,7 @@ impl Clock {
         }
     }
 
-    /// How the interval, which the importer is told now, relates to the one that it was told before.
+    /// Reports the interval to the importer, and how it relates to the last report.
     pub(crate) fn tell(&mut self, kind: IntervalVariability) -> IntervalQualifier {
         let Some(interval) = self.interval else { return IntervalQualifier::NotYetKnown };
         let told = self.told.replace(interval);

@@ -8,10 +8,10 @@ use crate::model_exchange::ModelExchange;
 use crate::persistence::{Archive, Persistent};
 use crate::scheduled_execution::ScheduledExecution;
 
-/// A model that computes at the ticks of its clocks, which the importer activates; between them nothing changes by itself.
-/// Its clocks are variables of the type `Clock`, in the field `clocks`.
+/// A model that computes at the ticks of its clocks, activated by the importer; nothing changes in between. Its clocks
+/// are variables of type `Clock`, in the field `clocks`.
 ///
-/// `Clone` and [`Persistent`] must copy and hand out its whole memory, as in [`Model`].
+/// `Clone` and [`Persistent`] must cover its whole memory, as in [`Model`].
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Clocked`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements \
                `Model`, `Equations` or `Sampled`",
@@ -21,20 +21,20 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
-    /// Refuses parameters that contradict each other.
+    /// Rejects contradictory parameters.
     ///
     /// # Errors
-    /// A message that names the parameters and their values.
+    /// A message with the parameters and their values.
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         let _ = variables;
         Ok(())
     }
 
-    /// Computes the values before the first tick, and sets the intervals of clocks that follow from parameters. Called on a
-    /// new model, maybe several times, as [`Model::initialize`].
+    /// Computes the values before the first tick, and sets clock intervals that follow from parameters. Called on a
+    /// new model, possibly repeatedly, like [`Model::initialize`].
     ///
     /// # Errors
-    /// When there are no such values.
+    /// When no such values exist.
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
@@ -45,17 +45,17 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Recomputes, at a time (s) between ticks, what belongs to no clock and depends on inputs or tunable parameters that
-    /// were set since; among it the intervals of tunable clocks.
+    /// Recomputes, at a time (s) between ticks, what belongs to no clock and depends on changed inputs or tunable
+    /// parameters, including the intervals of tunable clocks.
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<ClockedModel<Self>>) {
         let _ = (time, variables, inputs);
     }
 
-    /// Computes the tick of a clock at a time in s: of the clocks that are inputs, one [ticks](crate::Clock::ticks). Where
-    /// several tick at one time, there is a call for each, in the order of their `priority`.
+    /// Computes a clock's tick at a time in s: exactly one input clock [ticks](crate::Clock::ticks). Simultaneous
+    /// ticks are one call each, ordered by `priority`.
     ///
     /// # Errors
-    /// When the model cannot go on.
+    /// When the model cannot continue.
     fn tick(
         &mut self,
         time: f64,

@@ -1,21 +1,21 @@
-//! Whether the dependencies that a model's JSON declares are those of its equations.
+//! Checks the dependencies in a model's JSON against its equations.
 
 use crate::description::{DataType, ValueReference};
 use crate::error::Error;
 use crate::model::{Model, Variables};
 use crate::number::Dual;
 
-/// At how many points the derivatives are looked at.
+/// The number of points at which derivatives are evaluated.
 const POINTS: u64 = 20;
 
-/// Checks, for a test of a model, that its Real outputs and derivatives depend on no other inputs and states than its
-/// JSON says (`reads`). Importers find algebraic loops by these dependencies, and miss those that are not declared.
+/// Tests that a model's Real outputs and derivatives depend on no inputs and states but those in its JSON (`reads`).
+/// Importers find algebraic loops by these dependencies, and miss undeclared ones.
 ///
-/// The derivatives of [`Model::differentiate`] are looked at in points around the values of `variables`: the inputs and
-/// states are shifted by up to their nominal values or magnitudes. What is zero in all of them is not seen.
+/// Evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
+/// nominal values or magnitudes. Dependencies that are zero at all points go unnoticed.
 ///
 /// # Errors
-/// The first dependency that is not declared, or that the model has no derivatives.
+/// The first undeclared dependency, or a model without derivatives.
 pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Error> {
     let model = M::default();
     let reals = M::Variables::described().filter(|(_, variable)| {
@@ -26,7 +26,7 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
         let mut variables = variables.clone();
         for (number, &known) in knowns.iter().enumerate() {
             let value = variables.real(known);
-            // Numbers between 0 and 1 that repeat late: the fractions of multiples of the golden ratio.
+            // A low-discrepancy sequence between 0 and 1: fractional parts of multiples of the golden ratio.
             let share =
                 (0.618_033_988_749_895 * (point * knowns.len() as u64 + number as u64) as f64).fract();
             variables.set_real(known, value + share * if value == 0.0 { 1.0 } else { 0.1 * value });
@@ -42,7 +42,7 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
                     M::Variables::description(unknown).is_some_and(|unknown| unknown.state.is_some());
                 if !is_state && derivatives.real(unknown) != 0.0 && !declared.contains(&known) {
                     return Err(Error::new(format!(
-                        "{} depends on {}, which its 'reads' leave out",
+                        "{} depends on {}, which its 'reads' omit",
                         name::<M>(unknown),
                         name::<M>(known)
                     )));

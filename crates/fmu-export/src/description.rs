@@ -1,9 +1,9 @@
-//! A model's variables: static tables that the build generates from the model's declaration, together with the
-//! modelDescription.xml (FMI 2.0.5, section 2.2).
+//! Static tables of a model's variables, generated from the model's JSON together with the modelDescription.xml (FMI
+//! 2.0.5, section 2.2).
 
 use core::fmt;
 
-/// The handle by which an importer names a variable.
+/// An importer's handle for a variable.
 pub type ValueReference = u32;
 
 /// A model as its modelDescription.xml describes it.
@@ -13,29 +13,29 @@ pub struct ModelDescription {
     pub model_identifier: &'static str,
     /// The hash of the XML's content that the importer passes to `fmi2Instantiate`.
     pub guid: &'static str,
-    /// Every variable, in the order of their value references.
+    /// All variables, ordered by value reference.
     pub variables: &'static [VariableDescription],
-    /// The names of the declared log categories.
+    /// The declared log categories.
     pub log_categories: &'static [&'static str],
     /// The version of the standard.
     pub version: Version,
     /// The interfaces that the FMU offers.
     pub interfaces: Interfaces,
-    /// Whether the FMU has files for the model.
+    /// Whether the FMU has resource files for the model.
     pub has_resources: bool,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
 }
 
-/// The interfaces of FMI that an FMU offers; at least one.
+/// The FMI interfaces that an FMU offers; at least one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(clippy::struct_excessive_bools, reason = "they are the standard's")]
 pub struct Interfaces {
-    /// The FMU steps by itself.
+    /// The FMU steps itself.
     pub co_simulation: bool,
     /// The importer integrates the FMU's states.
     pub model_exchange: bool,
-    /// The importer schedules the FMU's clock.
+    /// The importer schedules the FMU's clocks.
     pub scheduled_execution: bool,
 }
 
@@ -51,20 +51,20 @@ pub struct Capabilities {
     pub serialize_state: bool,
     /// `providesDirectionalDerivative`, and a `maxOutputDerivativeOrder` of 1.
     pub directional_derivatives: bool,
-    /// In FMI 3.0, `providesAdjointDerivatives`.
+    /// `providesAdjointDerivatives` of FMI 3.0.
     pub adjoint_derivatives: bool,
     /// `hasEventMode` of FMI 3.0.
     pub event_mode: bool,
 }
 
-/// One variable's attributes (FMI 2.0.5, section 2.2.7).
+/// A variable's attributes (FMI 2.0.5, section 2.2.7).
 #[derive(Debug)]
 pub struct VariableDescription {
     /// The structured name.
     pub name: &'static str,
     /// The data type.
     pub data_type: DataType,
-    /// What the variable is for.
+    /// Its role.
     pub causality: Causality,
     /// When its value may change.
     pub variability: Variability,
@@ -74,13 +74,13 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
-    /// For a Real input: its position among the Real inputs.
+    /// A Real input's position among the Real inputs.
     pub real_input: Option<usize>,
-    /// For a continuous-time state: its position among the states.
+    /// A continuous-time state's position among the states.
     pub state: Option<u16>,
 }
 
-/// What a clock is (FMI 3.0.2, section 2.4.4).
+/// A clock's attributes (FMI 3.0.2, section 2.4.4).
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "they are the standard's attributes")]
 pub struct ClockDescription {
@@ -90,11 +90,11 @@ pub struct ClockDescription {
     pub is_input: bool,
     /// When it ticks.
     pub interval_variability: IntervalVariability,
-    /// Whether its interval is declared: importers set that of a fixed or tunable clock, if it is.
+    /// Whether its interval is declared; if so, importers set that of a fixed or tunable clock.
     pub has_interval: bool,
     /// Whether its interval may be exchanged as a fraction.
     pub supports_fraction: bool,
-    /// Whether the importer may take a tick back.
+    /// Whether the importer may revoke a tick.
     pub can_be_deactivated: bool,
 }
 
@@ -111,7 +111,7 @@ pub enum IntervalVariability {
 }
 
 impl IntervalVariability {
-    /// Whether ticks are at equal distances.
+    /// Whether ticks are equidistant.
     pub(crate) fn is_periodic(self) -> bool {
         matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
     }
@@ -125,7 +125,7 @@ pub enum Version {
     Three,
 }
 
-/// The data types, by the names of FMI 2.0 where it has them.
+/// The data types, by their FMI 2.0 names where these exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum DataType {
@@ -133,9 +133,9 @@ pub enum DataType {
     Integer,
     Boolean,
     String,
-    /// Accessed through the Integer functions, in FMI 3.0 through those of Int64.
+    /// Accessed through the Integer functions; in FMI 3.0, those of Int64.
     Enumeration,
-    // In FMI 3.0 alone.
+    // FMI 3.0 only.
     Float32,
     Int8,
     UInt8,
@@ -145,12 +145,12 @@ pub enum DataType {
     Int64,
     UInt64,
     Binary,
-    /// Of FMI 3.0.
+    /// FMI 3.0 only.
     Clock,
 }
 
 impl DataType {
-    /// The name in a version of the standard.
+    /// The name in an FMI version.
     #[must_use]
     pub fn name(self, version: Version) -> &'static str {
         match (self, version) {
@@ -180,7 +180,7 @@ impl DataType {
 #[allow(missing_docs)]
 pub enum Causality {
     Parameter,
-    /// In FMI 3.0 alone.
+    /// FMI 3.0 only.
     StructuralParameter,
     CalculatedParameter,
     Input,

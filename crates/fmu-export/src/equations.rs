@@ -1,6 +1,5 @@
-//! Models of equations: what is computed from time, parameters, inputs and states, written once and generic over the
-//! number type. The runtime makes everything else of it: co-simulation by its integrator, Model Exchange, and exact
-//! derivatives.
+//! Models defined by equations of time, parameters, inputs and states, generic over the number type. The runtime
+//! derives the rest: co-simulation with its integrator, Model Exchange, and exact derivatives.
 
 use crate::error::Error;
 use crate::events::Event;
@@ -8,7 +7,7 @@ use crate::model::{Context, Variables};
 use crate::number::Number;
 use crate::persistence::Persistent;
 
-/// A model of ordinary differential equations, with events where it has them.
+/// A model of ordinary differential equations, optionally with events.
 ///
 /// ```ignore
 /// fmu_export::fmu!(equations struct VanDerPol);
@@ -24,8 +23,8 @@ use crate::persistence::Persistent;
 /// }
 /// ```
 ///
-/// The fields of the struct are what the model remembers from event to event, such as the branch that it is on; `Clone`
-/// and [`Persistent`] must copy and hand out the whole of it, as in [`Model`](crate::Model).
+/// The struct's fields are what the model remembers between events, such as the active branch; `Clone` and
+/// [`Persistent`] must cover all of them, as in [`Model`](crate::Model).
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Equations`: write `fmu!({Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it implements \
                `Model`, `Sampled` or `Clocked`",
@@ -37,21 +36,21 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
 
     /// Computes derivatives, locals and outputs from time (s), parameters, inputs and states.
     ///
-    /// Between two events the result must be smooth in time, inputs and states, also a little beyond a place where an
-    /// event is due: a branch that changes at an event is chosen by what [`Equations::event`] remembers in the model.
+    /// Between events the result must be smooth in time, inputs and states, even slightly beyond where an event is
+    /// due: only
+    /// [`Equations::event`] switches branches, which the model stores.
     fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>);
 
-    /// Refuses parameters that contradict each other.
+    /// Rejects contradictory parameters.
     ///
     /// # Errors
-    /// A message that names the parameters and their values.
+    /// A message with the parameters and their values.
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         let _ = variables;
         Ok(())
     }
 
-    /// Prepares the model, before anything is computed: reads files of the FMU, say. Called at each initialization, on a
-    /// new model.
+    /// Prepares the model, for example reads resource files. Called at each initialization, on a new model.
     ///
     /// # Errors
     /// When the model cannot start.
@@ -60,30 +59,31 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Computes the states to begin with that are not the start values, which all states have before.
+    /// Computes initial states that differ from the start values, to which all states are set before.
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;
     }
 
-    /// Computes the event indicators, one for each name in the model's JSON, once [`Equations::evaluate`] has computed
-    /// the variables. An event is where one of them becomes positive, or no longer is; they should be of order one.
+    /// Computes the event indicators, one per name in the model's JSON, after [`Equations::evaluate`] has computed the
+    /// variables. An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order
+    /// one.
     fn event_indicators(&self, time: f64, variables: &Self::Variables, indicators: &mut [f64]) {
         let _ = (time, variables, indicators);
     }
 
-    /// When the next event after a time (s) is due, whatever the states are then. Asked for at each event. The first one
-    /// may be due at the start time.
+    /// When the next time event after a time (s) is due, whatever the states are by then. Called at each event. The
+    /// first may be due at the start time.
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);
         None
     }
 
-    /// Does what happens at an event: changes the model's memory, the states, and discrete variables. It may also be
-    /// called where nothing has to happen, as where an indicator returns to its side. Where the sign of an indicator is
-    /// another one after it, there is another event at once.
+    /// Handles an event: changes the model's memory, states and discrete variables. It may be called with nothing to
+    /// do, for example when an indicator returns to its previous side. If an indicator's sign differs afterwards,
+    /// another event follows.
     ///
     /// # Errors
-    /// When the model cannot go on.
+    /// When the model cannot continue.
     fn event(
         &mut self,
         event: &Event<'_>,
@@ -98,7 +98,7 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
 /// The variables of a model of equations over a number type.
 pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
 
-/// What the equations of a model read and calculate, over a number type.
+/// What a model's equations read and compute, over a number type.
 pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
 
 /// Evaluates the equations of a model.

@@ -2,12 +2,12 @@
 
 use core::{fmt, hint};
 
-/// The error of a failed call; the user gets the message through the importer's logger.
+/// The error of a failed call; its message reaches the user through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error(String);
 
 impl Error {
-    /// An error with a message that names the thing and its value.
+    /// An error whose message names the item and its value.
     pub fn new(message: impl Into<String>) -> Self {
         Self(message.into())
     }
@@ -21,7 +21,7 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-/// A number in messages: all its digits, but no long rows of zeros.
+/// A number in messages: all digits, no long runs of zeros.
 #[derive(Debug)]
 pub(crate) struct Shown(pub(crate) f64);
 
@@ -32,17 +32,17 @@ impl fmt::Display for Shown {
     }
 }
 
-/// What a call allocates besides in bytes: messages and other small things.
+/// What a call allocates in addition, in bytes: messages and other small items.
 const SMALL_ALLOCATIONS: usize = 64 << 10;
 
-/// Refuses what needs more memory than there is, before it is allocated: a failed allocation ends the importer's process.
+/// Checks that memory is available before it is allocated: a failed allocation aborts the importer's process.
 ///
 /// # Errors
-/// When so many bytes cannot be had.
+/// When this many bytes are not available.
 pub(crate) fn check_memory(bytes: usize) -> Result<(), Error> {
     let mut trial = Vec::<u8>::new();
     let reserved = trial.try_reserve_exact(bytes.saturating_add(SMALL_ALLOCATIONS));
-    // Otherwise the compiler takes an unused allocation for one that succeeds.
+    // Otherwise the compiler assumes that an unused allocation succeeds.
     hint::black_box(&trial);
-    reserved.map_err(|_| Error::new(format!("there is no memory for {bytes} bytes")))
+    reserved.map_err(|_| Error::new(format!("out of memory: {bytes} bytes are not available")))
 }

@@ -1,20 +1,20 @@
-//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements whose events the importer
-//! handles, and with which it exchanges values between two internal steps.
+//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements so that importers can
+//! handle its events and exchange values between internal steps.
 
 use crate::error::Error;
 use crate::events::Events;
 use crate::model::{Context, InputsOf, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 
-/// A model that steps by itself from event to event (FMI 3.0.2, section 4.2): those of [`Equations`](crate::Equations) and
+/// A model that steps itself from event to event (FMI 3.0.2, section 4.2): models of [`Equations`](crate::Equations)
+/// and
 /// [`Sampled`](crate::Sampled) ones.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` has no Event Mode, which `event_mode` in the capabilities of its JSON declares",
+    message = "`{Self}` has no Event Mode, which `event_mode` in its JSON's capabilities declares",
     note = "models of `Equations` and `Sampled` models have it"
 )]
 pub trait EventMode: ModelExchange {
-    /// Advances over a communication step, or to where it stops before its end. Where no `events` are given, the model has
-    /// its own.
+    /// Advances over a communication step, or to an earlier stop. Without `events`, the model uses its own.
     ///
     /// # Errors
     /// As [`Model::step`](crate::Model::step).
@@ -57,20 +57,20 @@ impl Stop {
     }
 }
 
-/// Which of a step's events are left to the importer.
+/// Which of a step's events the importer handles.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventsLeft {
     /// All: the step may end early.
     All,
-    /// The one at the end of the step. The model handles those before it.
+    /// The one at the end of the step; the model handles earlier ones.
     AtEnd,
     /// None.
     None,
 }
 
 impl EventsLeft {
-    /// Whether an event at a time in s, in a step to an end, is among them.
+    /// Whether they include an event at a time in s, in a step to `end`.
     pub(crate) fn has(self, time: f64, end: f64) -> bool {
         match self {
             Self::All => true,
@@ -80,7 +80,7 @@ impl EventsLeft {
     }
 }
 
-/// The time in s at which a time event of a step to an end is due, if it is: an importer's end may be off by rounding.
+/// The time in s of a time event due in a step to `end`, if any: an importer's end may be off by rounding.
 pub(crate) fn due_until(end: f64, next: Option<f64>) -> Option<f64> {
     let rounding = time_rounding(end);
     let due = next.filter(|next| *next <= end + rounding)?;

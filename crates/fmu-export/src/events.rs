@@ -1,4 +1,4 @@
-//! Event indicators and time events: when a model has an event, and why.
+//! Event indicators and time events: when and why a model has an event.
 
 use core::mem;
 
@@ -6,59 +6,59 @@ use crate::error::{Error, Shown};
 use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
 
-/// How often a model may have an event at one time, each brought about by the one before.
+/// The most events at one time, each caused by the one before.
 pub(crate) const MOST_ITERATIONS: u32 = 1000;
 
-/// By how much an importer sees an indicator shifted away from its next crossing, so that it is never 0 when the
-/// importer continues, and has surely crossed 0 where the importer finds the crossing (FMI 2.0.5, section 3.1 asks for
-/// "a small hysteresis"). Indicators are of order one; this is a thousand times their rounding.
+/// Shift of an indicator away from its next crossing, as seen by an importer, so that it is never 0 when the importer
+/// continues, and has certainly crossed 0 where the importer locates the crossing ("a small hysteresis" in FMI 2.0.5,
+/// section 3.1). Indicators are of order one; this is a thousand times their rounding.
 const HYSTERESIS: f64 = 1e-12;
 
-/// An event comes soon after another within so many roundings of the time.
+/// An event follows another closely within this many roundings of the time.
 const SOON: f64 = 1e4;
 
-/// What a model knows of its events.
+/// A model's event bookkeeping.
 #[derive(Clone, Debug, Default)]
 pub struct Events {
-    /// When the next time event is due, in s.
+    /// The time of the next time event, in s.
     pub(crate) next: Option<f64>,
     /// The time of the last event, in s.
     reached: f64,
-    /// How many events in a row came within the rounding of the time of the one before.
+    /// How many consecutive events came within the rounding of the time of the one before.
     crowded: u32,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
     /// Which have changed since.
     changed: Box<[bool]>,
     indicators: Box<[f64]>,
-    /// The indicators on both sides of a crossing that is searched for.
+    /// The indicators on both sides of the crossing that is being located.
     sides: [Box<[f64]>; 2],
-    /// The largest magnitude that each has had.
+    /// The largest magnitude of each so far.
     scales: Box<[f64]>,
-    /// The indicators in the last two places of a search, and these places.
+    /// The indicators at the search's last two points, and these points.
     last: [Box<[f64]>; 2],
     places: [f64; 2],
-    /// The number of places in the search, of those where an indicator turns sharply, and where it turns at all.
+    /// The number of points searched, of those with a sharp turn of an indicator, and of those with any turn.
     looked: u32,
     sharp: u32,
     turning: u32,
 }
 
-/// How indicators change from place to place in a search.
+/// How indicators change from point to point in a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pace {
     /// So fast that a crossing may be missed.
     Fast,
     Even,
-    /// So slowly that half as many places would do.
+    /// So slowly that half as many points would do.
     Slow,
 }
 
-/// An indicator turns sharply where its second difference is so large, relative to its scale; an oscillation does with
-/// fewer than some eight places in a period. It turns where it is an eighth of that.
+/// An indicator turns sharply where its second difference, relative to its scale, exceeds this; an oscillation does
+/// with fewer than about eight points per period. It turns where the difference exceeds an eighth of that.
 const SHARP: f64 = 0.5;
 const TURNING: f64 = SHARP / 8.0;
-/// Kinks and jumps turn sharply in two places, however close these are.
+/// Kinks and jumps turn sharply at two points, however close these are.
 const OF_A_JUMP: u32 = 2;
 
 /// The sides of a crossing.
@@ -80,7 +80,7 @@ impl Persistent for Events {
 }
 
 impl Events {
-    /// Of a model with so many event indicators.
+    /// For a model with this many event indicators.
     pub(crate) fn new(indicators: usize) -> Self {
         Self {
             next: None,
@@ -109,8 +109,8 @@ impl Events {
         self.changed.iter().position(|changed| *changed)
     }
 
-    /// Counts an event at a time in s that comes so soon after the last one. Whether there are now so many that the model
-    /// may not leave this time.
+    /// Counts an event at a time in s if it closely follows the last one. Returns whether so many now did that the
+    /// model may never leave this time.
     pub(crate) fn crowd(&mut self, time: f64) -> bool {
         let distance = (time - self.reached).abs();
         if distance <= 0.0 {
@@ -122,7 +122,7 @@ impl Events {
         self.crowded == MOST_ITERATIONS
     }
 
-    /// Takes the present signs of the indicators as those of the last event.
+    /// Stores the indicators' present signs as those of the last event.
     ///
     /// # Errors
     /// As [`Events::find_changes`].
@@ -141,10 +141,10 @@ impl Events {
         Ok(())
     }
 
-    /// Finds which indicators have changed at a time in s; `names` are theirs. Whether any has.
+    /// Finds which indicators have changed at a time in s; `names` are their names. Returns whether any has.
     ///
     /// # Errors
-    /// Where an indicator is not finite, and so has no sign.
+    /// When an indicator is not finite and so has no sign.
     pub(crate) fn find_changes(
         &mut self,
         time: f64,
@@ -154,7 +154,7 @@ impl Events {
         compute(&mut self.indicators);
         if let Some(wrong) = self.indicators.iter().position(|indicator| !indicator.is_finite()) {
             return Err(Error::new(format!(
-                "the event indicator {} is {} at the time {} s",
+                "the event indicator {} is {} at {} s",
                 names[wrong],
                 Shown(self.indicators[wrong]),
                 Shown(time)
@@ -168,14 +168,14 @@ impl Events {
         Ok(self.changed.contains(&true))
     }
 
-    /// Begins a search at the place where the indicators were computed last.
+    /// Starts a search at the point where the indicators were last computed.
     pub(crate) fn begin_search(&mut self, place: f64) {
         (self.looked, self.sharp, self.turning) = (0, 0, 0);
         self.places[1] = place;
         self.last[1].copy_from_slice(&self.indicators);
     }
 
-    /// Looks at the indicators that were computed last, in the next place.
+    /// Records the indicators that were last computed, at the next point.
     pub(crate) fn look(&mut self, place: f64) {
         self.looked += 1;
         let share = (self.places[1] - self.places[0]) / (place - self.places[0]);
@@ -185,7 +185,7 @@ impl Events {
             let scale = &mut self.scales[i];
             *scale = scale.max(indicator.abs());
             if self.looked > 1 {
-                // Twice as far from the straight line: where the places are even, the second difference.
+                // Twice the distance from the straight line: for equidistant points, the second difference.
                 let difference = 2.0 * (second - first - share * (indicator - first)).abs();
                 is_sharp |= difference > SHARP * *scale;
                 turns |= difference > TURNING * *scale;
@@ -199,12 +199,12 @@ impl Events {
         mem::swap(&mut self.last[1], &mut self.indicators);
     }
 
-    /// In how many places the search has looked.
+    /// The number of points searched.
     pub(crate) fn looked(&self) -> u32 {
         self.looked
     }
 
-    /// How the indicators changed in the search.
+    /// How the indicators changed during the search.
     pub(crate) fn pace(&self) -> Pace {
         if self.sharp > OF_A_JUMP + self.looked / 16 {
             Pace::Fast
@@ -215,13 +215,13 @@ impl Events {
         }
     }
 
-    /// Refuses an event that is over and leaves a limit exceeded: no other event might come. `names` are the indicators',
-    /// `limits` the positions of those that are limits; they were computed after the event.
+    /// Rejects a finished event that leaves a limit exceeded: there might be no other event. `names` are the
+    /// indicators', `limits` the positions of those that are limits; they were computed after the event.
     pub(crate) fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
         match limits.iter().find(|limit| self.indicators[**limit] > 0.0) {
             Some(&exceeded) => Err(Error::new(format!(
-                "the event at {} s leaves {} at {}, though it is a limit: an event puts the state onto the limit, and ends \
-                 what acts beyond it",
+                "the event at {} s leaves {} at {}, though it is a limit: an event must put the state onto the limit \
+                 and end what pushes it beyond",
                 Shown(time),
                 names[exceeded],
                 Shown(self.indicators[exceeded])
@@ -230,25 +230,25 @@ impl Events {
         }
     }
 
-    /// Notes the indicators in the last place of the search, and those that were computed since, as the sides of a crossing.
+    /// Records the indicators in the last place of the search, and those computed since, as the sides of a crossing.
     pub(crate) fn note_crossing(&mut self) {
         self.sides[Side::Before as usize].copy_from_slice(&self.last[1]);
         self.note(Side::After);
     }
 
-    /// Notes the indicators that were computed last as those on a side of a crossing.
+    /// Records the indicators last computed as those on one side of a crossing.
     pub(crate) fn note(&mut self, side: Side) {
         self.sides[side as usize].copy_from_slice(&self.indicators);
     }
 
-    /// Where straight lines from side to side first cross zero: from 0, before, to 1, after.
+    /// Where straight lines between the sides first cross zero: from 0, before, to 1, after.
     pub(crate) fn crossing(&self) -> f64 {
         let [before, after] = &self.sides;
         let shares = before.iter().zip(after).filter(|(before, after)| (**before > 0.0) != (**after > 0.0));
         shares.map(|(before, after)| before / (before - after)).fold(1.0, f64::min)
     }
 
-    /// Takes note of the changes that were found: the model has had its event.
+    /// Accepts the changes found: the model has handled its event.
     pub(crate) fn accept(&mut self) {
         for (positive, changed) in self.positive.iter_mut().zip(&mut self.changed) {
             *positive ^= *changed;
@@ -263,24 +263,24 @@ impl Events {
         }
     }
 
-    /// The last event's time in s, if it is at most so much later than the importer's, and otherwise that one: a time
-    /// event is had a little early, and the model must not be asked for it again.
+    /// The last event's time in s, if at most this much later than the importer's time, otherwise the importer's: time
+    /// events may be handled slightly early, and must not recur.
     pub(crate) fn time(&self, time: f64, tolerance: f64) -> f64 {
         if self.reached > time && self.reached <= time + tolerance { self.reached } else { time }
     }
 
-    /// Sets the time of the next event, asked for at a time in s; only the event at the start may be due at once.
-    /// Infinity is never.
+    /// Sets the time of the next event, requested at a time in s; only the initial event may be due at once. Infinity
+    /// means never.
     ///
     /// # Errors
-    /// Where the model does not answer with a time after the present one.
+    /// When the model's answer is not after the present time.
     pub(crate) fn set_next(&mut self, next: Option<f64>, time: f64, is_initial: bool) -> Result<(), Error> {
         let next = next.filter(|next| *next != f64::INFINITY);
         if let Some(next) = next
             && !(next > time || next >= time && is_initial)
         {
             return Err(Error::new(format!(
-                "the next event is due at {} s, which is not after that at {} s",
+                "the next event is due at {} s, not after the one at {} s",
                 Shown(next),
                 Shown(time)
             )));
@@ -290,7 +290,7 @@ impl Events {
         Ok(())
     }
 
-    /// The event at a time in s does not end; `names` are those of the indicators.
+    /// The error of an event at a time in s that does not end; `names` are the indicators'.
     #[cold]
     pub(crate) fn endless(&self, time: f64, names: &[&str]) -> Error {
         let changing: Vec<_> =
@@ -307,15 +307,15 @@ impl Events {
     }
 }
 
-/// Why there is an event.
+/// The cause of an event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event<'a> {
-    /// The time in s. For an event that the model has announced, that very number.
+    /// The time in s; for an event that the model announced, exactly that number.
     pub time: f64,
-    /// Whether it is the one at the start, where the model finds the branches that it begins on.
+    /// Whether it is the initial event, where the model finds its initial branches.
     pub is_initial: bool,
-    /// Whether the time that the model has announced is reached.
+    /// Whether the time announced by the model is reached.
     pub is_due: bool,
-    /// Which event indicators have become positive or no longer are.
+    /// Which event indicators have become positive or ceased to be.
     pub indicators: &'a [bool],
 }

@@ -1,14 +1,13 @@
-//! The floating-point environment that compiled Rust assumes: operations round to nearest, keep subnormal numbers, and trap
-//! nowhere.
+//! The floating-point environment assumed by compiled Rust: round to nearest, keep subnormal numbers, trap nowhere.
 //!
-//! Importers may have another one: hosts in Fortran and Delphi enable traps, others round otherwise or flush subnormal
-//! numbers to zero. With traps the process would end where nothing is wrong, as LLVM divides before it is known whether the
-//! quotient is needed; otherwise results would be others than elsewhere.
+//! Importers may use another one: hosts in Fortran and Delphi enable traps, others round differently or flush
+//! subnormal numbers. Traps would kill a healthy process, as LLVM divides before it knows whether the quotient is
+//! needed; the rest would change results.
 //!
-//! Functions that only copy numbers and compare them with bounds do without: that does not depend on the environment, but
-//! for a warning of an input which is below zero by a subnormal number.
+//! Functions that only copy and compare numbers skip the switch: the environment affects only their warning about an
+//! input below zero by a subnormal number.
 
-/// Runs code in that environment, and leaves the importer's as it was (FMI 2.0.5, section 2.1.1).
+/// Runs code in that environment, and restores the importer's (FMI 2.0.5, section 2.1.1).
 #[inline]
 pub(crate) fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
     let importers = control::read();
@@ -17,7 +16,7 @@ pub(crate) fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
     body()
 }
 
-/// Restores what the importer's register was.
+/// Restores the importer's register.
 struct Restored(control::Register);
 
 impl Restored {
@@ -59,8 +58,8 @@ mod control {
     #[cold]
     #[inline(never)]
     pub(super) fn write(register: Register) {
-        // SAFETY: the value is the default or one that the register had, so that it sets no reserved bit. Between the
-        // default and the importer's value Rust computes as it must; before and after, nothing is computed.
+        // SAFETY: the value is the default or a previous one of the register, so it sets no reserved bit. Rust
+        // computes only under the default.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const register, options(nostack, preserves_flags)) };
     }
 }
@@ -90,13 +89,12 @@ mod control {
     #[cold]
     #[inline(never)]
     pub(super) fn write(register: Register) {
-        // SAFETY: the value is the default or one that the register had. Between them Rust computes as it must; before and
-        // after, nothing is computed.
+        // SAFETY: the value is the default or a previous one of the register. Rust computes only under the default.
         unsafe { asm!("msr fpcr, {}", in(reg) register, options(nostack, preserves_flags)) };
     }
 }
 
-/// Other processors, and WebAssembly, whose arithmetic cannot be changed.
+/// Other processors, and WebAssembly, whose arithmetic is fixed.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod control {
     pub(super) type Register = u32;

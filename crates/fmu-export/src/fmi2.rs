@@ -1,4 +1,4 @@
-//! FMI 2.0: its C functions, their types, and the order in which they may be called.
+//! FMI 2.0: its C functions, their types, and the allowed order of calls.
 
 pub mod c_api;
 pub mod c_types;

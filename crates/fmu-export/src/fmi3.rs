@@ -1,4 +1,4 @@
-//! FMI 3.0: its C functions, their types, and the order in which they may be called.
+//! FMI 3.0: its C functions, their types, and the allowed order of calls.
 
 pub mod c_api;
 pub mod c_types;

@@ -1,5 +1,5 @@
-//! The inputs during a communication step: values, with the derivatives set by `fmi2SetRealInputDerivatives`
-//! (FMI 2.0.5, section 4.2.1), limited to min and max.
+//! The inputs during a communication step: values, with the derivatives set by `fmi2SetRealInputDerivatives` (FMI
+//! 2.0.5, section 4.2.1), limited to min and max.
 
 use core::mem;
 
@@ -13,19 +13,19 @@ pub const MAX_ORDER: usize = 8;
 /// The limits of a Real input.
 #[derive(Clone, Copy, Debug)]
 pub struct RealInput {
-    /// The smallest value for the model.
+    /// The smallest value passed to the model.
     pub min: f64,
-    /// The largest value for the model.
+    /// The largest value passed to the model.
     pub max: f64,
 }
 
 /// The input variables of a model.
 pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
-    /// The Real inputs, in the order of their positions.
+    /// The Real inputs, by position.
     const REALS: &'static [RealInput];
     /// The value of the Real input at a position.
     fn real(&self, position: usize) -> f64;
-    /// Sets all Real inputs, each to the value for its position.
+    /// Sets each Real input to the value for its position.
     fn set_reals(&mut self, value: impl Fn(usize) -> f64);
     /// Sets the Real input at a position.
     fn set_real(&mut self, position: usize, value: f64) {
@@ -34,16 +34,16 @@ pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
     }
 }
 
-/// The inputs as functions of the time since the beginning of the step.
+/// The inputs as functions of the time since the step's start.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
-    /// The inputs at the beginning of the step, within their bounds, as of [`InputSignal::update`].
+    /// The inputs at the step's start, within their bounds, as of [`InputSignal::update`].
     bounded: I,
     /// Whether `bounded` is up to date.
     updated: bool,
-    /// The Real inputs, by their positions.
+    /// The Real inputs, by position.
     reals: Box<[RealSignal]>,
-    /// The highest order of any input's derivatives; 0 when all inputs are constant.
+    /// The highest derivative order of any input; 0 when all inputs are constant.
     order: usize,
     /// Whether any input had a slope at the end of the last step.
     sloped: bool,
@@ -56,13 +56,13 @@ pub struct InputSignal<I> {
 /// One Real input.
 #[derive(Clone, Copy, Debug)]
 struct RealSignal {
-    /// The value as it was set.
+    /// The value as set.
     set: f64,
-    /// The slope at the end of the last step, 0 where it was set since.
+    /// The slope at the end of the last step; 0 if set since.
     slope: f64,
     /// The unbounded value at the end of the last step.
     reached: f64,
-    /// Whether the set value is out of the bounds.
+    /// Whether the set value is out of bounds.
     outside: bool,
     /// Whether a derivative was ignored.
     derivative_ignored: bool,
@@ -84,13 +84,13 @@ impl RealSignal {
         }
     }
 
-    /// The change since the beginning of the step, at a time (s) after it, with derivatives up to an order.
+    /// The change since the step's start, at a time (s) after it, with derivatives up to an order.
     fn rise(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
         (0..order).rev().fold(0.0, |sum, order| offset / (order + 1) as f64 * (self.derivatives[order] + sum))
     }
 
-    /// The slope at a time (s) after the beginning of the step, with derivatives up to an order.
+    /// The slope at a time (s) after the step's start, with derivatives up to an order.
     fn slope_at(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: d1 + τ/1·(d2 + τ/2·(d3 + …)).
         (0..order).rev().fold(0.0, |sum, order| self.derivatives[order] + offset / (order + 1) as f64 * sum)
@@ -113,7 +113,7 @@ impl<I: Inputs> InputSignal<I> {
         signal
     }
 
-    /// The inputs at the beginning of the step.
+    /// The inputs at the step's start.
     #[must_use]
     pub fn initial(&self) -> &I {
         &self.bounded
@@ -125,7 +125,7 @@ impl<I: Inputs> InputSignal<I> {
         self.order == 0
     }
 
-    /// The inputs at a time (s) after the beginning of the step, by their Taylor polynomials.
+    /// The inputs at a time (s) after the step's start, by their Taylor polynomials.
     #[must_use]
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
@@ -138,7 +138,7 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
-    /// The slopes of the inputs at a time (s) after the step's begin; 0 where an input is held at a bound.
+    /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.
     pub(crate) fn slopes_at(&self, offset: f64) -> I {
         let mut slopes = self.bounded.clone();
         slopes.set_reals(|position| {
@@ -149,7 +149,7 @@ impl<I: Inputs> InputSignal<I> {
         slopes
     }
 
-    /// Sets the value of a Real input and clears its derivatives. Returns whether it has just left its bounds.
+    /// Sets a Real input and clears its derivatives. Returns whether it has just left its bounds.
     pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
         let real = &mut self.reals[position];
         let outside = !is_within::<I>(position, value);
@@ -180,7 +180,7 @@ impl<I: Inputs> InputSignal<I> {
         self.moved = false;
     }
 
-    /// Brings the inputs at the beginning of the step up to date: once for all values that the importer has set.
+    /// Updates the inputs at the step's start, once for all values set by the importer.
     pub(crate) fn update(&mut self) {
         if !self.updated {
             self.bounded.set_reals(|position| bound::<I>(position, self.reals[position].set));
@@ -188,16 +188,16 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
-    /// Sets the derivative of an order (from 1 to [`MAX_ORDER`]) of a Real input, in its unit per s to the order.
+    /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in its unit per s to the order.
     ///
     /// # Panics
-    /// When there is no input at the position or the order is out of range.
+    /// When the position has no input or the order is out of range.
     pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
         self.reals[position].derivatives[order - 1] = value;
         self.find_order();
     }
 
-    /// Notes that a derivative of the Real input at a position is ignored. Returns whether it is the first.
+    /// Records that a derivative of a Real input is ignored. Returns whether it is the first.
     pub(crate) fn ignore_derivative(&mut self, position: usize) -> bool {
         !mem::replace(&mut self.reals[position].derivative_ignored, true)
     }
@@ -210,10 +210,13 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
-    /// Notes the inputs and their slopes at the end of a step of a size (s).
+    /// Stores the inputs and their slopes at the end of a step of a size (s).
     fn note_end(&mut self, size: f64) {
         for real in &mut self.reals {
-            real.reached = real.set + real.rise(self.order, size);
+            // Not of a slope that was set to nothing since: a restored state has forgotten it.
+            if self.moved {
+                real.reached = real.set + real.rise(self.order, size);
+            }
             real.slope = real.slope_at(self.order, size);
             real.derivatives = [0.0; MAX_ORDER];
         }
@@ -222,13 +225,13 @@ impl<I: Inputs> InputSignal<I> {
         self.find_sloped();
     }
 
-    /// The current inputs: those at the end of the last step, or what was set since.
+    /// The current inputs: those at the end of the last step, or as set since.
     pub(crate) fn latest(&self) -> &I {
         if self.moved { &self.end } else { &self.bounded }
     }
 
-    /// The slope of the Real input at a position: from the derivatives for the next step, or else at the end of the last
-    /// step. 0 for an input at a bound.
+    /// The slope of a Real input: from the derivatives for the next step, otherwise at the end of the last step. 0 at
+    /// a bound.
     pub(crate) fn slope(&self, position: usize) -> f64 {
         let real = &self.reals[position];
         let is_set = real.derivatives.iter().any(|&derivative| derivative != 0.0);
@@ -236,7 +239,7 @@ impl<I: Inputs> InputSignal<I> {
         if self.is_free(position) { slope } else { 0.0 }
     }
 
-    /// Whether the current value of the Real input at a position is not limited by a bound.
+    /// Whether no bound limits a Real input's current value.
     pub(crate) fn is_free(&self, position: usize) -> bool {
         let real = &self.reals[position];
         is_within::<I>(position, if self.moved { real.reached } else { real.set })
@@ -259,7 +262,7 @@ impl<I: Inputs> InputSignal<I> {
     }
 }
 
-/// Derived fields are computed after reading.
+/// Reading recomputes derived fields.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.update();

@@ -1,8 +1,8 @@
-//! An instance of an FMU: the functions of the standard, without C.
+//! An FMU instance: the functions of the standard, without C.
 //!
-//! A call that the calling sequence forbids, or with a wrong argument, is an error and changes nothing, unless the version
-//! of the standard ends the simulation there. After a failed step or a panic the instance is in the state `error`,
-//! which a reset and a saved state leave. A failed initialization can be repeated.
+//! A forbidden call, or one with a wrong argument, is an error and changes nothing, unless the version of the standard
+//! ends the simulation there. A failed step or a panic leaves the instance in the state `error` until a reset or a
+//! restored state. A failed initialization can be repeated.
 
 pub(crate) mod activation;
 pub(crate) mod clocks;
@@ -31,11 +31,11 @@ use crate::tape::Tape;
 
 use clocks::Ticks;
 
-/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as
-/// a sum, or from integer nanoseconds.
+/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
+/// sum, or from integer nanoseconds.
 const TIME_TOLERANCE: f64 = 1e-6;
 
-/// The result of a call: an error, or else `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
+/// Outcome of a call: an error, or `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
 pub(crate) type Answer = Result<Status, Error>;
 
 /// The content of a saved state.
@@ -46,23 +46,23 @@ pub(crate) struct Memory<M: Model> {
     model: M,
     variables: M::Variables,
     inputs: InputSignal<InputsOf<M>>,
-    /// As it was set up, if it was.
+    /// The experiment, once set up.
     experiment: Experiment,
     is_set_up: bool,
     time: f64,
-    /// Whether something was set since the values were computed.
+    /// Whether anything was set since the values were computed.
     stale: bool,
-    /// Whether a tunable parameter was set since the parameters were checked.
+    /// Whether a tunable parameter was set since the parameters were last checked.
     parameters_changed: bool,
-    /// The messages of initialization.
+    /// Messages logged during initialization.
     recent_messages: RecentMessages,
-    /// When the model asks for the end, in s.
+    /// When the model requested the end, in s.
     end: Option<f64>,
-    /// Those that the importer handles.
+    /// Events handled by the importer.
     events: Events,
-    /// Of Event Mode.
+    /// The event in Event Mode.
     event: EventUnderWay,
-    /// Those of clocks.
+    /// Ticks of clocks.
     ticks: Ticks<M>,
 }
 
@@ -70,7 +70,7 @@ pub(crate) struct Memory<M: Model> {
 #[derive(Clone, Copy, Debug, Default)]
 struct EventUnderWay {
     iterations: u32,
-    /// Whether one of them has changed a state, which the last one is to tell.
+    /// Whether an iteration changed a state, for the last one to report.
     states_changed: bool,
 }
 
@@ -104,7 +104,7 @@ impl<M: Model> Memory<M> {
         }
     }
 
-    /// Checks parameters that were set since the last time, and hands them to the model. Whether there were any.
+    /// Checks parameters set since the last check, and passes them to the model. Returns whether there were any.
     fn accept_parameters(&mut self) -> Result<bool, Error> {
         if !self.parameters_changed {
             return Ok(false);
@@ -126,7 +126,7 @@ impl<M: Model> Memory<M> {
 
 impl<M: Model> Persistent for Memory<M> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        // An instance of the other interface refuses the memory before.
+        // An instance of another interface rejects the memory before.
         let Self {
             interface: _,
             phase,
@@ -142,7 +142,7 @@ impl<M: Model> Persistent for Memory<M> {
             end,
             events,
             event,
-            // They are taken back before.
+            // They are rewound before.
             ticks: _,
         } = self;
         phase.persist(archive)?;
@@ -161,21 +161,21 @@ impl<M: Model> Persistent for Memory<M> {
     }
 }
 
-/// The importer's functions between which no other one of an instance is called.
+/// The importer's lock callbacks, between which no other function of the instance is called.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Preemption {
     pub(crate) lock: Option<unsafe extern "C" fn()>,
     pub(crate) unlock: Option<unsafe extern "C" fn()>,
 }
 
-/// `fmi3ClockUpdateCallback`, with its argument.
+/// `fmi3ClockUpdateCallback` and its argument.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClockUpdate {
     pub(crate) function: unsafe extern "C" fn(*mut c_void),
     pub(crate) environment: *mut c_void,
 }
 
-/// The importer's part in intermediate updates.
+/// The importer's side of intermediate updates.
 #[derive(Clone, Debug)]
 pub(crate) struct IntermediateUpdate {
     pub(crate) callback: IntermediateCallback,
@@ -183,7 +183,7 @@ pub(crate) struct IntermediateUpdate {
     pub(crate) registered: Box<[ValueReference]>,
 }
 
-/// `fmi3IntermediateUpdateCallback`, with its first argument.
+/// `fmi3IntermediateUpdateCallback` and its first argument.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct IntermediateCallback {
     pub(crate) function: unsafe extern "C" fn(*mut c_void, f64, u8, u8, u8, u8, *mut u8, *mut f64),
@@ -195,28 +195,28 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) logger: Logger,
     memory: Memory<M>,
     pub(crate) resources: Resources,
-    /// The strings that were got last, valid until the next time.
+    /// The strings returned last, valid until the next time.
     pub(crate) strings: Vec<CString>,
     /// For adjoint derivatives.
     tape: Tape,
-    /// Whether a step may end before the time that was asked for.
+    /// Whether a step may end early.
     pub(crate) early_return_allowed: bool,
     /// The importer's locks against preemption, in Scheduled Execution.
     pub(crate) preemption: Preemption,
-    /// The importer's part in intermediate updates.
+    /// The importer's side of intermediate updates.
     pub(crate) intermediate_update: Option<IntermediateUpdate>,
-    /// Whom to tell of clocks, in Scheduled Execution.
+    /// Whom to notify of clocks, in Scheduled Execution.
     pub(crate) clock_update: Option<ClockUpdate>,
-    /// How many model partitions are in Clock Update Mode.
+    /// The number of model partitions in Clock Update Mode.
     clock_updates: u32,
-    /// Whether the importer has saved a state, so that it may try values and roll back.
+    /// Whether the importer has saved a state, so it may try values and roll back.
     may_roll_back: bool,
-    /// The inputs whose bounds were exceeded and logged. Rolling back does not forget them.
+    /// The inputs whose exceeded bounds were logged; kept on rollback.
     logged_inputs: Vec<&'static str>,
 }
 
 impl<M: Model> Instance<M> {
-    /// An instance that logs nothing and has no resources.
+    /// An instance without logging and resources.
     pub(crate) fn new(interface: Interface) -> Self {
         Self {
             logger: Logger::default(),
@@ -236,7 +236,7 @@ impl<M: Model> Instance<M> {
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
 
-    /// Runs the body of a function, if the calling sequence allows it; catches panics and logs errors.
+    /// Runs a function's body if the calling sequence allows it; catches panics and logs errors.
     pub(crate) fn call<F: Function>(
         &mut self,
         function: F,
@@ -259,7 +259,7 @@ impl<M: Model> Instance<M> {
         self.report(&error, F::AFTER_ERROR)
     }
 
-    // What follows is apart, as all of `call` is inlined into each of the library's functions.
+    // What follows is separate, as `call` is inlined into each library function.
 
     /// Why a function must not be called.
     #[cold]
@@ -273,7 +273,7 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Logs an error, and enters the state that follows, if one does.
+    /// Logs an error, and enters the state that follows, if any.
     #[cold]
     #[inline(never)]
     fn report(&mut self, error: &Error, after: Option<Phase>) -> Status {
@@ -292,12 +292,12 @@ impl<M: Model> Instance<M> {
         self.memory.interface
     }
 
-    /// The messages of the finished function.
+    /// The finished function's messages.
     pub(crate) fn take_messages(&self) -> Option<Delivery> {
         self.logger.take()
     }
 
-    /// Goes on as after a panic.
+    /// Continues as after a panic.
     #[cfg(target_family = "wasm")]
     pub(crate) fn fail(&mut self) {
         self.memory.phase = Phase::Error;
@@ -307,7 +307,7 @@ impl<M: Model> Instance<M> {
         self.logger
             .set_debug_logging(on, categories)
             .map(|()| Status::Ok)
-            .map_err(|name| Error::new(format!("there is no log category {name:?}")))
+            .map_err(|name| Error::new(format!("no log category is called {name:?}")))
     }
 
     pub(crate) fn setup_experiment(&mut self, experiment: Experiment) -> Answer {
@@ -329,7 +329,7 @@ impl<M: Model> Instance<M> {
         {
             return Err(Error::new(format!("tolerance is {}", Shown(tolerance))));
         }
-        // Some masters pass 0 if their users give none.
+        // Some masters pass 0 if the user gives none.
         let (tolerance, not_positive) = match tolerance {
             Some(tolerance) if tolerance <= 0.0 => (None, Some(tolerance)),
             tolerance => (tolerance, None),
@@ -385,7 +385,7 @@ impl<M: Model> Instance<M> {
         if !M::Variables::CLOCKS.is_empty()
             && matches!(self.memory.phase, Phase::EventMode | Phase::StepEventMode)
         {
-            // Those that tick do so before the end.
+            // Ticking clocks compute before the end.
             status = self.compute_values()?;
             self.memory.end_ticks();
         }
@@ -401,7 +401,7 @@ impl<M: Model> Instance<M> {
         Ok(Status::Ok)
     }
 
-    /// Recomputes the values if something was set.
+    /// Recomputes the values if anything was set.
     fn compute_values(&mut self) -> Answer {
         if self.memory.stale {
             in_default_environment(|| self.compute_stale_values())
@@ -417,7 +417,7 @@ impl<M: Model> Instance<M> {
         match memory.phase {
             Phase::InitializationMode => {
                 let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
-                // A warning is given once; without one the status is fmi2OK.
+                // A warning is given once; otherwise the status is fmi2OK.
                 let mut log = |category, message: core::fmt::Arguments<'_>| {
                     if recent_messages.is_new(&message.to_string()) {
                         status = status.max(logger.message(category, message));
@@ -458,7 +458,7 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Advances by one communication step, as `step` does, or to an event in it, whose time (s) that returns.
+    /// Advances by one communication step with `step`, or to an event in it, whose time (s) `step` returns.
     fn advance(
         &mut self,
         start: f64,
@@ -489,7 +489,7 @@ impl<M: Model> Instance<M> {
             status = status.max(logger.message(category, message));
         };
         let of_inputs = Step { start, size, inputs: &memory.inputs };
-        // If an error or a panic interrupts the step, the instance remains in this state.
+        // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
         let event =
@@ -506,7 +506,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// The model asks for the end at a time (s) in the step, which would have ended at another.
+    /// The model requests the end at a time (s) within the step.
     #[cold]
     fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
         // It may be off by rounding.
@@ -515,29 +515,29 @@ impl<M: Model> Instance<M> {
         self.discard_for_end()
     }
 
-    /// The model asks for the end: the step is not completed (section 4.2.1).
+    /// The model requests the end: the step is not completed (section 4.2.1).
     #[cold]
     fn discard_for_end(&mut self) -> Status {
         self.memory.phase = Phase::StepFailed;
         self.log_discarded(format_args!(
-            "the model asks for the end of the simulation, at {} s",
+            "the model requests the end of the simulation at {} s",
             Shown(self.memory.time)
         ));
         Status::Discard
     }
 
-    /// Whether the model has asked for the end.
+    /// Whether the model has requested the end.
     pub(crate) fn asks_for_end(&self) -> bool {
         self.memory.end.is_some()
     }
 
-    /// Whether the next step may have this start, size and end (s). False for not-a-number.
+    /// Whether the next step may have this start, size and end (s). False for NaN.
     fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
         size > 0.0
             && size <= M::LONGEST_STEP
             && self.goes_on(start, size)
             && end > start
-            // A step that is far shorter than the largest times cannot lead beyond them.
+            // A step far shorter than the largest times cannot exceed them.
             && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
             && self.ends_in_time(end, size)
     }
@@ -548,7 +548,7 @@ impl<M: Model> Instance<M> {
         (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
     }
 
-    /// Whether a step of a size (s) does not go past the experiment's end.
+    /// Whether a step of a size (s) stays within the experiment.
     fn ends_in_time(&self, end: f64, size: f64) -> bool {
         self.stop_time()
             .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
@@ -566,7 +566,7 @@ impl<M: Model> Instance<M> {
             format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
         } else if size > M::LONGEST_STEP {
             format!(
-                "communicationStepSize is {size_shown} s; the longest step that this FMU takes is {} s",
+                "communicationStepSize is {size_shown} s; this FMU's longest step is {} s",
                 Shown(M::LONGEST_STEP)
             )
         } else if !self.goes_on(start, size) {
@@ -605,7 +605,7 @@ impl<M: Model> Instance<M> {
         self.memory.time
     }
 
-    /// A copy of everything that later calls depend on.
+    /// A copy of everything that affects later calls.
     pub(crate) fn save(&mut self) -> Result<Memory<M>, Error> {
         self.check_partitions()?;
         if Self::DESCRIPTION.capabilities.get_and_set_state {
@@ -617,7 +617,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Refuses what concerns all model partitions while one is in Clock Update Mode (FMI 3.0.2, section 5.2.1).
+    /// Rejects calls that affect all model partitions while one is in Clock Update Mode (FMI 3.0.2, section 5.2.1).
     fn check_partitions(&self) -> Result<(), Error> {
         if self.clock_updates == 0 {
             Ok(())
@@ -652,7 +652,7 @@ impl<M: Model> Instance<M> {
         serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
     }
 
-    /// The memory of any interface that this FMU saved as bytes.
+    /// The memory from bytes saved by this FMU, of any interface.
     #[cfg(target_family = "wasm")]
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Memory<M>, Error> {
         let [first, others @ ..] = [
@@ -665,7 +665,7 @@ impl<M: Model> Instance<M> {
         others.into_iter().fold(first, Result::or)
     }
 
-    /// The memory that this FMU saved as bytes, in any process.
+    /// The memory from bytes saved by this FMU, in any process.
     pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
         Self::check_serializes()?;
         Self::read(self.memory.interface, bytes)
@@ -687,7 +687,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// Refuses values that are not finite.
+/// Rejects non-finite values.
 #[inline]
 fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
     variables.first_non_finite().map_or(Ok(()), |reference| Err(not_finite(variables, reference, time)))
@@ -696,7 +696,7 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
 #[cold]
 fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
     Error::new(format!(
-        "the variable {} became {} at the time {} s",
+        "the variable {} became {} at {} s",
         V::description(reference).map_or("", |variable| variable.name),
         Shown(variables.real(reference)),
         Shown(time)

@@ -1,5 +1,5 @@
-//! Models of equations as an importer sees them: in co-simulation with the built-in integrator between events and the
-//! events at their times, in Model Exchange without it, and derivatives by dual numbers.
+//! Models of equations as an importer sees them: in co-simulation the built-in integrator steps between events and
+//! handles them at their times, in Model Exchange the importer does; dual numbers give derivatives.
 
 use core::{fmt, mem};
 
@@ -16,38 +16,38 @@ use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
 use crate::tape::{Recorded, Tape};
 
-/// The relative tolerance where the importer gives none.
+/// The relative tolerance if the importer gives none.
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;
-/// Trials and events in a communication step, after which it is given up: it must end.
+/// The most trials and events in a communication step, which must end.
 const MOST_TRIALS: u32 = 100_000;
-/// The steps after an event are short at first: where there is one event to so many trials, events are the cause.
+/// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
-/// In how many places, at least, a step is searched for events, and at most.
+/// The fewest and most points at which a step is searched for events.
 const SEARCHED: u32 = 8;
 const MOST_SEARCHED: u32 = 1 << 16;
-/// In how many places beyond a crossing, where indicators change faster than states.
+/// The number of points beyond a crossing that are searched, where indicators change faster than states.
 const CONFIRMED: u32 = 24;
-/// How far beyond its estimate a crossing is looked for, in roundings of the time since the step's start.
+/// How far beyond its estimate a crossing is searched for, in roundings of the time since the step's start.
 const ROOT_MARGIN: f64 = 4.0;
-/// An event that is due so little after a communication step, relative to it and beyond the rounding of the time, belongs
-/// to the step: importers compute their times with rounding.
+/// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
+/// belongs to the step: importers' times are subject to rounding.
 const TIME_TOLERANCE: f64 = 1e-9;
 
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
-/// The integrator's error is controlled: per step, that of each state relative to the state and its `nominal` (1 where none is
-/// declared) is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+/// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
+/// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
 #[derive(Clone, Debug)]
 pub struct Integrated<E: Equations> {
     /// The model of equations.
     pub equations: E,
     integrator: Integrator,
-    /// The time in s that is reached.
+    /// The present time in s.
     time: f64,
-    /// That since the step's start, by which states are integrated: late in an experiment the time is rounded more than
-    /// the step may be.
+    /// The time since the step's start, over which states are integrated: late in an experiment, rounding of the
+    /// absolute time may exceed the step.
     elapsed: f64,
-    /// The time in s between two places that are searched for events, where indicators change faster than states.
+    /// The time in s between two points that are searched for events, where indicators change faster than states.
     look: f64,
     events: Events,
     /// The states, as an array.
@@ -76,7 +76,7 @@ impl<E: Equations> Default for Integrated<E> {
     }
 }
 
-/// The rest is of a step that is under way.
+/// The rest belongs to a step in progress.
 impl<E: Equations> crate::Persistent for Integrated<E> {
     fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
@@ -111,8 +111,8 @@ impl<E: Equations> Model for Integrated<E> {
             with_inputs(&mut marked, inputs, |marked| Self::default().start(marked, &mut context))?;
             if let Some(variable) = first_discrete_difference(variables, &marked) {
                 return Err(Error::new(format!(
-                    "nothing sets {} at the start: `prepare`, `evaluate` or the initial event does, or its JSON gives \
-                     its \"start\" with \"initial\": \"exact\"",
+                    "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
+                     \"start\" with \"initial\": \"exact\" in the JSON",
                     variable.name
                 )));
             }
@@ -173,7 +173,7 @@ impl<E: Equations> Model for Integrated<E> {
         by_parameters: bool,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
-        // What is known; the rest is constant.
+        // The knowns; the rest is constant.
         let mut known = E::Variables::zero();
         if by_parameters {
             for (reference, variable) in E::Variables::described() {
@@ -202,7 +202,7 @@ impl<E: Equations> Model for Integrated<E> {
             self.derivatives_backwards(start_time, &started, inputs, &known, weights, tape, |variables| {
                 self.equations.initialize::<Recorded<'_>>(variables);
             });
-        // A start value acts by itself and by the state that takes it.
+        // A start value acts directly and through its state.
         let mut by_state = vec![0.0; E::Variables::STATE_NAMES.len()];
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] = derivative);
         derivatives.states_from_start();
@@ -285,7 +285,7 @@ impl<E: Equations> Integrated<E> {
         self.happen(variables, true, false, context)
     }
 
-    /// The derivatives of what is calculated along a direction; the states are initialized before.
+    /// The derivatives of the calculated variables along a direction, with states already initialized.
     fn derivatives(
         &self,
         time: Dual,
@@ -303,8 +303,8 @@ impl<E: Equations> Integrated<E> {
         E::Variables::collected(&duals, &direction, |dual: Dual, _| dual.derivative)
     }
 
-    /// The derivatives of a weighted sum of what is calculated with respect to what is known; the states are initialized
-    /// before.
+    /// The derivatives of a weighted sum of calculated variables with respect to the knowns, with states already
+    /// initialized.
     #[allow(clippy::too_many_arguments, reason = "those of its callers")]
     fn derivatives_backwards<'t>(
         &self,
@@ -336,7 +336,7 @@ impl<E: Equations> Integrated<E> {
             .combined(known, |_, known| if is_known(known) { derivatives.next().unwrap_or(0.0) } else { 0.0 })
     }
 
-    /// Goes through a communication step, or to where it stops before its end.
+    /// Advances through a communication step, or to an earlier stop.
     fn advance<const STOPS: bool>(
         &mut self,
         variables: &mut E::Variables,
@@ -406,14 +406,16 @@ impl<E: Equations> Integrated<E> {
                 let cause = if events > MOST_TRIALS / MOST_TRIALS_AN_EVENT {
                     let what = last_cause
                         .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
-                    format!("{events} of them are events, which come ever faster, the last one of {what}")
+                    format!("{events} of them are events, which come ever faster, the last caused by {what}")
                 } else {
                     let state = E::Variables::STATE_NAMES.get(self.integrator.decisive_state());
                     let what = state.unwrap_or(&"an event indicator");
-                    format!("{what} changes too fast for a step so long, or for the tolerance {tolerance:?}")
+                    format!(
+                        "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
+                    )
                 };
                 return Err(Error::new(format!(
-                    "the step from {} s was given up at the time {} s after {MOST_TRIALS} trials and events: {cause}",
+                    "the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events: {cause}",
                     Shown(step.start),
                     Shown(self.time)
                 )));
@@ -423,8 +425,8 @@ impl<E: Equations> Integrated<E> {
         Ok(None)
     }
 
-    /// Goes to where the integrator's step ends, in s since the communication step's start, or to the first event in it,
-    /// and computes the variables there. Whether an event indicator has changed.
+    /// Advances to the end of the integrator's step, in s since the communication step's start, or to its first event,
+    /// and computes the variables there. Returns whether an event indicator has changed.
     fn find_event(
         &mut self,
         variables: &mut E::Variables,
@@ -450,7 +452,8 @@ impl<E: Equations> Integrated<E> {
         if E::Variables::EVENT_INDICATORS.is_empty() {
             return go_to(self, end);
         }
-        // So close that the indicators change little from place to place, whatever the step: crossings would be missed.
+        // Points so close that indicators change little between them, whatever the step: otherwise crossings would be
+        // missed.
         let mut places = SEARCHED;
         while (end - begin) / f64::from(places) > self.look && places < MOST_SEARCHED {
             places *= 2;
@@ -466,7 +469,7 @@ impl<E: Equations> Integrated<E> {
                 let share = (f64::from(place) + unevenness(place)) / f64::from(places);
                 let elapsed = if place == places { end } else { begin + share * (end - begin) };
                 let has_changed = match go_to(self, elapsed) {
-                    // Beyond an event the equations need not have a meaning.
+                    // The equations need not be valid beyond an event.
                     Err(_) if after.is_some() => break,
                     has_changed => has_changed?,
                 };
@@ -480,7 +483,7 @@ impl<E: Equations> Integrated<E> {
                 }
                 self.events.look(elapsed);
             }
-            // A long search costs what trials of the integrator do.
+            // A long search costs as much as trials of the integrator.
             *trials += self.events.looked().saturating_sub(1) / SEARCHED;
             let pace = self.events.pace();
             let distance = (end - begin) / f64::from(places);
@@ -498,8 +501,8 @@ impl<E: Equations> Integrated<E> {
                 None => return Ok(false),
             }
         };
-        // Straight lines from side to side lead close to the crossing; a little beyond them, on the side that has not
-        // moved, both sides close in. Halving ends the search, when no time is between.
+        // Straight lines between the sides lead close to the crossing; aiming slightly past it, on the side that has
+        // not moved, makes both sides close in. Bisection finishes the search, until no time lies between.
         let mut moved = Side::After;
         for trial in 1_u32.. {
             let width = after - before;
@@ -530,7 +533,7 @@ impl<E: Equations> Integrated<E> {
         check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))
     }
 
-    /// Finds which indicators have changed since the last event. Whether any has.
+    /// Finds which indicators have changed since the last event. Returns whether any has.
     fn find_changes(&mut self, variables: &E::Variables) -> Result<bool, Error> {
         let Self { equations, events, time, .. } = self;
         events.find_changes(*time, E::Variables::EVENT_INDICATORS, |indicators| {
@@ -538,7 +541,7 @@ impl<E: Equations> Integrated<E> {
         })
     }
 
-    /// Has an event happen now, and those that it brings about at once.
+    /// Handles an event now, and those that it causes at once.
     fn happen(
         &mut self,
         variables: &mut E::Variables,
@@ -551,7 +554,7 @@ impl<E: Equations> Integrated<E> {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
             if cfg!(debug_assertions) {
-                // Tests of a model look at each of its branches.
+                // Tests of a model check each of its branches.
                 self.check_evaluation(variables)?;
             }
             evaluate(&self.equations, self.time, variables);
@@ -570,7 +573,7 @@ impl<E: Equations> Integrated<E> {
     #[cold]
     fn not_integrable(&self, failure: StepFailure, tolerance: f64) -> Error {
         Error::new(format!(
-            "the states cannot be integrated beyond the time {} s: the error of {} stays above the tolerance \
+            "the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
              {tolerance:?}, or its derivative is not finite",
             Shown(self.time),
             E::Variables::STATE_NAMES[failure.state]
@@ -578,8 +581,8 @@ impl<E: Equations> Integrated<E> {
     }
 }
 
-/// By how much a place is off an even distance from the others, so that no oscillation keeps step with them: pseudo-random,
-/// from -1/4 to 1/4.
+/// A point's offset from equidistance, so that no oscillation stays in step with the points: pseudo-random, from -1/4
+/// to 1/4.
 fn unevenness(place: u32) -> f64 {
     // The finalizer of MurmurHash3.
     let mixed = (place ^ place >> 16).wrapping_mul(0x85EB_CA6B);
@@ -587,7 +590,7 @@ fn unevenness(place: u32) -> f64 {
     0.5 * f64::from(mixed ^ mixed >> 16) / f64::from(u32::MAX) - 0.25
 }
 
-/// Computes with inputs that are within their bounds in the place of those that were set.
+/// Computes with inputs limited to their bounds instead of the inputs as set.
 fn with_inputs<V: Variables, R>(
     variables: &mut V,
     inputs: &V::Inputs,
@@ -604,7 +607,7 @@ struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
     inputs: &'a InputSignal<InputsOf<Integrated<E>>>,
-    /// The time in s at which the step and its inputs begin.
+    /// The start of the step and its inputs, in s.
     start: f64,
 }
 

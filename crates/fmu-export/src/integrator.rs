@@ -1,17 +1,17 @@
-//! The built-in integrator of models of equations: `Rodas5P`, a linearly implicit (Rosenbrock) method of fifth order with
-//! an embedded one of fourth order and dense output of fourth order, eight stages a step (Steinebach, Construction of
-//! Rosenbrock-Wanner method `Rodas5P` and numerical benchmarks within the Julia Differential Equations package, BIT
-//! Numerical Mathematics 63, 2023).
+//! The built-in integrator of models of equations: `Rodas5P`, a linearly implicit (Rosenbrock) method of fifth order
+//! with an embedded method of fourth order and dense output of fourth order, eight stages per step (Steinebach,
+//! Construction of Rosenbrock-Wanner method `Rodas5P` and numerical benchmarks within the Julia Differential Equations
+//! package, BIT Numerical Mathematics 63, 2023).
 //!
-//! It is L-stable, and so good for stiff systems: modes that are much faster than a step are damped, not followed. Its
-//! order, high enough for systems that are not stiff, rests on exact Jacobians, which dual numbers give. It is a
-//! one-step method, so that an event costs no new beginning, and remembers nothing but the length of its next step.
+//! It is L-stable and so suits stiff systems: it damps modes that are much faster than a step instead of following
+//! them. Its order, high enough for non-stiff systems, rests on exact Jacobians, from dual numbers. As a one-step
+//! method it restarts cheaply after an event, and remembers only the length of its next step.
 //!
-//! Nothing is allocated but by [`Integrator::new`].
+//! Only [`Integrator::new`] allocates.
 //!
-//! `docs/integrator.md` sets it beside other solvers, and says why none of the crates `diffsol`, `differential-equations`
-//! and `ode_solvers`, which were tried, is in its place: none can write its memory in the middle of a run as bytes, which
-//! a serialized state of an FMU needs.
+//! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
+//! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
+//! state needs.
 
 use crate::linear;
 use crate::persistence::Persistent;
@@ -21,8 +21,7 @@ const STAGES: usize = 8;
 /// γ of the method.
 const GAMMA: f64 = 0.211_937_563_194_290_14;
 
-/// The weights of the stages in the states at which each stage is evaluated; all later ones are those of the sixth,
-/// and 1.
+/// The weights of the stages in the states at which each stage is evaluated; later ones are those of the sixth, and 1.
 const A: [&[f64]; STAGES] = [
     &[],
     &[3.0],
@@ -41,7 +40,7 @@ const SIXTH: [f64; 5] = [
     0.030_198_172_008_377_946,
 ];
 
-/// The weights of the stages, divided by the step, on the right side of each stage.
+/// The weights of the stages, divided by the step, on the right-hand side of each stage.
 const C: [&[f64]; STAGES] = [
     &[],
     &[-14.155_112_264_123_755],
@@ -74,7 +73,7 @@ const C: [&[f64]; STAGES] = [
     ],
 ];
 
-/// The time of each stage in the step, relative to it.
+/// The time of each stage within the step, relative to it.
 const TIMES: [f64; STAGES] = [
     0.0,
     0.635_812_689_582_870_4,
@@ -132,45 +131,45 @@ const DENSE: [[f64; STAGES]; 3] = [
     ],
 ];
 
-/// How far below the length that would just meet the tolerance the next step stays.
+/// The safety factor on the length that would just meet the tolerance.
 const SAFETY: f64 = 0.9;
-/// The largest growth of the length from one step to the next, and the largest reduction.
+/// The largest growth of the step length from one step to the next, and the largest reduction.
 const GROWTH: f64 = 6.0;
 const REDUCTION: f64 = 0.2;
-/// The order of the error estimate: how its logarithm falls with that of the step.
+/// The order of the error estimate: the slope of its logarithm over that of the step.
 const ESTIMATE_ORDER: f64 = 5.0;
-/// How much longer than proposed a step may be, relatively, so that rounding of its end does not make two of it.
+/// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
-/// A step shorter than so many roundings of the time is given up.
+/// The shortest step, in roundings of the time.
 const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
 
 /// A system dx/dt = f(t, x).
 pub(crate) trait System {
     /// Computes the derivatives of the states.
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
-    /// Computes how they change with each state, by rows, and with time alone.
+    /// Computes their partial derivatives with respect to each state, by rows, and to time.
     fn linearize(&mut self, time: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]);
 }
 
-/// Even the shortest step does not meet the tolerance.
+/// Even the shortest step misses the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct StepFailure {
-    /// The position of the state whose error is the largest, relative to its tolerance, or not a number.
+    /// The position of the state whose error is largest relative to its tolerance, or NaN.
     pub state: usize,
 }
 
-/// The integrator with the step that it took last.
+/// The integrator with its last step.
 #[derive(Clone, Debug)]
 pub(crate) struct Integrator {
-    /// The length of the next step in s; 0: it is to be estimated.
+    /// The length of the next step in s; 0 if still to be estimated.
     next: f64,
-    /// The time at which the last step began, in s, and its length.
+    /// The start of the last step in s, and its length.
     begin: f64,
     length: f64,
     /// The states there, and at the end of the step.
     from: Vec<f64>,
     to: Vec<f64>,
-    /// The derivatives at its begin; f of a stage otherwise.
+    /// The derivatives at its start; f of a stage otherwise.
     slopes: Vec<f64>,
     by_time: Vec<f64>,
     jacobian: Vec<f64>,
@@ -185,7 +184,7 @@ pub(crate) struct Integrator {
     decisive: usize,
 }
 
-/// What is not of the last step: a saved instance stands between two steps.
+/// Excludes the last step: a saved instance is between steps.
 impl Persistent for Integrator {
     fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), crate::Error> {
         self.next.persist(archive)
@@ -193,7 +192,7 @@ impl Persistent for Integrator {
 }
 
 impl Integrator {
-    /// An integrator of so many states.
+    /// An integrator for this many states.
     pub(crate) fn new(size: usize) -> Self {
         let vector = || vec![0.0; size];
         Self {
@@ -215,13 +214,13 @@ impl Integrator {
         }
     }
 
-    /// Estimates the length of the next step anew, as after a jump.
+    /// Re-estimates the length of the next step, as after a jump.
     pub(crate) fn restart(&mut self) {
         self.next = 0.0;
     }
 
-    /// Takes a step from states at a time, which does not go beyond an end, and shortens it until its error meets the
-    /// relative tolerance. The time at which it ends; `trials` counts.
+    /// Takes a step from `states`, not beyond an end, shortened until its error meets the relative tolerance. Returns
+    /// the time at which it ends; `trials` counts.
     pub(crate) fn step(
         &mut self,
         system: &mut impl System,
@@ -241,7 +240,7 @@ impl Integrator {
         let mut rejected = false;
         loop {
             *trials += 1;
-            // The longest that leads to the end in equal steps.
+            // The longest that reaches the end in equal steps.
             let length = left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0);
             let error = self.trial(system, length, tolerance);
             self.decisive = error.state;
@@ -253,7 +252,7 @@ impl Integrator {
             if error.largest <= 1.0 {
                 let most = if rejected { 1.0 } else { GROWTH };
                 let allowed = length * by_error.clamp(REDUCTION, most);
-                // A step that was cut short by the end, with hardly an error, says little about longer ones.
+                // A step cut short by the end, with hardly any error, says little about longer ones.
                 self.next = if by_error >= most { allowed.max(self.next) } else { allowed };
                 self.length = length;
                 self.has_dense = false;
@@ -267,7 +266,7 @@ impl Integrator {
         }
     }
 
-    /// The position of the state whose error decided the length of the last trial.
+    /// The position of the state whose error determined the length of the last trial.
     pub(crate) fn decisive_state(&self) -> usize {
         self.decisive
     }
@@ -293,9 +292,9 @@ impl Integrator {
         }
     }
 
-    /// The length of a first step: that in which the states change by a hundredth, by their derivatives (Hairer,
-    /// Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The end does not limit it, as steps after
-    /// that would be as short.
+    /// The length of a first step: that in which the states change by a hundredth at their present derivatives
+    /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The end does not limit it: it
+    /// would limit the steps after it, too.
     fn first_step(&self, tolerance: &Tolerance<'_>) -> f64 {
         let norm = |values: &[f64]| {
             let scaled =
@@ -307,7 +306,7 @@ impl Integrator {
         if length > 0.0 { length } else { f64::INFINITY }
     }
 
-    /// Makes `stages` and `to` for a step of a length.
+    /// Computes `stages` and `to` for a step length.
     fn trial(&mut self, system: &mut impl System, length: f64, tolerance: &Tolerance<'_>) -> LargestError {
         let size = self.from.len();
         let diagonal = (length * GAMMA).recip();
@@ -342,7 +341,7 @@ impl Integrator {
             }
             linear::solve(&self.factors, &self.pivots, solution);
         }
-        // The last stage is the difference to the embedded method.
+        // The last stage is the difference from the embedded method.
         let last = &self.stages[STAGES - 1];
         let mut largest = LargestError { largest: 0.0, state: 0 };
         for (state, (to, (moved, error))) in self.to.iter_mut().zip(self.moved.iter().zip(last)).enumerate() {
@@ -366,10 +365,10 @@ impl Integrator {
     }
 }
 
-/// The error that a step may have.
+/// The allowed error of a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tolerance<'a> {
-    /// Relative to a state and its nominal value together.
+    /// Relative to the sum of a state and its nominal value.
     pub relative: f64,
     /// The nominal value of each state.
     pub nominals: &'a [f64],
@@ -381,7 +380,7 @@ impl Tolerance<'_> {
     }
 }
 
-/// The largest error of a trial relative to its tolerance, and whose it is; infinite where something was not
+/// The largest error of a trial relative to its tolerance, and the position of its state; infinite if anything was not
 /// finite.
 struct LargestError {
     largest: f64,
@@ -411,7 +410,7 @@ mod tests {
         [(time.sin() - 1.0_f64.sin()).exp(), time.recip()]
     }
 
-    /// The errors of one step from 1: at its end, the estimate there, and in its middle.
+    /// The errors of one step from 1: at its end, the estimate there, and at its middle.
     fn errors(length: f64) -> [[f64; 2]; 3] {
         let mut integrator = Integrator::new(2);
         integrator.next = length;
@@ -428,8 +427,8 @@ mod tests {
 
     #[test]
     fn errors_fall_with_their_orders() {
-        // The error of one step of a method of order p falls with the power p + 1, at least: a wrong coefficient loses a
-        // whole power. Half a power is for terms of higher order.
+        // The error of one step of a method of order p falls at least with the power p + 1: a wrong coefficient loses
+        // a whole power. Half a power is for terms of higher order.
         for ((long, short), power) in errors(0.05).into_iter().zip(errors(0.025)).zip([6.0, 5.0, 5.0]) {
             for (long, short) in long.iter().zip(short) {
                 let found = (long / short).abs().log2();
@@ -438,7 +437,7 @@ mod tests {
         }
     }
 
-    /// Takes a step from t = 1 with a length to begin with, and an end far away. How many trials it takes.
+    /// Takes a step from t = 1 with an initial length and a distant end. Returns the number of trials.
     fn step_from(integrator: &mut Integrator, length: f64, tolerance: &Tolerance<'_>) -> u32 {
         let mut trials = 0;
         integrator.next = length;
@@ -452,10 +451,10 @@ mod tests {
         let mut integrator = Integrator::new(2);
         assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
         let proposed = integrator.next;
-        // Its error is the fifth power of the safety, but for terms of higher order.
+        // Its error is the fifth power of the safety factor, up to terms of higher order.
         let error = integrator.trial(&mut Nonlinear, proposed, &tolerance).largest;
         assert!(error > 0.4 && error < 0.8, "{error}");
-        // That of half as long a step again is some 4 tolerances: it is rejected.
+        // The error of a step half as long again is about 4 tolerances: it is rejected.
         assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
     }
 
@@ -478,7 +477,7 @@ mod tests {
         integrator.next = 2.0;
         integrator.step(&mut Wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
         assert_eq!(trials, 2);
-        // A fifth of 2, but for the division of the time to the end into equal steps.
+        // A fifth of 2, up to the division of the time to the end into equal steps.
         assert!((integrator.next - 0.4).abs() < 1e-3, "{}", integrator.next);
     }
 
@@ -486,7 +485,7 @@ mod tests {
     fn lengths_that_are_far_off_take_few_trials() {
         let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
-        // From 1e3 to about 0.05, by a fifth each time and twice more.
+        // From 1e3 to about 0.05, by a fifth each time plus two.
         let trials = step_from(&mut integrator, 1e3, &tolerance);
         assert!(trials <= 9, "{trials} trials");
         // From 1e-9 to 1e-2, sixfold each time.
@@ -581,10 +580,7 @@ mod tests {
             for (i, (state, exact)) in states.iter().zip(exact(time)).enumerate() {
                 // The largest is a third.
                 let error = ((state - exact) / integrator.stages[STAGES - 1][i]).abs();
-                assert!(
-                    error < 0.5,
-                    "after {eighth} eighths, {error} of the error that is estimated for the end"
-                );
+                assert!(error < 0.5, "after {eighth} eighths, {error} of the error estimated for the end");
             }
         }
     }
@@ -605,7 +601,7 @@ mod tests {
         integrator.next = 1.0;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0] };
         integrator.step(&mut Stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
-        // An L-stable method of some stages leaves a multiple of 1e-6; an explicit one would have 1e48.
+        // An L-stable method with a few stages leaves a multiple of 1e-6; an explicit one would have 1e48.
         assert!(integrator.to[0].abs() < 1e-4, "{}", integrator.to[0]);
     }
 }

@@ -1,13 +1,13 @@
 #![doc = include_str!("../README.md")]
-// A model's equations may once run without the standard library.
+// So that models' equations may one day run without the standard library.
 #![warn(clippy::std_instead_of_core)]
 
 // The runtime's modules; each depends only on those below it:
 //
-//   fmi2, fmi3                            the functions of a version of the standard
-//   c_boundary                            what the functions of all versions have in common
-//   instance, simulation, dependencies    an instance of an FMU; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled, clocked          models of equations, with an integrator, sampled and clocked ones as models
+//   fmi2, fmi3                            the functions of an FMI version
+//   c_boundary                            what the functions of all versions share
+//   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
+//   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
 //   equations, integrator                 the trait of models of equations; Rodas5P
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
@@ -83,9 +83,9 @@ pub use scheduled_execution::ScheduledExecution;
 pub use simulation::Simulation;
 pub use tape::{Recorded, Tape};
 
-/// Defines the FMU of a crate whose library has the model identifier as its name: the module `variables` that
-/// `fmu_export_build::generate` generated from the model's JSON, its items in scope, and the functions of FMI for a
-/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`], or after `clocked`,
+/// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
+/// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a
+/// type that implements [`Model`], or after `equations`, [`Equations`], after `sampled`, [`Sampled`], after `clocked`,
 /// [`Clocked`]. `struct` before the type's name declares it, for a model without other memory.
 ///
 /// ```ignore
@@ -154,13 +154,13 @@ macro_rules! fmu {
     ($($other:tt)*) => {
         ::core::compile_error!(::core::concat!(
             "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)`, \
-             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` declares the type, too"
+             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
         ));
     };
 }
 
-/// Includes the typed interface that `fmu_export_build::generate` generated, by the model identifier. For a model
-/// that another crate exports; [`fmu!`] includes it by itself.
+/// Includes the typed interface that `fmu_export_build::generate` generated for a model identifier. For a model that
+/// another crate exports; [`fmu!`] includes it itself.
 #[macro_export]
 macro_rules! include_variables {
     ($model_identifier:literal) => {

@@ -1,6 +1,6 @@
 //! Dense linear systems by LU factorization with partial pivoting, in place.
 
-/// Factors a square matrix, by rows; `pivots` gets the rows that are exchanged. Whether it is regular to working
+/// Factors a square matrix, by rows; `pivots` gets the exchanged rows. Returns whether it is regular to working
 /// precision.
 pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
     let size = pivots.len();
@@ -30,7 +30,7 @@ pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
     true
 }
 
-/// Solves a linear system in place of its right side, by the factors of its matrix.
+/// Solves a linear system in place of its right-hand side, by the factors of its matrix.
 pub(crate) fn solve(factors: &[f64], pivots: &[usize], vector: &mut [f64]) {
     let size = pivots.len();
     for (row, &pivot) in pivots.iter().enumerate() {
@@ -55,7 +55,7 @@ mod tests {
         let mut matrix = [0.0, 2.0, 1.0, 1.0, -1.0, 0.0, 3.0, 0.0, -2.0];
         let mut pivots = [0; 3];
         assert!(factor(&mut matrix, &mut pivots));
-        // The right side of x = (1, 2, 3).
+        // The right-hand side for x = (1, 2, 3).
         let mut x = [7.0, -1.0, -3.0];
         solve(&matrix, &pivots, &mut x);
         for (x, expected) in x.iter().zip([1.0, 2.0, 3.0]) {

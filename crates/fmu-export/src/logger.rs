@@ -1,10 +1,10 @@
-//! Messages to the importer: through its logger callback, under the declared categories (FMI 2.0.5,
-//! section 2.1.5; FMI 3.0.2, section 2.3.1).
+//! Messages to the importer: through its logger callback, in the declared categories (FMI 2.0.5, section 2.1.5; FMI
+//! 3.0.2, section 2.3.1).
 //!
 //! Errors are always logged, in FMI 2.0 warnings too; events only while debug logging is on for their category.
 //!
-//! Messages are logged when a function returns. Then the instance is no longer in use, so that the importer's logger
-//! may call it, which the standard does not forbid.
+//! Messages are logged when a function returns and the instance is no longer in use, so the importer's logger may call
+//! it, which the standard does not forbid.
 
 use core::cell::RefCell;
 use core::ffi::CStr;
@@ -25,26 +25,26 @@ pub const WARNING: &str = "logStatusWarning";
 /// The category of events.
 pub const EVENT: &str = "logEvents";
 
-/// The messages of one instance.
+/// An instance's messages.
 #[derive(Debug, Default)]
 pub(crate) struct Logger {
     recipient: Option<Arc<dyn Recipient>>,
     categories: &'static [&'static str],
     /// For each category, whether debug logging is on.
     enabled: Vec<bool>,
-    /// Whether warnings are logged whatever is enabled.
+    /// Whether warnings are logged even if not enabled.
     always_warns: bool,
-    /// Messages that are not logged yet.
+    /// Messages not yet logged.
     pending: RefCell<Vec<Message>>,
 }
 
-/// The importer's logger, which a version of the standard calls in its own way.
+/// The importer's logger, called in each version's own way.
 pub(crate) trait Recipient: fmt::Debug {
     /// Receives a message in a category.
     fn receive(&self, status: Status, category: &CStr, text: &CStr);
 }
 
-/// Who says something. What the exporter says is about the function that was called, which the message then names.
+/// The source of a message. A message of the exporter names the called function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
     Exporter,
@@ -59,7 +59,7 @@ struct Message {
     text: String,
 }
 
-/// Messages to log; they no longer need the instance.
+/// Messages to log, independent of the instance.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Delivery {
@@ -81,10 +81,10 @@ impl Logger {
         Self { recipient, categories, enabled, always_warns, pending: RefCell::default() }
     }
 
-    /// Switches debug messages of the named categories, or of all when none is named, on or off.
+    /// Switches debug messages of the named categories on or off, or of all if none is named.
     ///
     /// # Errors
-    /// The name of an undeclared category; then nothing changes.
+    /// The name of an undeclared category; nothing changes then.
     pub(crate) fn set_debug_logging<'a>(&mut self, on: bool, names: &[&'a CStr]) -> Result<(), &'a CStr> {
         let mut positions = Vec::with_capacity(names.len());
         for &name in names {
@@ -105,21 +105,21 @@ impl Logger {
         self.send(Source::Exporter, Status::Error, ERROR, message);
     }
 
-    /// Logs what is odd about a call.
+    /// Logs a problem with a call.
     pub(crate) fn warning(&self, message: fmt::Arguments<'_>) {
         if self.warns() {
             self.send(Source::Exporter, Status::Warning, WARNING, message);
         }
     }
 
-    /// Logs why a call is discarded or what it has brought about, when debug logging is on (section 2.1.3).
+    /// Logs why a call is discarded, or its effect, if debug logging is on (section 2.1.3).
     pub(crate) fn event(&self, status: Status, message: fmt::Arguments<'_>) {
         if self.is_enabled(EVENT) {
             self.send(Source::Exporter, status, EVENT, message);
         }
     }
 
-    /// Logs a message of the model in a category. What the call answers because of it.
+    /// Logs a message of the model in a category. Returns the resulting status.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) -> Status {
         if category == WARNING && self.warns() {
             self.send(Source::Model, Status::Warning, category, message);
@@ -144,7 +144,7 @@ impl Logger {
         }
     }
 
-    /// Takes the messages, if there are any.
+    /// Takes the messages, if any.
     pub(crate) fn take(&self) -> Option<Delivery> {
         let mut pending = self.pending.borrow_mut();
         if pending.is_empty() {
@@ -156,7 +156,7 @@ impl Logger {
 }
 
 impl Delivery {
-    /// Logs the messages of a function.
+    /// Logs a function's messages.
     pub(crate) fn deliver(self, function: &str) {
         for Message { source, status, category, text } in &self.messages {
             let text = match source {
@@ -173,10 +173,9 @@ fn printable(message: &str) -> CString {
     CString::new(message.replace('#', "##").replace('\0', "")).unwrap_or_default()
 }
 
-/// The latest distinct messages of initialization, by their checksums, the last one first. Initialization runs again
-/// after every set in initialization mode, but logs each message once. So few are remembered that saved states stay
-/// small, and so many that a master which alternates between a few values gets no message twice. An unused entry
-/// is 0.
+/// Checksums of the latest distinct messages of initialization, newest first. Initialization runs again after every
+/// set in initialization mode, but logs each message once. Few enough for small saved states, and enough for masters
+/// that alternate between a few values. An unused entry is 0.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RecentMessages([u64; 16]);
 

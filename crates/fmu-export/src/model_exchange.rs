@@ -4,22 +4,22 @@ use crate::error::Error;
 use crate::events::Event;
 use crate::model::{Context, InputsOf, Model};
 
-/// A model for Model Exchange (FMI 2.0.5, chapter 3), with events where it has them.
+/// A model for Model Exchange (FMI 2.0.5, chapter 3), optionally with events.
 ///
-/// Its derivatives, locals and outputs are computed by [`Model::refresh`] from the time, the inputs and the states,
-/// wherever the importer's solver tries them: between two events smoothly, also a little beyond a place where an event
-/// is due. A branch that changes at an event is chosen by what [`ModelExchange::event`] remembers in the model. A solver
-/// may try states that a real model never has; derivatives that are not finite make it try a shorter step.
+/// [`Model::refresh`] computes its derivatives, locals and outputs from time, inputs and states, wherever the importer's
+/// solver tries them: smoothly between events, even slightly beyond where an event is due: only
+/// [`ModelExchange::event`] switches branches, which the model stores. A solver may try states that never occur;
+/// non-finite derivatives make it try a shorter step.
 ///
-/// Models of [`Equations`](crate::Equations) and [`Sampled`](crate::Sampled) ones have all of this.
+/// Models of [`Equations`](crate::Equations) and [`Sampled`](crate::Sampled) ones implement all of this.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be exported for Model Exchange",
     note = "models of `Equations` and `Sampled` models can be, and others that implement `ModelExchange`"
 )]
 pub trait ModelExchange: Model {
-    /// Computes the event indicators, one for each name in the model's JSON, once [`Model::refresh`] has computed the
-    /// variables. An event is where one of them becomes positive, or no longer is; they should be of order one.
-    /// What it changes in `variables` is lost at the next [`Model::refresh`].
+    /// Computes the event indicators, one per name in the model's JSON, after [`Model::refresh`] has computed the
+    /// variables. An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order
+    /// one. Its changes to `variables` are lost at the next [`Model::refresh`].
     fn event_indicators(
         &self,
         time: f64,
@@ -30,17 +30,17 @@ pub trait ModelExchange: Model {
         let _ = (time, variables, inputs, indicators);
     }
 
-    /// When the next event after a time (s) is due, whatever the states are then. Asked for at each event.
+    /// When the next time event after a time (s) is due, whatever the states are by then. Called at each event.
     fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         let _ = (time, variables, inputs);
         None
     }
 
-    /// Does what happens at an event: changes the model's memory, the states, and discrete variables.
-    /// [`Model::refresh`] follows it. Where that changes the sign of an indicator, there is another event at once.
+    /// Handles an event: changes the model's memory, states and discrete variables. [`Model::refresh`] follows. If
+    /// that changes the sign of an indicator, another event follows at once.
     ///
     /// # Errors
-    /// When the model cannot go on.
+    /// When the model cannot continue.
     fn event(
         &mut self,
         event: &Event<'_>,

@@ -1,18 +1,17 @@
-//! The numbers that a model's equations are written in: with `f64` they give values, with [`Dual`] their exact
-//! derivatives, too.
+//! The number types of a model's equations: `f64` gives values, [`Dual`] their exact derivatives, too.
 
 use core::cmp::Ordering;
 use core::f64::consts::{LN_2, LN_10};
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The summand that changes no value, not even the sign of 0: for what an operand adds to the derivative alone.
+/// A summand that changes no value, not even the sign of 0: for an operand's contribution to the derivative only.
 const NOTHING: f64 = -0.0;
 
-/// A real number of a model's equations, with the functions of `f64` that have derivatives.
+/// A real number in a model's equations, with the functions of `f64` that have derivatives.
 ///
-/// Numbers are compared by value. Where a function has a kink, such as [`Number::abs`] at 0, its derivative is that of
-/// the branch which gives the value.
+/// Numbers compare by value. At a kink, such as that of [`Number::abs`] at 0, the derivative is that of the branch
+/// that gives the value.
 pub trait Number:
     Copy
     + Debug
@@ -35,12 +34,12 @@ pub trait Number:
     + MulAssign
     + DivAssign
 {
-    /// The value alone.
+    /// The value only.
     #[must_use]
     fn value(self) -> f64;
 
-    /// A function of this number, from the function's value and its derivative at this number's value. For functions
-    /// that this trait does not have, such as interpolation in a table.
+    /// A function of this number, from its value and derivative there. For functions missing from this trait, such as
+    /// table interpolation.
     #[must_use]
     fn mapped(self, value: f64, derivative: f64) -> Self;
 
@@ -109,7 +108,7 @@ pub trait Number:
         self.mapped(value, (3.0 * value * value).recip())
     }
 
-    /// The hypotenuse of a right triangle with these legs; where both are 0, it has no slope.
+    /// The hypotenuse of a right triangle with these legs; if both are 0, its slope is 0.
     #[must_use]
     fn hypot(self, other: impl Into<Self>) -> Self {
         let other = other.into();
@@ -185,7 +184,7 @@ pub trait Number:
         self.mapped(value.atan(), (1.0 + value * value).recip())
     }
 
-    /// The angle in radians of the point whose ordinate is this number, and whose abscissa is another.
+    /// The angle in radians of the point with this ordinate and the given abscissa.
     #[must_use]
     fn atan2(self, x: impl Into<Self>) -> Self {
         let x = x.into();
@@ -256,8 +255,8 @@ pub trait Number:
             + summand.mapped(NOTHING, 1.0)
     }
 
-    /// The remainder of the division by another number, from 0 up to its absolute value, as for an angle within a turn.
-    /// It jumps: where that matters, there must be an event.
+    /// The remainder of the division by another number, from 0 up to its absolute value, as for an angle within a
+    /// turn. It jumps: where that matters, there must be an event.
     #[must_use]
     fn rem_euclid(self, divisor: impl Into<Self>) -> Self {
         let divisor = divisor.into();
@@ -265,7 +264,7 @@ pub trait Number:
         self.mapped(self.value().rem_euclid(divisor.value()), 1.0) + divisor.mapped(NOTHING, -quotient)
     }
 
-    /// The sign: 1 or -1, of 0 and -0, too. It jumps: where that matters, there must be an event.
+    /// The sign: 1 or -1, even for 0 and -0. It jumps: where that matters, there must be an event.
     #[must_use]
     fn signum(self) -> Self {
         self.mapped(self.value().signum(), 0.0)
@@ -284,22 +283,22 @@ pub trait Number:
         self.copysign(1.0)
     }
 
-    /// The larger of two numbers; this one where they are equal.
+    /// The larger of two numbers; this one if equal.
     #[must_use]
     fn max(self, other: impl Into<Self>) -> Self {
         let other = other.into();
         if other > self { other } else { self }
     }
 
-    /// The smaller of two numbers; this one where they are equal.
+    /// The smaller of two numbers; this one if equal.
     #[must_use]
     fn min(self, other: impl Into<Self>) -> Self {
         let other = other.into();
         if other < self { other } else { self }
     }
 
-    /// The number, or the bound that it is beyond. Unlike that of `f64` it does not panic where trial values cross the
-    /// bounds: the result is then the upper one.
+    /// The number, limited to a range. Unlike `f64::clamp` it does not panic when trial values cross the bounds: it
+    /// then returns the upper one.
     #[must_use]
     fn clamp(self, min: impl Into<Self>, max: impl Into<Self>) -> Self {
         self.max(min).min(max)
@@ -328,7 +327,7 @@ pub struct Dual {
 }
 
 impl Dual {
-    /// A value that changes with a derivative.
+    /// A value with its derivative.
     #[must_use]
     pub fn new(value: f64, derivative: f64) -> Self {
         Self { value, derivative }
@@ -343,7 +342,7 @@ impl Number for Dual {
 
     #[inline]
     fn mapped(self, value: f64, derivative: f64) -> Self {
-        // What does not change has the derivative 0 where the function's is infinite, as that of the root at 0.
+        // A constant has the derivative 0 even where the function's is infinite, like that of the root at 0.
         let derivative = if self.derivative == 0.0 { 0.0 } else { derivative * self.derivative };
         Self { value, derivative }
     }
@@ -434,7 +433,7 @@ mod tests {
     use super::*;
     use crate::tape::Tape;
 
-    /// A function with its derivative by central differences, at a point, and by dual numbers.
+    /// Compares a function's derivative at a point by central differences and by dual numbers.
     fn check(name: &str, function: impl Fn(f64) -> f64, dual: impl Fn(Dual) -> Dual, at: f64) {
         let found = dual(Dual::new(at, 3.0));
         assert_eq!(found.value.to_bits(), function(at).to_bits(), "{name}: another value");
@@ -480,7 +479,7 @@ mod tests {
         );
     }
 
-    /// Of each function the value is that of `f64`'s own, to the last bit, also where that is special.
+    /// Each function's value is that of `f64`, to the last bit, even for special values.
     #[test]
     fn values_are_those_of_f64() {
         macro_rules! same {

@@ -1,4 +1,4 @@
-//! Catches a model's panics, which must not unwind into the importer's stack, and tells where they are.
+//! Catches a model's panics, which must not unwind into the importer's stack, and reports where they occurred.
 
 use core::any::Any;
 use core::cell::Cell;
@@ -9,14 +9,14 @@ use std::panic::catch_unwind;
 use crate::error::Error;
 
 thread_local! {
-    /// Where this thread's last panic was. It needs no destructor, which would outlive the library.
+    /// Where this thread last panicked. It needs no destructor, which would outlive the library.
     static PLACE: Cell<Place> = const { Cell::new(Place { file: [0; Place::LONGEST], line: 0 }) };
 }
 
 /// A line of a file.
 #[derive(Clone, Copy)]
 struct Place {
-    /// The end of its path, filled with 0.
+    /// The end of its path, padded with 0.
     file: [u8; Self::LONGEST],
     line: u32,
 }
@@ -39,16 +39,16 @@ impl Place {
 }
 
 #[cfg(not(target_family = "wasm"))]
-/// In the place of the default panic hook, which writes to the host's stderr: notes where the panic is.
+/// Replaces the default panic hook, which writes to the host's stderr: records where the panic is.
 pub(crate) fn note(panic: &std::panic::PanicHookInfo<'_>) {
     if let Some(location) = panic.location() {
         PLACE.set(Place::of(location));
     }
 }
 
-/// Runs code that may call the model. A panic becomes an error with its message and place.
+/// Runs code that may call the model. A panic becomes an error with its message and location.
 ///
-/// After a panic, what the body has borrowed may be inconsistent; the caller handles that.
+/// After a panic, whatever the body borrowed may be inconsistent; the caller handles that.
 pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
     catch_unwind(AssertUnwindSafe(body)).map_err(to_error)
 }

@@ -1,15 +1,14 @@
-//! Serialization: writes and reads a model, its variables and the runtime's data of an instance, so that a saved
-//! state outlives its process (FMI 2.0.5, section 2.1.8).
+//! Serialization: writes and reads a model, its variables and the runtime's data of an instance, so that a saved state
+//! outlives its process (FMI 2.0.5, section 2.1.8).
 //!
-//! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the
-//! [`Archive`] either takes the part's bits or replaces them. `#[derive(Persistent)]` writes that function for a struct or
-//! an enum.
+//! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the [`Archive`]
+//! takes or replaces its bits. `#[derive(Persistent)]` writes that function for a struct or enum.
 
 use std::collections::TryReserveError;
 
 use crate::error::Error;
 
-/// Bytes that are written, or read back.
+/// Bytes being written, or read back.
 ///
 /// Numbers are little-endian.
 #[derive(Debug)]
@@ -33,7 +32,7 @@ impl<'a> Archive<'a> {
         Self(Direction::Reading(bytes))
     }
 
-    /// The written bytes; none for an archive that is read.
+    /// The written bytes; none when reading.
     pub(crate) fn into_bytes(self) -> Vec<u8> {
         match self.0 {
             Direction::Writing(bytes) => bytes,
@@ -46,7 +45,7 @@ impl<'a> Archive<'a> {
         matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
     }
 
-    /// Writes bytes, or replaces them by bytes that are read.
+    /// Writes bytes, or replaces them by the next ones read.
     ///
     /// # Errors
     /// When fewer are left to read.
@@ -65,7 +64,7 @@ impl<'a> Archive<'a> {
         Ok(())
     }
 
-    /// Writes a number of elements, or reads one that is at most the number of remaining bytes.
+    /// Writes a number of elements, or reads one, at most the number of remaining bytes.
     fn length(&mut self, length: usize) -> Result<usize, Error> {
         let mut number = length as u64;
         number.persist(self)?;
@@ -79,15 +78,14 @@ impl<'a> Archive<'a> {
 }
 
 fn no_memory(_: TryReserveError) -> Error {
-    Error::new("there is no memory for the state")
+    Error::new("out of memory: the state does not fit")
 }
 
 fn too_short() -> Error {
     Error::new("the serialized state ends too early")
 }
 
-/// A value whose bits can be written and read back. After reading, it equals the one that was written,
-/// bit for bit.
+/// A value whose bits can be written and read back. The value read equals the one written, bit for bit.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be saved with a model's state: write `#[derive(Clone, Debug, Default, Persistent)]` above it",
     label = "not `Persistent`",
@@ -102,8 +100,8 @@ pub trait Persistent {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error>;
 }
 
-/// Does the same as `#[derive(Persistent)]`, for generated code and this crate, which do not depend on procedural
-/// macros. It does not compile when a field is left out.
+/// Like `#[derive(Persistent)]`, for generated code and this crate, which avoid procedural macros. A missing field is
+/// a compile error.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! persistent {
@@ -212,7 +210,7 @@ impl<T: Persistent + Default> Persistent for Vec<T> {
     }
 }
 
-/// The elements alone: their number is not part of the value.
+/// The elements only: their number is not part of the value.
 impl<T: Persistent> Persistent for [T] {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.iter_mut().try_for_each(|element| element.persist(archive))
@@ -284,7 +282,7 @@ mod tests {
             Mode::Stopped { at: Some(0.25), since: (3, 5) },
             Mode::Stopped { at: None, since: (0, usize::MAX) },
         ];
-        // The variant, then the fields that are not skipped; of an option whether there is a value.
+        // The variant, then the fields that are not skipped; for an option, whether there is a value.
         let lengths = [4, 4 + 1, 4 + 1 + 8 + 1 + 8, 4 + 1 + 1 + 8];
         for (written, length) in modes.iter_mut().zip(lengths) {
             let bytes = bytes_of(written);
@@ -293,7 +291,7 @@ mod tests {
                 Mode::Slides(direction, _) => Mode::Slides(*direction, 0),
                 other => other.clone(),
             };
-            // Whatever the variant was before.
+            // Whatever the previous variant.
             for mut read in [Mode::Sticks, Mode::Slides(4, 0), Mode::Stopped { at: Some(1.0), since: (1, 1) }]
             {
                 let mut archive = Archive::reading(&bytes);
@@ -303,7 +301,7 @@ mod tests {
             }
         }
         let error = Mode::<i8>::Sticks.persist(&mut Archive::reading(&[3, 0, 0, 0])).unwrap_err();
-        assert_eq!(error.to_string(), "3 in the serialized state is no variant of Mode");
+        assert_eq!(error.to_string(), "3 in the serialized state is not a variant of Mode");
     }
 
     #[derive(Clone, Copy, Debug, PartialEq)]

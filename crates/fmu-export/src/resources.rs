@@ -1,4 +1,4 @@
-//! The files of an FMU's folder `resources`, which an importer names by a URI (FMI 2.0.5, section 2.1.5).
+//! The files in an FMU's folder `resources`, which an importer passes as a URI (FMI 2.0.5, section 2.1.5).
 
 use std::borrow::Cow;
 #[cfg(not(target_family = "wasm"))]
@@ -7,23 +7,23 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Error;
 
-/// Where the files are: the path, or why there is none.
+/// The folder's path, or why there is none.
 #[derive(Debug)]
 pub(crate) struct Resources(Result<PathBuf, Cow<'static, str>>);
 
 impl Resources {
-    /// Of an FMU without files.
+    /// For an FMU without files.
     pub(crate) fn none() -> Self {
-        Self(Err("the model's JSON names no folder of them (\"resources\")".into()))
+        Self(Err("the model's JSON has no \"resources\"".into()))
     }
 
-    /// The folder of a URI, which some importers replace by a path, or leave out.
+    /// The folder of a URI; some importers pass a path instead, or nothing.
     pub(crate) fn at(location: Option<&[u8]>) -> Self {
         Self(match location {
             None => Err("fmuResourceLocation was NULL".into()),
             Some(location) => path(location).ok_or_else(|| {
                 format!(
-                    "fmuResourceLocation {:?} is not a URI of a folder of this computer (file:///...)",
+                    "fmuResourceLocation {:?} is not a URI of a folder on this computer (file:///...)",
                     String::from_utf8_lossy(location)
                 )
                 .into()
@@ -31,7 +31,7 @@ impl Resources {
         })
     }
 
-    /// The folder of a path, which importers may leave out (FMI 3.0.2, section 2.3.1).
+    /// The folder of a path, which importers may omit (FMI 3.0.2, section 2.3.1).
     pub(crate) fn at_path(path: Option<&[u8]>) -> Self {
         Self(match path.map(str::from_utf8) {
             None => Err("resourcePath was NULL".into()),
@@ -40,7 +40,7 @@ impl Resources {
         })
     }
 
-    /// The content of a file of at most so many bytes, by its path in the folder.
+    /// The content of a file up to a size in bytes, by its path in the folder.
     pub(crate) fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
         let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));
         let file = self.0.as_ref().map_err(|why| unreadable(why))?.join(name);
@@ -48,12 +48,12 @@ impl Resources {
     }
 }
 
-/// Reads a file of at most so many bytes: not a pipe or a device, which may never end.
+/// Reads a file up to a size in bytes: not a pipe or device, which may never end.
 #[cfg(not(target_family = "wasm"))]
 fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
     let found = fs::metadata(file).map_err(|error| error.to_string())?;
     if !found.is_file() {
-        return Err("it is no file".to_owned());
+        return Err("it is not a file".to_owned());
     }
     check_size(found.len(), most)?;
     fs::read(file).map_err(|error| error.to_string())
@@ -71,7 +71,7 @@ fn check_size(size: u64, most: u64) -> Result<(), String> {
     if size <= most {
         Ok(())
     } else {
-        Err(format!("it has {size} bytes; the model takes {most} at most (`Context::resource_up_to`)"))
+        Err(format!("it has {size} bytes; the model accepts at most {most} (`Context::resource_up_to`)"))
     }
 }
 
@@ -79,7 +79,7 @@ fn check_size(size: u64, most: u64) -> Result<(), String> {
 fn path(location: &[u8]) -> Option<PathBuf> {
     let location = str::from_utf8(location).ok()?;
     let Some(rest) = location.strip_prefix("file:") else {
-        // A drive of Windows has one letter.
+        // A Windows drive has one letter.
         let has_scheme = location.find(':').is_some_and(|end| end > 1 && !location[..end].contains('/'));
         return (!has_scheme && !location.is_empty()).then(|| Path::new(location).to_path_buf());
     };
@@ -97,7 +97,7 @@ fn path(location: &[u8]) -> Option<PathBuf> {
     Some(PathBuf::from(if is_drive { &decoded[1..] } else { &decoded }))
 }
 
-/// A text with its percent-encoded bytes.
+/// A text with percent-encoded bytes decoded.
 fn decoded(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
@@ -148,16 +148,16 @@ mod tests {
         assert!(reason(Some(b"file:///nowhere")).starts_with("the resource y.txt cannot be read: /nowhere"));
     }
 
-    /// A pipe or device would be read without an end, a file of any size into memory.
+    /// A pipe or device could be read forever, and a file of any size into memory.
     #[test]
     fn only_files_of_some_size_are_read() {
         let resources = Resources::at_path(Some(env!("CARGO_MANIFEST_DIR").as_bytes()));
         let size = fs::metadata(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")).unwrap().len();
         assert_eq!(resources.read("Cargo.toml", size).unwrap().len() as u64, size);
         let reason = |name, most| resources.read(name, most).unwrap_err().to_string();
-        assert!(reason("Cargo.toml", size - 1).contains(&format!("it has {size} bytes; the model takes")));
-        assert!(reason("src", size).ends_with("src: it is no file"));
+        assert!(reason("Cargo.toml", size - 1).contains(&format!("it has {size} bytes; the model accepts")));
+        assert!(reason("src", size).ends_with("src: it is not a file"));
         #[cfg(unix)]
-        assert!(reason("/dev/zero", size).ends_with("/dev/zero: it is no file"));
+        assert!(reason("/dev/zero", size).ends_with("/dev/zero: it is not a file"));
     }
 }

@@ -1,11 +1,10 @@
-//! Sampled models, such as digital controllers: sample k is at `startTime + k · period`, whatever the importer's steps
-//! are.
+//! Sampled models, such as digital controllers: sample k is at `startTime + k · period`, whatever the importer's
+//! steps.
 //!
-//! Samples are counted in integers, so that they do not drift against the start time however long the experiment. In
-//! co-simulation the master's time does drift: a master that computes communication points by `t += h` is off by up to
-//! half a unit in the last place of t more after each step, some 4e-5 s after 1e5 s at 80 Hz. A sample that is meant to
-//! coincide with a communication point belongs to the step that begins there, so two times are treated as equal when
-//! such rounding can explain their difference.
+//! Samples are counted in integers, so they do not drift in long experiments. The master's time does drift in
+//! co-simulation: computing communication points by `t += h` adds up to half a unit in the last place of t per step,
+//! about 4e-5 s after 1e5 s at 80 Hz. A sample meant for a communication point belongs to the step that starts there,
+//! so times whose difference such rounding explains count as equal.
 
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, Stop, Stops, due_until};
@@ -15,16 +14,16 @@ use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
 use crate::scheduled_execution::ScheduledExecution;
 
-/// Times that differ by less than this part of the period are equal, whatever the rounding.
+/// Times that differ by less than this fraction of the period are equal, whatever the rounding.
 const COINCIDENCE: f64 = 1e-6;
-/// Times that differ by more than this part of the period are never treated as equal.
+/// Times that differ by more than this fraction of the period are never equal.
 const MOST_COINCIDENCE: f64 = 0.05;
-/// More samples are not computed in one step, which must end: a day at 100 Hz has 8.64 million.
+/// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;
 
-/// A model that computes at its samples; between them nothing changes.
+/// A model that computes at its samples; nothing changes in between.
 ///
-/// `Clone` and [`Persistent`] must copy and hand out its whole memory, as in [`Model`].
+/// `Clone` and [`Persistent`] must cover its whole memory, as in [`Model`].
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(clocked {Self})` if it implements \
                `Model`, `Equations` or `Clocked`",
@@ -37,23 +36,23 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
     const LONGEST_STEP: f64 = f64::MAX;
 
-    /// The time between two samples in s, finite and above 0. It may follow from fixed parameters.
+    /// The sample period in s, finite and above 0. It may depend on fixed parameters.
     fn period(variables: &Self::Variables) -> f64;
 
-    /// Refuses parameters that contradict each other.
+    /// Rejects contradictory parameters.
     ///
     /// # Errors
-    /// A message that names the parameters and their values.
+    /// A message with the parameters and their values.
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         let _ = variables;
         Ok(())
     }
 
-    /// Computes the outputs before the first sample, which is at the start time. Called on a new model, maybe several
-    /// times, as [`Model::initialize`].
+    /// Computes the outputs before the first sample, which is at the start time. Called on a new model, possibly
+    /// several times, like [`Model::initialize`].
     ///
     /// # Errors
-    /// When there are no such outputs.
+    /// When no such outputs exist.
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
@@ -64,10 +63,10 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Executes a sample: reads the inputs, which are within their bounds, and sets outputs and locals.
+    /// Executes a sample: reads the inputs, already limited to their bounds, and sets outputs and locals.
     ///
     /// # Errors
-    /// When the model cannot go on.
+    /// When the model cannot continue.
     fn sample(
         &mut self,
         sample: Sample,
@@ -77,7 +76,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     ) -> Result<(), Error>;
 }
 
-/// Which sample it is.
+/// Identifies a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Its number, from 0.
@@ -95,7 +94,7 @@ pub struct SampledModel<S> {
     executed: u64,
     /// The start time in s.
     start_time: f64,
-    /// By how much the master's time may be off by its additions, in s.
+    /// The possible error of the master's summed time, in s.
     rounding: f64,
 }
 
@@ -118,7 +117,7 @@ impl<S: Sampled> SampledModel<S> {
         let (start, end) = (step.start, step.end());
         let largest = if start.abs() > end.abs() { start.abs() } else { end.abs() };
         self.rounding += 0.5 * f64::EPSILON * largest;
-        // The second term covers the comparison's own rounding, at times that are far from 0.
+        // The second term covers the comparison's own rounding, at times far from 0.
         let coincidence = COINCIDENCE * period + 2.0 * f64::EPSILON * end.abs() + self.rounding;
         let most = MOST_COINCIDENCE * period;
         end - if coincidence < most { coincidence } else { most }
@@ -136,7 +135,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             Ok(())
         } else {
             let shown = Shown(period);
-            Err(Error::new(format!("the period of the samples is {shown} s; it must be finite and above 0")))
+            Err(Error::new(format!("the sample period is {shown} s; it must be finite and above 0")))
         }
     }
 
@@ -147,7 +146,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self { start_time: context.experiment.start_time, ..Self::default() };
-        // In Scheduled Execution alone.
+        // In Scheduled Execution only.
         if !S::Variables::CLOCKS.is_empty() {
             let period = S::period(variables);
             if let Some(clock) = variables.clock_mut(0) {
@@ -178,7 +177,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             if step.inputs.is_constant() {
                 self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
             } else {
-                // A sample that rounding places before the step takes the inputs of its begin.
+                // A sample that rounding places before the step uses the inputs at its start.
                 let offset = sample.time - step.start;
                 let inputs = step.inputs.at(if offset > 0.0 { offset } else { 0.0 });
                 self.sampled.sample(sample, variables, &inputs, context)?;
@@ -266,11 +265,11 @@ impl<S: Sampled> EventMode for SampledModel<S> {
 
 impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
 
-/// Why a step, until a time in s, is refused whose samples begin with this one.
+/// Why a step until a time in s, whose samples start with this one, is rejected.
 #[cold]
 fn too_many_samples(sample: Sample, until: f64, period: f64) -> Error {
     Error::new(format!(
-        "the step has {:.3e} samples, from {} s on, one each {} s; at most {MOST_SAMPLES:e} are computed in a step",
+        "the step has {:.3e} samples, from {} s on, one every {} s; at most {MOST_SAMPLES:e} are computed per step",
         (until - sample.time) / period,
         Shown(sample.time),
         Shown(period)

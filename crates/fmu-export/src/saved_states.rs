@@ -1,10 +1,10 @@
-//! The states that importers have saved, by their handles.
+//! The states saved by importers, by handle.
 //!
-//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced, so that one that is not a state, was freed, or
-//! belongs to another FMU is an error and not a crash. A state may be set in another instance of the FMU. States
-//! that the importer does not free are freed with the instance.
+//! A handle (`fmi2FMUstate`) is looked up here and never dereferenced, so an invalid or freed one, or one of another
+//! FMU, is an error, not a crash. A state may be set in another instance of the FMU. States that the importer does not
+//! free are freed with the instance.
 //!
-//! This table is the only data that the instances of a library share.
+//! This table is the only data shared by a library's instances.
 
 use core::any::Any;
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ static STATES: Mutex<BTreeMap<usize, Entry>> = Mutex::new(BTreeMap::new());
 struct Entry {
     /// The address of the instance with which the state is freed.
     owner: usize,
-    /// A `RwLock` of the saved memory. Its address is the handle, which is unique in the process.
+    /// A `RwLock` of the saved memory. Its address is the handle, unique in the process.
     state: Arc<dyn Any + Send + Sync>,
 }
 
@@ -27,11 +27,11 @@ struct Entry {
 pub(crate) type Saved<T> = Arc<RwLock<T>>;
 
 fn states() -> MutexGuard<'static, BTreeMap<usize, Entry>> {
-    // No code panics while it holds the lock.
+    // No code panics while holding the lock.
     STATES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Keeps a state for an importer, and returns its handle.
+/// Stores a state for an importer, and returns its handle.
 pub(crate) fn keep<T: Send + Sync + 'static>(owner: usize, state: T) -> usize {
     let state = Arc::new(RwLock::new(state));
     let handle = Arc::as_ptr(&state).addr();
@@ -42,7 +42,7 @@ pub(crate) fn keep<T: Send + Sync + 'static>(owner: usize, state: T) -> usize {
 /// The state with a handle.
 ///
 /// # Errors
-/// When no state has this handle, or it is of another type.
+/// When no state has this handle, or its type differs.
 pub(crate) fn find<T: Send + Sync + 'static>(handle: usize) -> Result<Saved<T>, Error> {
     let state = states().get(&handle).map(|entry| Arc::clone(&entry.state));
     state

@@ -1,5 +1,4 @@
-//! The format of a serialized state, by which other bytes than a state of this FMU are refused (FMI 2.0.5,
-//! section 2.1.8).
+//! The format of a serialized state, which detects bytes that are not a state of this FMU (FMI 2.0.5, section 2.1.8).
 //!
 //! | bytes | content |
 //! |---|---|
@@ -18,7 +17,7 @@ use crate::error::{Error, check_memory};
 use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
-/// Increased with every change of the runtime's content. (The GUID identifies the model's content.)
+/// Increment with every change of the runtime's content. (The GUID identifies the model's content.)
 const VERSION: u32 = 6;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
@@ -50,10 +49,10 @@ pub(crate) fn to_bytes(
     Ok(bytes)
 }
 
-/// Fills a value from the bytes that [`to_bytes`] made of one of the same FMU.
+/// Fills a value from bytes made by [`to_bytes`] for the same FMU.
 ///
 /// # Errors
-/// When the bytes are anything else; then the value is undefined.
+/// When the bytes are anything else; the value is then undefined.
 pub(crate) fn from_bytes(
     description: &ModelDescription,
     interface: Interface,
@@ -111,7 +110,7 @@ fn content<'b>(expected: &str, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
         return Err(Error::new(format!("{} bytes follow the end of the serialized state", rest.len())));
     }
     if checksum(&bytes[..bytes.len() - CHECKSUM]) != sum {
-        return Err(Error::new("the serialized state is damaged: its checksum is another"));
+        return Err(Error::new("the serialized state is damaged: its checksum differs"));
     }
     Ok(content)
 }
@@ -120,8 +119,8 @@ fn array<const N: usize>(bytes: Option<&[u8]>) -> Option<[u8; N]> {
     bytes?.try_into().ok()
 }
 
-/// The 64-bit FNV-1a hash: each of its steps is a bijection, so that it detects any single changed byte, and all but
-/// one in 2^64 of other changes.
+/// The 64-bit FNV-1a hash: each of its steps is a bijection, so it detects any single changed byte, and all but one in
+/// 2^64 of other changes.
 pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     let mut position = 0;

@@ -25,7 +25,7 @@ pub struct Simulation<M: Model> {
     pub variables: M::Variables,
     /// The inputs of the next step.
     pub inputs: InputsOf<M>,
-    /// The experiment as an importer would set it up.
+    /// The experiment, as an importer would set it up.
     pub experiment: Experiment,
     /// The time in seconds.
     pub time: f64,
@@ -63,12 +63,12 @@ impl<M: Model> Simulation<M> {
     /// Advances by a communication step of a size in seconds with constant inputs.
     ///
     /// # Errors
-    /// Those of the model; also where it asks for the end, at [`Simulation::time`].
+    /// Those of the model; also when it requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         self.step_with(size, &InputSignal::constant(self.inputs.clone()))
     }
 
-    /// Lets a clock tick at the present time, such as `|variables| &mut variables.clocks.sample`.
+    /// Ticks a clock at the present time, such as `|variables| &mut variables.clocks.sample`.
     ///
     /// # Errors
     /// Those of the model.
@@ -94,7 +94,7 @@ impl<M: Model> Simulation<M> {
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;
-            return Err(Error::new(format!("the model asks for the end at {end:?} s")));
+            return Err(Error::new(format!("the model requests the end at {end:?} s")));
         }
         *time += size;
         Ok(())

@@ -1,6 +1,7 @@
-//! What a function returns to the importer, alike in every version of the standard.
+//! A function's return value, alike in every FMI version.
 
-/// `fmi2Status` and `fmi3Status`, as returned to importers. From an importer it is a `c_int`, since it may be any number.
+/// `fmi2Status` and `fmi3Status`, as returned to importers. From an importer it is a `c_int`, since it may be any
+/// number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(C)]
 #[allow(missing_docs)]
@@ -10,6 +11,6 @@ pub enum Status {
     Discard = 2,
     Error = 3,
     Fatal = 4,
-    /// Of FMI 2.0 alone.
+    /// FMI 2.0 only.
     Pending = 5,
 }

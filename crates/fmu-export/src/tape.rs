@@ -1,6 +1,5 @@
-//! Derivatives by reverse accumulation: what a function is computed from is recorded on a tape, which is then gone
-//! through backwards. One pass gives the derivatives of a result with respect to everything, where [`Dual`] takes one
-//! for each number that changes.
+//! Derivatives by reverse accumulation: a tape records a function's operations, and is then traversed backwards. One
+//! pass gives the derivatives of a result with respect to everything; [`Dual`] needs one for each number that changes.
 //!
 //! [`Dual`]: crate::Dual
 
@@ -11,38 +10,38 @@ use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAss
 
 use crate::number::Number;
 
-/// An operation that was recorded: the result changes by the operands' changes times the slopes.
+/// A recorded operation: the result changes by the operands' changes times the slopes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Operation {
-    /// Where the operands are on the tape; 0 for constants.
+    /// The operands' places on the tape; 0 for constants.
     operands: [u32; 2],
     slopes: [f64; 2],
-    /// How much the weighted sum of the results changes with this operation's.
+    /// How much the weighted sum of the results changes with this operation's result.
     adjoint: f64,
 }
 
-/// The operations from variables to results. It keeps its memory from one recording to the next.
+/// The operations from variables to results. It reuses its memory for the next recording.
 #[derive(Default)]
 pub struct Tape {
-    /// The first one stands for all constants.
+    /// The first one represents all constants.
     operations: RefCell<Vec<Operation>>,
 }
 
 impl Tape {
-    /// A tape without memory, which comes with the first recording.
+    /// A tape without memory, which the first recording allocates.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Forgets what was recorded.
+    /// Erases the recording.
     pub fn clear(&mut self) {
         let operations = self.operations.get_mut();
         operations.clear();
         operations.push(Operation::default());
     }
 
-    /// A number with respect to which derivatives are wanted.
+    /// A number to differentiate by.
     #[inline(never)]
     pub fn variable(&self, value: f64) -> Recorded<'_> {
         self.record(value, [0, 0], [0.0, 0.0])
@@ -55,7 +54,7 @@ impl Tape {
         Recorded { value, tape: Some(self), place }
     }
 
-    /// Adds a result, times a weight, to the sum whose derivatives are wanted.
+    /// Adds a weighted result to the sum to differentiate.
     #[inline(never)]
     pub fn weigh(&self, result: Recorded<'_>, weight: f64) {
         if result.tape.is_some() {
@@ -68,7 +67,7 @@ impl Tape {
         let mut operations = self.operations.borrow_mut();
         for place in (1..operations.len()).rev() {
             let Operation { operands, slopes, adjoint } = operations[place];
-            // What has no effect has none either where a slope is infinite, as that of the root at 0.
+            // What has no effect has none even where a slope is infinite, like that of the root at 0.
             if adjoint == 0.0 {
                 continue;
             }
@@ -80,7 +79,7 @@ impl Tape {
         }
     }
 
-    /// The derivatives with respect to the numbers on the tape, in their order: first those of variables that were there
+    /// The derivatives with respect to the numbers on the tape, in their order: first those of variables created
     /// before any operation.
     pub(crate) fn derivatives_in_order(&self) -> impl Iterator<Item = f64> {
         (1..).map_while(|place| {
@@ -107,7 +106,7 @@ impl fmt::Debug for Tape {
 pub struct Recorded<'t> {
     value: f64,
     tape: Option<&'t Tape>,
-    /// Where it is on the tape; 0 for a constant.
+    /// Its place on the tape; 0 for a constant.
     place: u32,
 }
 
@@ -220,7 +219,7 @@ mod tests {
     use super::*;
     use crate::number::Dual;
 
-    /// Of two functions of three numbers with every operation. At 0 the numbers are where slopes are infinite.
+    /// Two functions of three numbers that use every operation. At 0 the numbers are where slopes are infinite.
     fn functions<T: Number>([x, y, z]: [T; 3]) -> [T; 2] {
         let mut sum = x * y - z / x + (y * 0.5).sin() * z.exp();
         sum += x.sqrt() * 3.0;
@@ -253,7 +252,7 @@ mod tests {
                     let by_duals = functions(duals);
                     let expected = weights[0] * by_duals[0].derivative + weights[1] * by_duals[1].derivative;
                     let found = tape.derivative(number);
-                    // The roundings of some twenty operations on numbers of order 10.
+                    // Rounding errors of about twenty operations on numbers of order 10.
                     assert!((found - expected).abs() < 1e-13, "{found} instead of {expected}");
                 }
             }

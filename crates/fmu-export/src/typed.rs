@@ -1,7 +1,7 @@
-//! Macros for the generated structs of a model's variables, so that little has to be generated.
+//! Macros for the generated structs of a model's variables, to keep the generated code small.
 
-/// Maps generated structs, which are generic over their number type, number by number. Each field is a `number` (with
-/// the sizes of an array), `nested` (a struct of this kind) or `other`.
+/// Maps generated structs, generic over their number type, number by number. Each field is a `number` (with an array's
+/// sizes), `nested` (another such struct) or `other`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! numbers {
@@ -36,13 +36,13 @@ macro_rules! numbers {
     (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
 }
 
-/// Converts a generated enumeration from and to its FMI values and bytes, so that a model can remember one.
+/// Converts a generated enumeration from and to its FMI values and bytes, so that a model can store one.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! enumeration {
     ($name:ident { $($item:ident = $value:literal),* $(,)? }) => {
         impl $name {
-            /// The item of a value.
+            /// The item with a value.
             #[must_use]
             pub fn from_value(value: i32) -> ::core::option::Option<Self> {
                 match value {

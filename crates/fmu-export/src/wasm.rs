@@ -1,10 +1,10 @@
-//! A model as a WebAssembly module: what its host provides and is given beside the functions of FMI.
+//! A model as a WebAssembly module: what its host provides and receives in addition to the FMI functions.
 //!
-//! An importer's callbacks are functions of the host, which a module cannot call by an address: the module imports them
-//! from `fmu`. As in C, a callback that the importer leaves null is not called.
+//! An importer's callbacks are host functions without addresses: the module imports them from `fmu`. As in C, null
+//! callbacks are not called.
 //!
-//! A panic ends the call with a trap, as nothing unwinds there; the host has its message from `panic` before. The module
-//! is then of no more use.
+//! A panic ends the call with a trap; the host receives its message through `panic` first. The module is then
+//! unusable.
 
 use core::alloc::Layout;
 use core::ffi::{CStr, c_char, c_void};
@@ -18,19 +18,19 @@ use crate::model::Model;
 use crate::panics;
 use crate::status::Status;
 
-/// What the host provides. The last four are imported by modules of FMI 3.0 that call them.
+/// What the host provides. The last four are imported by FMI 3.0 modules that call them.
 pub(crate) mod host {
     use super::{Status, c_char, c_void};
 
     #[link(wasm_import_module = "fmu")]
     unsafe extern "C" {
-        /// Receives a message: the environment that the importer passed, status, category, text.
+        /// Receives a message: the environment passed by the importer, status, category, text.
         pub fn log(environment: *mut c_void, status: Status, category: *const c_char, text: *const c_char);
-        /// Receives the message of a panic, before the trap: UTF-8, and its number of bytes.
+        /// Receives a panic's message, before the trap: UTF-8, and its number of bytes.
         pub fn panic(text: *const u8, size: usize);
         /// The size of a file in bytes, or less than 0 if it cannot be read; its path is UTF-8.
         pub fn file_size(path: *const u8, path_size: usize) -> i64;
-        /// Reads so many bytes of a file; whether that succeeded.
+        /// Reads `size` bytes of a file; returns whether that succeeded.
         pub fn read_file(path: *const u8, path_size: usize, bytes: *mut u8, size: usize) -> i32;
         /// `fmi3IntermediateUpdateCallback`.
         pub fn intermediate_update(
@@ -52,13 +52,13 @@ pub(crate) mod host {
     }
 }
 
-/// Logs a message by the importer's logger.
+/// Logs a message through the importer's logger.
 pub(crate) fn log(environment: *mut c_void, status: Status, category: &CStr, text: &CStr) {
     // SAFETY: the host reads the strings, which outlive the call. No reference to an instance exists during it.
     unsafe { host::log(environment, status, category.as_ptr(), text.as_ptr()) }
 }
 
-/// Tells the host the message of a panic, which then traps.
+/// Reports a panic's message to the host; the panic then traps.
 pub(crate) fn report_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let place = panic
@@ -70,13 +70,13 @@ pub(crate) fn report_panics() {
     }));
 }
 
-/// The size of a file of the host.
+/// The size of a host file.
 pub(crate) fn file_size(path: &str) -> Option<usize> {
     // SAFETY: the host reads the path, which outlives the call.
     usize::try_from(unsafe { host::file_size(path.as_ptr(), path.len()) }).ok()
 }
 
-/// Reads a file of the host, of a size.
+/// Reads a host file of a known size.
 pub(crate) fn read_file(path: &str, size: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0; size];
     // SAFETY: the host reads the path, which outlives the call, and writes as many bytes as there are.
@@ -84,7 +84,7 @@ pub(crate) fn read_file(path: &str, size: usize) -> Option<Vec<u8>> {
     (is_read != 0).then_some(bytes)
 }
 
-/// The memory of arguments and results, aligned for any of them.
+/// The memory layout of arguments and results, aligned for any of them.
 fn layout(size: usize) -> Option<Layout> {
     Layout::from_size_align(size.max(1), align_of::<u64>()).ok()
 }
@@ -107,10 +107,10 @@ pub unsafe fn free(memory: *mut u8, size: usize) {
     }
 }
 
-/// `fmu_fail`: the instance waits to be reset, as one does that has panicked. For hosts that replace a module after a trap.
+/// `fmu_fail`: the instance needs a reset, as after a panic. For hosts that replace a module after a trap.
 ///
 /// # Safety
-/// The handle is null or came from the function that instantiates, and is not freed.
+/// The handle is null or came from the instantiation function, and is not freed.
 pub unsafe fn fail<M: Model>(handle: *mut c_void) {
     // SAFETY: the caller's promise.
     if let Some(instance) = unsafe { Exported::<M>::instance_of(handle) } {
@@ -118,16 +118,16 @@ pub unsafe fn fail<M: Model>(handle: *mut c_void) {
     }
 }
 
-/// `fmu_state_size`: the number of bytes of a saved state, or 0.
+/// `fmu_state_size`: the size of a saved state in bytes, or 0.
 #[must_use]
 pub fn state_size<M: Model>(state: *mut c_void) -> usize {
     with_state(state, Instance::<M>::to_bytes).map_or(0, |bytes| bytes.len())
 }
 
-/// `fmu_save_state`: writes the bytes of a saved state, which may be freed then.
+/// `fmu_save_state`: writes the bytes of a saved state, which may then be freed.
 ///
 /// # Safety
-/// There are as many bytes as [`state_size`] said.
+/// There are as many bytes as [`state_size`] reported.
 pub unsafe fn save_state<M: Model>(state: *mut c_void, target: *mut u8) {
     if let Ok(bytes) = with_state(state, Instance::<M>::to_bytes) {
         // SAFETY: the caller's promise.
@@ -135,7 +135,7 @@ pub unsafe fn save_state<M: Model>(state: *mut c_void, target: *mut u8) {
     }
 }
 
-/// `fmu_load_state`: the state that was saved as bytes, of an instance, or null.
+/// `fmu_load_state`: the state of an instance from saved bytes, or null.
 ///
 /// # Safety
 /// There are as many bytes as counted.
@@ -145,7 +145,7 @@ pub unsafe fn load_state<M: Model>(instance: *mut c_void, bytes: *const u8, size
     Instance::<M>::from_bytes(bytes).map_or(ptr::null_mut(), |memory| keep(instance, memory))
 }
 
-/// Makes the functions that a module exports beside those of FMI.
+/// Defines the functions that a module exports in addition to those of FMI.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! wasm_functions {

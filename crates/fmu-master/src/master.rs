@@ -1,9 +1,9 @@
 //! The master: couples instances by equal names, and steps them through a scenario.
 //!
-//! An output is connected to the inputs of its name at the other FMUs; if the declared units differ, the value is
-//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives the
-//! inputs of its name without a connection; a signal for a single FMU takes precedence over a connection. A scenario
-//! made of a system has the system's own connections instead.
+//! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is
+//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives
+//! unconnected inputs of its name; a signal for a single FMU takes precedence over a connection. A scenario made from a
+//! system uses the system's connections instead.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -19,8 +19,8 @@ use crate::importer::{Fmu, Instance, Message, Selection};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
-/// Exchanges of outputs and inputs in initialization: a plant that settles at the controller's outputs returns
-/// its measured supply, which changes these.
+/// Exchanges of outputs and inputs during initialization: a plant that settles at the controller's outputs returns its
+/// measured supply voltage, which changes them.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths and maps. Clones share them.
@@ -336,7 +336,7 @@ impl<'a> Master<'a> {
     }
 }
 
-/// Whether an input is found. Where FMUs of the scenario are replaced, a missing one is a note instead of an error.
+/// Whether an input is found. If FMUs of the scenario are replaced, a missing one is a note instead of an error.
 fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut Vec<String>) -> Result<bool> {
     match input.location.locate(found) {
         Ok(()) => Ok(true),
@@ -348,7 +348,7 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
-/// Refuses an input that none of the FMUs has.
+/// Rejects an input that no FMU has.
 fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
     let mut names = fmus.iter().flat_map(|fmu| fmu.names("input"));
     if names.any(|known| known == name) {
@@ -394,7 +394,7 @@ impl Coupled<'_> {
     }
 }
 
-/// A converted value; to the last bit the same where there is nothing to convert.
+/// A converted value, bit-identical without a conversion.
 fn converted(value: f64, conversion: Linear) -> f64 {
     if conversion == Linear::IDENTITY { value } else { conversion.apply(value) }
 }
@@ -406,7 +406,7 @@ struct Wire<'a> {
     conversion: Linear,
 }
 
-/// The connections to an FMU, except those to inputs that its own signals drive.
+/// The connections to an FMU, except to inputs driven by its own signals.
 fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
     let member = &scenario.fmus[target];
     let mut all = vec![];
@@ -453,7 +453,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
 /// The outputs of an FMU with the names of another's inputs.
 fn wires_by_name<'a>(giver: (&Member, &'a Fmu), taker: (&Member, &Fmu)) -> Result<Vec<Wire<'a>>> {
     let is_wired = |name: &&str| taker.1.names("input").any(|input| input == *name);
-    // An input that its own signal drives needs no conversion.
+    // An input driven by its own signal needs no conversion.
     let is_driven = |name: &&str| taker.0.inputs.iter().any(|input| input.name == *name);
     let names = giver.1.names("output").filter(is_wired).filter(|name| !is_driven(name));
     names
@@ -470,7 +470,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     let base = |fmu: &Fmu, unit: &str| fmu.description().unit(unit).and_then(|unit| unit.base);
     let conversion = match (base(giver.1, given), base(taker.1, taken)) {
         (Some(own), Some(other)) => own.to(&other),
-        // Equal names are taken for equal units.
+        // Equal names count as equal units.
         _ => (given == taken).then_some(Linear::IDENTITY),
     };
     conversion.ok_or_else(|| {
@@ -479,7 +479,7 @@ fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Res
     })
 }
 
-/// Refuses a signal for several FMUs that have the input in different units.
+/// Rejects a signal for several FMUs whose input units differ.
 fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
     if scenario.connections.is_some() {
         return Ok(());
@@ -615,7 +615,7 @@ impl Recorder {
     }
 }
 
-/// The outputs of an FMU that can be recorded: those that are numbers.
+/// An FMU's recordable outputs: the numeric ones.
 fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
     let is_number =
         |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
@@ -627,8 +627,7 @@ enum Found {
     Variable { member: usize, name: String },
 }
 
-/// Resolves a name in `record`: a signal, or else an output, or else any variable; of the FMU before the colon, if
-/// there is one.
+/// Resolves a name in `record`: a signal, else an output, else any variable; of the FMU before the colon, if any.
 fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     if let Some(signal) = scenario.input(name) {
         return Ok(Found::Signal(signal.clone()));
@@ -642,7 +641,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
     let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
     let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
-    // The signal for an FMU that was replaced by one without this input.
+    // The signal for an FMU replaced by one without this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
         return Ok(Found::Signal(input.signal.clone()));
@@ -655,7 +654,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
 }
 
 impl Found {
-    /// The unit that the FMU declares, or for a signal that of the first FMU which declares one.
+    /// The unit declared by the FMU, or for a signal by the first FMU that declares one.
     fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
         let (of, name) = match self {
             Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),

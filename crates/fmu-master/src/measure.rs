@@ -9,6 +9,9 @@ use fmu_record::Record;
 const ROUNDING: f64 = 1e-6;
 
 /// The row of a communication point.
+///
+/// # Errors
+/// When the record has no row at this time.
 pub fn row(record: &Record, time: f64) -> Result<usize> {
     let row = record.time().partition_point(|&point| point < time - ROUNDING);
     let point = record.time().get(row).filter(|&&point| (point - time).abs() <= ROUNDING);
@@ -16,34 +19,44 @@ pub fn row(record: &Record, time: f64) -> Result<usize> {
 }
 
 /// A variable's value at a communication point.
+///
+/// # Errors
+/// When it has no such variable, or no row at this time.
 pub fn at(record: &Record, name: &str, time: f64) -> Result<f64> {
     Ok(record.get(name)?[row(record, time)?])
 }
 
-/// A variable's values from a communication point to another, both included.
+/// A variable's values between two communication points, inclusive.
+///
+/// # Errors
+/// When it has no such variable, or no rows at these times.
 pub fn between<'a>(record: &'a Record, name: &str, from: f64, to: f64) -> Result<&'a [f64]> {
     Ok(&record.get(name)?[row(record, from)?..=row(record, to)?])
 }
 
+/// The smallest value; infinity without any.
 pub fn least(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::INFINITY, f64::min)
 }
 
+/// The largest value; minus infinity without any.
 pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The difference between the greatest and the least value.
+/// The difference between the largest and the smallest value.
+#[must_use]
 pub fn range(values: &[f64]) -> f64 {
     greatest(values.iter().copied()) - least(values.iter().copied())
 }
 
 /// Linear interpolation between points with ascending abscissae; the outermost values beyond.
+#[must_use]
 pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
     Signal::Lines(points.to_vec()).at(place)
 }
 
-/// How a variable followed the steps of its reference, in the variable's unit.
+/// How a variable tracked the steps of its reference, in the variable's unit.
 #[derive(Default)]
 pub struct Following {
     /// Overshoot of each step up.
@@ -58,6 +71,9 @@ pub struct Following {
 
 impl Following {
     /// Measures each step of a variable's reference, which end with the record.
+    ///
+    /// # Errors
+    /// When it has no such variable, or no rows at these times.
     pub fn new(record: &Record, name: &str, steps: &[(f64, f64)]) -> Result<Self> {
         let mut following = Self::default();
         let end = record.time().last().copied().context("the record is empty")?;

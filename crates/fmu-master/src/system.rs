@@ -1,5 +1,5 @@
-//! Scenarios that are not written as such: one FMU alone, and the system in an .ssp, with the connections, start values
-//! and parameter sets that it has.
+//! Scenarios from other files: a single FMU, or the system in an .ssp with its connections, start values and parameter
+//! sets.
 
 use std::path::Path;
 
@@ -15,10 +15,10 @@ use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal, Ste
 
 /// The structure that every package has (SSP, section 3).
 const STRUCTURE: &str = "SystemStructure.ssd";
-/// Steps of an FMU that names no step, as many as `fmpy simulate` takes.
+/// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
 const STEPS: f64 = 500.0;
 
-/// When a run begins and ends, and its communication step (s); none where nobody says.
+/// Start, stop and communication step of a run (s); none if unspecified.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
     /// The start; by default 0.
@@ -30,7 +30,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// These, or else others.
+    /// These times, else others.
     fn or(self, other: Self) -> Self {
         Self {
             start: self.start.or(other.start),
@@ -141,7 +141,7 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
         descriptions.push(location.locate(description.map_err(Into::into))?);
         scenario.fmus.push(member);
     }
-    // The unit of a component's connector is the structure's, or else the FMU's.
+    // The unit of a component's connector is the structure's, else the FMU's.
     let unit = |component: Option<&str>, connector: &str| -> Option<Unit> {
         let index = component.map(|name| system.components.iter().position(|known| known.name == name));
         let (connectors, description): (&[ConnectorDescription], _) = match index {
@@ -157,7 +157,7 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
     let mut connections = vec![];
     for connection in &system.connections {
         let (start, end) = (&connection.start, &connection.end);
-        // What leaves the system drives nothing.
+        // System outputs drive nothing.
         let Some(target) = &end.component else { continue };
         for name in [start.component.as_ref(), Some(target)].into_iter().flatten() {
             if !system.components.iter().any(|component| component.name == *name) {
@@ -189,7 +189,7 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
     Ok(scenario)
 }
 
-/// Gives an input of the system its start value, which it keeps.
+/// Holds a system input at its start value.
 fn take_start(
     scenario: &mut Scenario,
     system: &SystemDescription,

@@ -1,7 +1,7 @@
-//! ZIP archives: written reproducibly, and read without trust.
+//! ZIP archives: reproducible writing, and safe reading of untrusted ones.
 //!
-//! An archive is read if [validation](super::validation) finds no error in its entries: harmful ones are refused, with
-//! paths out of the archive's folder, links, two entries of one path, or huge sizes.
+//! An archive is read if [validation](super::validation) finds no error in its entries: paths that escape the
+//! archive's folder, links, duplicate paths and huge sizes are rejected.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -18,7 +18,7 @@ use super::validation::Report;
 use super::validation::archive::Files;
 use super::validation::rules::Severity;
 
-/// Opens the archive of an FMU or a system, and unpacks all its entries once to check them.
+/// Opens the archive of an FMU or a system, and unpacks each entry once to check it.
 ///
 /// # Errors
 /// When it is not a ZIP archive, or an entry is harmful or damaged; the message names it.
@@ -49,14 +49,14 @@ fn read_text_up_to<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     path: &str,
 ) -> io::Result<String> {
-    let entry = archive.by_name(path).map_err(|_| broken(format!("there is no {path} in it")))?;
+    let entry = archive.by_name(path).map_err(|_| broken(format!("it contains no {path}")))?;
     up_to(largest, entry)
         .and_then(utf_8)
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
 }
 
-/// All files of an archive that was [opened](open), by their paths. Their sizes are subtracted from `left`, a budget that several archives
-/// may share: [`LARGEST_CONTENT`] for all in memory.
+/// All files of an [opened](open) archive, by path. Their sizes are subtracted from `left`, a budget that several
+/// archives may share: [`LARGEST_CONTENT`] for all in memory.
 ///
 /// # Errors
 /// When an entry cannot be read, or the files exceed the budget.
@@ -77,14 +77,14 @@ pub fn read_files<R: Read + Seek>(
             .read_to_end(&mut content)
             .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
         *left = left.checked_sub(read as u64).ok_or_else(|| {
-            broken(format!("with its {path} more than {LARGEST_CONTENT} bytes would be held at once"))
+            broken(format!("its {path} would exceed the memory limit of {LARGEST_CONTENT} bytes"))
         })?;
         files.insert(path, content);
     }
     Ok(files)
 }
 
-/// Extracts an archive that was [opened](open) to an empty folder.
+/// Extracts an [opened](open) archive to an empty folder.
 ///
 /// # Errors
 /// When an entry cannot be read or written; the message names it.
@@ -111,11 +111,11 @@ fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
     Ok(entry.name().map_err(plain)?.into_owned())
 }
 
-/// Whether a path stays in the folder that it is extracted to, on every system.
+/// Whether a path stays in its extraction folder, on every system.
 pub(crate) fn is_inside(path: &str) -> bool {
     // A folder's path ends with a slash.
     let path = path.strip_suffix('/').unwrap_or(path);
-    // Windows ignores dots and blanks at the end of a name.
+    // Windows ignores trailing dots and blanks in a name.
     let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
     !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
 }
@@ -133,16 +133,15 @@ pub(crate) fn broken(message: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message.into())
 }
 
-/// Writes an archive of paths and contents: the order of the entries, their times and permissions are fixed. Entries
-/// that [`open`] would refuse are errors.
+/// Writes an archive of paths and contents, with fixed order, times and permissions of entries. Entries that [`open`]
+/// would reject are errors.
 pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
     let archive = zipped(entries)?;
     open(Cursor::new(&archive))?;
     writer.write_all(&archive)
 }
 
-/// The bytes of an archive. They are made in memory, because a `ZipWriter` dropped after a failed write tries again
-/// and prints an error.
+/// An archive's bytes, made in memory: a `ZipWriter` dropped after a failed write retries and prints an error.
 fn zipped(entries: &[(String, &[u8])]) -> io::Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -175,7 +174,7 @@ mod tests {
         let mut opened = open(archive(&["a.txt", "folder/b.txt"])).unwrap();
         assert_eq!(read_text(&mut opened, "folder/b.txt").unwrap(), "text");
         let missing = read_text(&mut opened, "c.txt").unwrap_err().to_string();
-        assert_eq!(missing, "there is no c.txt in it");
+        assert_eq!(missing, "it contains no c.txt");
     }
 
     #[test]
@@ -233,7 +232,7 @@ mod tests {
         assert_eq!(read(9).unwrap(), (BTreeMap::from(expected), 1));
         assert_eq!(
             read(7).unwrap_err().to_string(),
-            "with its b more than 1073741824 bytes would be held at once"
+            "its b would exceed the memory limit of 1073741824 bytes"
         );
     }
 
@@ -259,7 +258,7 @@ mod tests {
         }
     }
 
-    /// The index of the archive has only the last one.
+    /// The archive's index holds only the last one.
     #[test]
     fn a_path_that_occurs_twice_is_refused() {
         let mut bytes = archive(&["a/one", "a/two"]);
@@ -272,12 +271,12 @@ mod tests {
         assert_eq!(refusal(bytes), "its entry 'a/one': another entry has this path");
     }
 
-    /// It would have to be a file and a folder.
+    /// It would have to be both file and folder.
     #[test]
     fn an_entry_below_a_file_is_refused() {
         for paths in [["a.txt", "a.txt/b"], ["a.txt/b", "A.txt"], ["a", "a/"]] {
             let message = refusal(archive(&paths));
-            assert!(message.contains("is a file, too"), "{paths:?}: {message}");
+            assert!(message.contains("is also a file"), "{paths:?}: {message}");
         }
         open(archive(&["a", "a.txt", "a b/c", "b/a", "b/a.txt"])).unwrap();
     }

@@ -1,5 +1,5 @@
-//! The .fmu archive (FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.5.1): a ZIP file that holds modelDescription.xml and, for
-//! each platform, the model's library.
+//! The .fmu archive (FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.5.1): a ZIP file with modelDescription.xml and the
+//! model's library for each platform.
 
 use std::io::{self, Write};
 
@@ -18,9 +18,9 @@ pub struct Fmu<'a> {
     pub model_identifier: &'a str,
     /// The text of modelDescription.xml.
     pub model_description: &'a str,
-    /// The libraries, each for its platform.
+    /// The libraries, by platform.
     pub libraries: Vec<(Platform, Vec<u8>)>,
-    /// Further files by their path in the archive, `documentation/LICENSE` for one.
+    /// Further files by path in the archive, such as `documentation/LICENSE`.
     pub files: Vec<(String, Vec<u8>)>,
 }
 
@@ -28,8 +28,8 @@ impl Fmu<'_> {
     /// Writes the archive.
     ///
     /// # Errors
-    /// When writing fails, the identifier is not one of C, two parts have the same path, or the standard does not allow
-    /// a file's path.
+    /// When writing fails, the identifier is not a C identifier, two parts have the same path, or the standard does
+    /// not allow a file's path.
     pub fn write(&self, writer: impl Write) -> io::Result<()> {
         refuse_no_identifier(self.model_identifier)?;
         let mut entries = vec![];
@@ -50,13 +50,14 @@ impl Fmu<'_> {
 }
 
 impl Fmu<'_> {
-    /// The folders of a library: in FMI 3.0 one for each of its processors.
+    /// A library's folders: in FMI 3.0 one per processor.
     fn folders(&self, platform: Platform, library: &[u8]) -> io::Result<Vec<String>> {
         if !self.model_description.contains(" fmiVersion=\"3.") {
             return Ok(vec![platform.folder().to_owned()]);
         }
         let mut folders = platform.folders(&Library::read(library)?, true);
-        // A library for this processor alone goes before the universal one, which would be in the same folder.
+        // A library for this processor only takes precedence over the universal one, which would be in the same
+        // folder.
         let own = Platform::Aarch64Darwin;
         if platform != own && self.libraries.iter().any(|(platform, _)| *platform == own) {
             folders.retain(|folder| folder != own.folder());
@@ -65,7 +66,7 @@ impl Fmu<'_> {
     }
 }
 
-/// Refuses a file outside of the standard's folders that is not its picture, or with a harmful path.
+/// Rejects a file outside the standard's folders other than its picture, or with a harmful path.
 fn refuse_stray(path: &str) -> io::Result<()> {
     let mut parts = path.split('/');
     let folder = parts.next().unwrap_or_default();

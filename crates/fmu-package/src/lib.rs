@@ -1,10 +1,10 @@
-//! Files for the exchange of models and systems.
+//! Files for exchanging models and systems.
 //!
-//! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, of any maker: [`archive::open`],
-//! [`FmuDescription`], [`SystemDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`], which is
-//! [checked](ParameterSet::fit) against an FMU, and FMUs that are [`Merged`].
+//! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, from any tool: [`archive::open`], [`FmuDescription`],
+//! [`SystemDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`],
+//! [checked](ParameterSet::fit) against an FMU, and [`Merged`] FMUs.
 //!
-//! Common to all commands: [`reading`], [`writing`], [`temporary`] and [`terminal`].
+//! Shared by all commands: [`reading`], [`writing`], [`temporary`] and [`terminal`].
 
 pub mod archive;
 mod fmu;

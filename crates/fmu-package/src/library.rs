@@ -1,12 +1,11 @@
-//! A model's library as a file: its platform and what it needs there.
+//! A model's library as a file: its platform and requirements.
 //!
-//! The file is not trusted: only its headers are read, and anything but a library is refused.
+//! The file is not trusted: only its headers are read, and anything but a library is rejected.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 use std::io;
 
-use fat_macho::FatWriter;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
@@ -46,7 +45,7 @@ impl Format {
     }
 }
 
-/// The processors that libraries of FMUs are built for.
+/// The processors of FMU libraries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs)]
 pub enum Architecture {
@@ -56,7 +55,7 @@ pub enum Architecture {
 }
 
 impl Architecture {
-    /// The one that this program runs on.
+    /// The processor of this program.
     pub(crate) fn host() -> Option<Self> {
         match std::env::consts::ARCH {
             "aarch64" => Some(Self::Aarch64),
@@ -75,14 +74,14 @@ impl Architecture {
     }
 }
 
-/// The platform of a library.
+/// A library's platform.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Library {
-    /// The format of the binary, by its header.
+    /// The binary's format, from its header.
     pub format: Format,
-    /// Its processors: several in a universal library of macOS.
+    /// Its processors: several in a universal macOS library.
     pub architectures: Vec<Architecture>,
-    /// The version of the oldest glibc (ELF) or macOS (Mach-O) that it runs on, if known.
+    /// The oldest version of glibc (ELF) or macOS (Mach-O) that it runs on, if known.
     pub oldest_system: Option<Vec<u32>>,
 }
 
@@ -90,12 +89,11 @@ impl Library {
     /// Reads the headers of a library.
     ///
     /// # Errors
-    /// When it is not a shared library, or one for other systems and processors than FMUs are built for.
+    /// When it is not a shared library, or is for unsupported systems and processors.
     pub fn read(bytes: &[u8]) -> io::Result<Self> {
         let slices = slices(bytes).map_err(unreadable)?;
         let mut slices = slices.into_iter().map(Self::read_slice);
-        let mut library =
-            slices.next().ok_or_else(|| broken("it is a universal library without content"))??;
+        let mut library = slices.next().ok_or_else(|| broken("it is an empty universal library"))??;
         for slice in slices {
             let slice = slice?;
             library.architectures.extend(slice.architectures);
@@ -115,7 +113,7 @@ impl Library {
             object::Architecture::Aarch64 => Architecture::Aarch64,
             object::Architecture::I386 => Architecture::X86,
             object::Architecture::X86_64 => Architecture::X86_64,
-            other => return Err(broken(format!("it is for the processor {other:?}"))),
+            other => return Err(broken(format!("its processor {other:?} is not supported"))),
         };
         let (format, oldest_system) = match &file {
             File::Elf32(file) => (Format::Elf, glibc(file)),
@@ -129,17 +127,17 @@ impl Library {
         Ok(Self { format, architectures: vec![architecture], oldest_system })
     }
 
-    /// Refuses a library in the wrong platform's folder.
+    /// Rejects a library in the wrong platform's folder.
     ///
     /// # Errors
-    /// When its format or a processor is another one.
+    /// When its format or a processor differs.
     pub fn fits(&self, platform: Platform) -> io::Result<()> {
         let is_for_it = |architecture| platform.architectures().contains(architecture);
         if self.format == platform.format() && self.architectures.iter().all(is_for_it) {
             return Ok(());
         }
         Err(broken(format!(
-            "it is {} for {}; {} takes {} for {}",
+            "it is {} for {}; {} requires {} for {}",
             self.format.name(),
             names(&self.architectures, " and "),
             platform.folder(),
@@ -163,13 +161,13 @@ impl Display for Library {
 /// The exports and imports of a library for a single processor.
 #[derive(Clone, Debug, Default)]
 pub struct Linkage {
-    /// The exported symbols, without the underscore that macOS puts before each.
+    /// The exported symbols, without macOS's leading underscore.
     pub exports: BTreeSet<String>,
     /// The imported symbols.
     pub imports: BTreeSet<String>,
-    /// The libraries that it depends on.
+    /// The libraries on which it depends.
     pub libraries: BTreeSet<String>,
-    /// Why hardened loaders refuse it: relocations in the code, or an executable stack (ELF).
+    /// Why hardened loaders reject it: relocations in the code, or an executable stack (ELF).
     pub is_refused_for: Option<&'static str>,
 }
 
@@ -250,17 +248,17 @@ fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
     }
 }
 
-/// The library in bytes, after checking that all parts that are loaded are present.
+/// The library in bytes, after checking that all loaded parts are present.
 fn whole(bytes: &[u8]) -> object::Result<File<'_>> {
     let file = File::parse(bytes)?;
     file.segments().try_for_each(|segment| segment.data().map(drop))?;
     Ok(file)
 }
 
-/// Refuses a truncated library: loading it kills the process at the first access to the missing part (SIGBUS on Unix).
+/// Rejects a truncated library: loading it kills the process at the first access to the missing part (SIGBUS on Unix).
 ///
 /// # Errors
-/// When it is truncated. The system itself refuses to load a file that is not a library.
+/// When it is truncated. The system itself rejects files that are not libraries.
 pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
     let is_library =
         FileKind::parse(bytes).is_ok_and(|kind| !matches!(kind, FileKind::Coff | FileKind::CoffBig));
@@ -272,7 +270,7 @@ pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
         .map_err(|error| broken(format!("it is damaged or cut short: {error}")))
 }
 
-/// The oldest version of glibc with all the symbols it imports.
+/// The oldest glibc version with all imported symbols.
 fn glibc<Elf>(file: &ElfFile<'_, Elf>) -> object::Result<Option<Vec<u32>>>
 where
     Elf: FileHeader<Endian = Endianness>,
@@ -294,7 +292,7 @@ where
     Ok(newest)
 }
 
-/// The version of macOS that it was linked for.
+/// The macOS version for which it was linked.
 fn macos<Mach: MachHeader>(file: &MachOFile<'_, Mach>) -> object::Result<Option<Vec<u32>>> {
     let mut commands = file.macho_load_commands()?;
     while let Some(command) = commands.next()? {
@@ -308,19 +306,39 @@ fn macos<Mach: MachHeader>(file: &MachOFile<'_, Mach>) -> object::Result<Option<
     Ok(None)
 }
 
-/// Joins libraries of macOS for different processors into a universal one.
+/// Joins macOS libraries for different processors into a universal one.
 ///
 /// # Errors
-/// When one is no such library, or two are for the same processor.
+/// When one is not such a library, or two are for the same processor.
 pub fn join(libraries: &[&[u8]]) -> io::Result<Vec<u8>> {
-    let refused = |error: fat_macho::Error| broken(format!("they cannot be joined: {error}"));
-    let mut writer = FatWriter::new();
+    // Each begins at a page of arm64, the larger ones.
+    const PAGE: u32 = 1 << 14;
+    let mut parts = vec![];
     for &library in libraries {
-        writer.add(library).map_err(refused)?;
+        for part in slices(library).map_err(unreadable)? {
+            let &[0xce | 0xcf, 0xfa, 0xed, 0xfe, a, b, c, d, e, f, g, h, ..] = part else {
+                return Err(broken("they cannot be joined: one is no library of macOS"));
+            };
+            parts.push((u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]), part));
+        }
     }
-    let mut bytes = vec![];
-    writer.write_to(&mut bytes).map_err(refused)?;
-    Ok(bytes)
+    parts.sort();
+    if parts.windows(2).any(|pair| pair[0].0 == pair[1].0 && pair[0].1 == pair[1].1) {
+        return Err(broken("they cannot be joined: two are for the same processor"));
+    }
+    let too_large = |_| broken("they cannot be joined: they are too large");
+    let number_of = |count: usize| u32::try_from(count).map_err(too_large);
+    let mut header = [macho::FAT_MAGIC, number_of(parts.len())?].map(u32::to_be_bytes).concat();
+    let mut content = vec![];
+    for (processor, kind, part) in parts {
+        content.resize(content.len().next_multiple_of(PAGE as usize), 0);
+        let begin = number_of(PAGE as usize + content.len())?;
+        let entry = [processor, kind, begin, number_of(part.len())?, PAGE.trailing_zeros()];
+        header.extend(entry.map(u32::to_be_bytes).concat());
+        content.extend(part);
+    }
+    header.resize(PAGE as usize, 0);
+    Ok([header, content].concat())
 }
 
 fn unreadable(error: object::Error) -> io::Error {

@@ -1,7 +1,7 @@
-//! The nearest known name, for messages about an unknown one.
+//! Suggests the nearest known name in messages about an unknown one.
 
-/// The nearest known name, as the end of a message: `; the nearest is …`. Empty if none differs in at most a third of its
-/// letters; capitals do not count.
+/// The nearest known name, as the end of a message: `; the nearest is …`. Empty if more than a third of the letters
+/// differ in all of them; case is ignored.
 pub fn like<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let distance = |other: &str| strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());
     known

@@ -1,7 +1,7 @@
-//! Joins FMUs of one model, each with libraries for other platforms, into one with all of them.
+//! Joins FMUs of one model, with libraries for different platforms, into one with all of them.
 //!
-//! They are not trusted: the descriptions must be the same, each library must match its folder, and other
-//! differences are refused.
+//! They are not trusted: the descriptions must be equal, each library must match its folder, and other differences are
+//! rejected.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,12 +14,12 @@ use super::model_description::FmuDescription;
 use super::platform::Platform;
 use super::platform_list::PlatformList;
 
-/// An FMU that is to be merged.
+/// An FMU to merge.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// For messages.
     pub name: String,
-    /// Its files by their paths, from [`archive::read_files`].
+    /// Its files by path, from [`archive::read_files`].
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
@@ -35,7 +35,7 @@ impl<'a> Merged<'a> {
     /// Merges parts. `runs` lists where libraries were run, beyond the parts' own lists.
     ///
     /// # Errors
-    /// When the parts are of different models, or do not fit together; the message names them.
+    /// When the parts are of different models, or conflict; the message names them.
     pub fn new(parts: &'a [Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
         let (first, others) = parts.split_first().ok_or_else(|| broken("there is nothing to merge"))?;
         let description = first.description()?;
@@ -87,7 +87,7 @@ impl<'a> Merged<'a> {
                 libraries.insert((*folder).to_owned(), library);
             }
         }
-        // A platform may have a folder for each processor.
+        // A platform may have a folder per processor.
         for (&platform, run) in runs {
             let folders: Vec<_> = libraries
                 .keys()
@@ -150,13 +150,13 @@ impl Part {
         Ok(())
     }
 
-    /// Refuses another FMU that differs in more than its libraries and their list.
+    /// Rejects another FMU that differs in more than its libraries and their list.
     fn refuse_other_documents(&self, other: &Self) -> io::Result<()> {
         for path in self.files.keys().chain(other.files.keys()) {
             if path.starts_with("binaries/") || path == PlatformList::PATH {
                 continue;
             }
-            // Another compiler may link other packages, whose licenses are kept as well.
+            // Another compiler may link other packages, whose licenses are also kept.
             if path.starts_with("documentation/licenses/")
                 && !(self.files.contains_key(path) && other.files.contains_key(path))
             {
@@ -170,17 +170,18 @@ impl Part {
     }
 }
 
-/// The platform and the folder of a library of a model.
+/// The platform and folder of a model's library.
 fn library_at<'a>(path: &'a str, identifier: &str, is_fmi3: bool) -> Option<(Platform, &'a str)> {
     let folder = path.strip_prefix("binaries/")?.split('/').next()?;
     let platform = Platform::of_folder(folder, is_fmi3)?;
     (platform.path_in(folder, identifier) == path).then_some((platform, folder))
 }
 
-/// Joins two libraries of the same path.
+/// Joins two libraries with the same path.
 fn unite(path: &str, first: &[u8], second: &[u8]) -> io::Result<Vec<u8>> {
     if path.split('/').nth(1) == Some(Platform::Darwin64.folder()) {
-        return library::join(&[first, second]).map_err(|error| broken(format!("both hold {path}: {error}")));
+        return library::join(&[first, second])
+            .map_err(|error| broken(format!("both contain {path}: {error}")));
     }
-    Err(broken(format!("both hold {path}, and these differ")))
+    Err(broken(format!("both contain {path}, which differ")))
 }

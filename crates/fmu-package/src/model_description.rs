@@ -1,8 +1,8 @@
-//! Reads the modelDescription.xml of an FMU of any maker and any version of FMI.
+//! Reads the modelDescription.xml of an FMU from any tool and of any FMI version.
 //!
-//! The schemas are not checked here; validators do that. Values whose meaning differs between versions are kept as
-//! text, and errors in the XML are refused with their location. [`FmuDescription::scalars`] turns arrays and aliases of
-//! FMI 3.0 into variables as FMI 2.0 has them.
+//! It does not check schemas, which validators do. Values whose meaning differs between versions remain text, and XML
+//! errors are rejected with their location. [`FmuDescription::scalars`] turns arrays and aliases of FMI 3.0 into
+//! variables as in FMI 2.0.
 
 use std::io::{self, BufReader};
 use std::path::Path;
@@ -16,20 +16,20 @@ use super::reading;
 use super::terminal::in_line;
 use super::units::{BaseUnit, DisplayUnit, Unit};
 
-/// The deepest nesting of elements; schemas of FMI and SSP need a tenth.
+/// The deepest nesting of elements; FMI and SSP schemas need a tenth.
 pub(crate) const DEEPEST: usize = 100;
 /// The most elements of a document; the largest models have 200,000 variables with three elements each.
 pub(crate) const MOST_ELEMENTS: usize = 2_000_000;
-/// The most attributes of an element; schemas of FMI and SSP need a fifth.
+/// The most attributes of an element; FMI and SSP schemas need a fifth.
 pub(crate) const MOST_ATTRIBUTES: usize = 100;
 
-/// The most elements of all arrays as variables.
+/// The most array elements as variables.
 const MOST_SCALARS: usize = 2_000_000;
 
 /// The attribute with the name of the FMU's library.
 const IDENTIFIER: &str = "modelIdentifier";
 
-/// Whether a text may be a model identifier: an identifier of C.
+/// Whether a text may be a model identifier: a C identifier.
 #[must_use]
 pub fn is_identifier(text: &str) -> bool {
     let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
@@ -37,28 +37,28 @@ pub fn is_identifier(text: &str) -> bool {
         && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
 }
 
-/// Refuses a model identifier that is not one of C (FMI 2.0.5, section 2.2.1): it becomes the name of files.
+/// Rejects a model identifier that is not a C identifier (FMI 2.0.5, section 2.2.1): it is used in file names.
 pub(crate) fn refuse_no_identifier(text: &str) -> io::Result<()> {
     if is_identifier(text) {
         return Ok(());
     }
-    Err(broken(format!("the modelIdentifier '{}' is not an identifier of C", in_line(text))))
+    Err(broken(format!("the modelIdentifier '{}' is not a C identifier", in_line(text))))
 }
 
 /// An FMU's modelDescription.xml.
 #[derive(Clone, Debug, Default)]
 pub struct FmuDescription {
-    /// The root element's attributes, by name, in the order of the file.
+    /// The root element's attributes, by name, in file order.
     pub attributes: Vec<(String, String)>,
     /// The interface types (`CoSimulation` …), each with its attributes: identifier and capabilities.
     pub interfaces: Vec<(String, Vec<(String, String)>)>,
     /// The attributes of `DefaultExperiment`.
     pub default_experiment: Vec<(String, String)>,
-    /// The units that are declared.
+    /// The declared units.
     pub units: Vec<Unit>,
-    /// The enumerations that are declared.
+    /// The declared enumerations.
     pub enumerations: Vec<Enumeration>,
-    /// The variables, in the order of the file.
+    /// The variables, in file order.
     pub variables: Vec<FmuVariable>,
 }
 
@@ -71,7 +71,7 @@ pub struct Enumeration {
     pub items: Vec<(String, i32)>,
 }
 
-/// A variable as declared; what is not declared is empty, with the default of its version of FMI.
+/// A variable as declared; undeclared fields are empty, or have the default of the FMI version.
 #[derive(Clone, Debug, Default)]
 pub struct FmuVariable {
     /// Unique in the FMU.
@@ -88,7 +88,7 @@ pub struct FmuVariable {
     pub variability: String,
     /// `initial`.
     pub initial: String,
-    /// The unit, or else its type's unit.
+    /// The unit, or that of its type.
     pub unit: String,
     /// The start value.
     pub start: String,
@@ -96,17 +96,17 @@ pub struct FmuVariable {
     pub min: String,
     /// The largest value.
     pub max: String,
-    /// Empty when the FMU gives none.
+    /// Empty if the FMU gives none.
     pub description: String,
     /// The sizes of an array (FMI 3.0).
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
     pub aliases: Vec<(String, String)>,
-    /// Where [`FmuDescription::scalars`] found it in an array.
+    /// Its place in an array, from [`FmuDescription::scalars`].
     pub element: Option<Element>,
 }
 
-/// A size of an array.
+/// An array size.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// A number.
@@ -115,21 +115,21 @@ pub enum Dimension {
     Variable(String),
 }
 
-/// An element of an array.
+/// An array element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// Its position among the array's values, the last index running fastest (FMI 3.0.2, section 2.2.7).
+    /// Its position among the array's values, with the last index varying fastest (FMI 3.0.2, section 2.2.7).
     pub position: usize,
     /// The number of the array's values.
     pub size: usize,
 }
 
-/// What a variable's values are, in any version of FMI.
+/// The type of a variable's values, in any FMI version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ValueType {
     /// `Real`, `Float64`, `Float32`.
     Real,
-    /// `Integer`, and those of 8 to 64 bits of FMI 3.0.
+    /// `Integer`, and FMI 3.0's types of 8 to 64 bits.
     Integer,
     /// `Boolean`.
     Boolean,
@@ -151,10 +151,10 @@ struct DeclaredType {
 }
 
 impl FmuDescription {
-    /// Reads the description of an FMU, and checks the whole archive.
+    /// Reads an FMU's description, and checks the whole archive.
     ///
     /// # Errors
-    /// When there is no such file, it is not an FMU, or its description is broken; the message names the file.
+    /// When the file does not exist, is not an FMU, or its description is broken; the message names the file.
     pub fn read(fmu: &Path) -> io::Result<Self> {
         let shown = fmu.display();
         let xml = archive::open(BufReader::new(reading::open(fmu)?))
@@ -167,7 +167,7 @@ impl FmuDescription {
     /// Reads the text of a modelDescription.xml.
     ///
     /// # Errors
-    /// When it is not XML, or the XML of something else.
+    /// When it is not XML, or of another kind.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut description = Self::default();
         let mut types: Vec<DeclaredType> = vec![];
@@ -179,7 +179,7 @@ impl FmuDescription {
                 }
                 [_] if name == "DefaultExperiment" => description.default_experiment = attributes.0,
                 [_, "UnitDefinitions"] => description.units.push(Unit {
-                    // FMI 1.0 names it otherwise.
+                    // FMI 1.0 uses another name.
                     name: attributes
                         .get("name")
                         .or_else(|| attributes.get("unit"))
@@ -222,7 +222,7 @@ impl FmuDescription {
                     }
                     description.variables.push(variable);
                 }
-                // FMI 3.0: texts are elements, one for each element of an array.
+                // FMI 3.0: texts are elements, one per array element.
                 [_, "ModelVariables", "String" | "Binary"] if name == "Start" => {
                     if let Some(variable) = description.variables.last_mut() {
                         let before = if variable.start.is_empty() { "" } else { "\n" };
@@ -256,7 +256,7 @@ impl FmuDescription {
         if root != "fmiModelDescription" {
             return Err(broken(format!("the root element is {root}, not fmiModelDescription")));
         }
-        // In FMI 1.0 the root element has it.
+        // FMI 1.0 has it in the root element.
         let of_root = description.attributes.iter().filter(|(name, _)| name == IDENTIFIER);
         of_root
             .map(|(_, identifier)| identifier.as_str())
@@ -266,11 +266,11 @@ impl FmuDescription {
         Ok(description)
     }
 
-    /// The description with a variable for each element of an array, `name[1,1]` and so on, and for each alias, as FMI 2.0
-    /// has them. A structural parameter counts with its start value.
+    /// The description with a variable per array element, `name[1,1]` and so on, and per alias, as in FMI 2.0.
+    /// Structural parameters have their start values.
     ///
     /// # Errors
-    /// When a size is not known, or there are more than two million elements.
+    /// When a size is unknown, or there are more than two million elements.
     pub fn scalars(mut self) -> io::Result<Self> {
         let mut scalars = vec![];
         for variable in &self.variables {
@@ -295,10 +295,10 @@ impl FmuDescription {
         Ok(self)
     }
 
-    /// The sizes of an array; none of a single variable.
+    /// An array's sizes; empty for a scalar.
     ///
     /// # Errors
-    /// When there is no number for one of them.
+    /// When one of them has no number.
     pub fn sizes(&self, variable: &FmuVariable) -> io::Result<Vec<usize>> {
         let size = |dimension: &Dimension| match dimension {
             Dimension::Fixed(size) => Some(*size),
@@ -311,13 +311,13 @@ impl FmuDescription {
         sizes.ok_or_else(|| broken(format!("{} has a dimension without a size", variable.name)))
     }
 
-    /// Whether it is one of FMI 3.0.
+    /// Whether it is FMI 3.0.
     #[must_use]
     pub fn is_fmi3(&self) -> bool {
         self.attribute("fmiVersion").starts_with("3.")
     }
 
-    /// What tells the model from others: the GUID, in FMI 3.0 the instantiation token.
+    /// The model's unique identifier: the GUID, or in FMI 3.0 the instantiation token.
     #[must_use]
     pub fn guid(&self) -> &str {
         match self.attribute("guid") {
@@ -326,25 +326,25 @@ impl FmuDescription {
         }
     }
 
-    /// An attribute of the root element; empty when there is none.
+    /// An attribute of the root element; empty if missing.
     #[must_use]
     pub fn attribute(&self, name: &str) -> &str {
         text_of(&self.attributes, name)
     }
 
-    /// The attributes of an interface, `CoSimulation` for one.
+    /// The attributes of an interface, such as `CoSimulation`.
     #[must_use]
     pub fn interface(&self, name: &str) -> Option<&[(String, String)]> {
         self.interfaces.iter().find(|(known, _)| known == name).map(|(_, attributes)| attributes.as_slice())
     }
 
-    /// The identifier of the library for co-simulation, if the FMU is for that.
+    /// The identifier of the library for co-simulation, if offered.
     #[must_use]
     pub fn co_simulation_identifier(&self) -> Option<&str> {
         self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
     }
 
-    /// Whether the FMU declares a capability flag for co-simulation, as `canGetAndSetFMUstate`, which in FMI 3.0 is
+    /// Whether the FMU declares a capability flag for co-simulation, such as `canGetAndSetFMUstate`, in FMI 3.0
     /// `canGetAndSetFMUState`. An XML boolean is a word or a digit.
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
@@ -354,7 +354,7 @@ impl FmuDescription {
         })
     }
 
-    /// A variable by its name.
+    /// A variable by name.
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<&FmuVariable> {
         self.variables.iter().find(|variable| variable.name == name)
@@ -365,7 +365,7 @@ impl FmuDescription {
         self.variables.iter().filter(move |variable| variable.causality == causality)
     }
 
-    /// A unit by its name, among the declared units and their display units.
+    /// A unit by name, among the declared units and their display units.
     #[must_use]
     pub fn unit(&self, name: &str) -> Option<Unit> {
         let declared = self.units.iter().find(|unit| unit.name == name).cloned();
@@ -373,7 +373,7 @@ impl FmuDescription {
         declared.or_else(shown)
     }
 
-    /// An enumeration by its name.
+    /// An enumeration by name.
     #[must_use]
     pub fn enumeration(&self, name: &str) -> Option<&Enumeration> {
         self.enumerations.iter().find(|enumeration| enumeration.name == name)
@@ -408,7 +408,7 @@ impl FmuVariable {
         self.max = own_or("max", declared.map(|declared| &declared.max));
     }
 
-    /// What its values are.
+    /// The type of its values.
     #[must_use]
     pub fn value_type(&self) -> ValueType {
         match self.data_type.as_str() {
@@ -423,7 +423,7 @@ impl FmuVariable {
         }
     }
 
-    /// An element of this array, whose sizes are given.
+    /// An element of this array with the given sizes.
     fn element(&self, sizes: &[usize], element: Element) -> Self {
         let mut rest = element.position;
         let mut indices: Vec<_> = sizes
@@ -436,7 +436,7 @@ impl FmuVariable {
             })
             .collect();
         indices.reverse();
-        // One start value for all, or each its own.
+        // One start value for all, or one each.
         let starts: Vec<_> = match self.value_type() {
             ValueType::String => self.start.split('\n').collect(),
             _ => self.start.split_whitespace().collect(),
@@ -451,10 +451,10 @@ impl FmuVariable {
         }
     }
 
-    /// Smallest and largest value as numbers; infinite where none is declared.
+    /// Smallest and largest value as numbers; infinite if undeclared.
     ///
     /// # Errors
-    /// When one of them is not a number; the message names variable and text.
+    /// When one is not a number; the message names variable and text.
     pub fn range(&self) -> io::Result<(f64, f64)> {
         let bound = |text: &str, none: f64| match text {
             "" => Ok(none),
@@ -485,7 +485,7 @@ impl DeclaredType {
 }
 
 impl Unit {
-    /// Adopts an element within the unit's.
+    /// Adopts a child element of the unit's.
     pub(crate) fn take(&mut self, name: &str, attributes: &Attributes) -> io::Result<()> {
         let (factor, offset) = (attributes.number("factor", 1.0)?, attributes.number("offset", 0.0)?);
         match name {
@@ -537,13 +537,14 @@ impl Attributes {
         text_of(&self.0, key).to_owned()
     }
 
-    /// A number; `default` when there is no such attribute.
+    /// A number; `default` if the attribute is missing.
     pub(crate) fn number<T: std::str::FromStr>(&self, key: &str, default: T) -> io::Result<T> {
         match self.get(key) {
             None => Ok(default),
-            Some(text) => text.trim().parse().map_err(|_| {
-                broken(format!("the attribute {key} is '{text}', which is not a number of this kind"))
-            }),
+            Some(text) => text
+                .trim()
+                .parse()
+                .map_err(|_| broken(format!("the attribute {key} is '{text}', which is not a valid number"))),
         }
     }
 }
@@ -553,9 +554,9 @@ fn text_of<'a>(attributes: &'a [(String, String)], name: &str) -> &'a str {
 }
 
 /// Calls a function for each element of a document, with the names of the enclosing elements, its name and its
-/// attributes, without namespace prefixes. Returns the name of the root.
+/// attributes, without namespace prefixes. Returns the root's name.
 ///
-/// A document type definition is refused, because entities in it may expand without bounds.
+/// Document type definitions are rejected, because their entities may expand without bounds.
 pub(crate) fn read_elements(
     xml: &str,
     mut take: impl FnMut(&[&str], &str, Attributes) -> io::Result<()>,
@@ -695,7 +696,7 @@ mod tests {
             ("a\n\u{1b}[2J", r"a\n\u{1b}[2J"),
         ] {
             let refusal = refuse_no_identifier(identifier).unwrap_err().to_string();
-            assert_eq!(refusal, format!("the modelIdentifier '{shown}' is not an identifier of C"));
+            assert_eq!(refusal, format!("the modelIdentifier '{shown}' is not a C identifier"));
         }
         // Of each interface, and of FMI 1.0.
         for xml in [

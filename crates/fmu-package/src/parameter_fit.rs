@@ -13,8 +13,8 @@ impl ParameterSet {
     /// The set converted for an FMU: each value with its variable's type and unit, and within its range.
     ///
     /// # Errors
-    /// At the first parameter that the FMU does not have, cannot be set, or does not fit in type, unit or range; the
-    /// message names it and says what was expected.
+    /// At the first parameter that the FMU lacks, that cannot be set, or that does not fit in type, unit or range; the
+    /// message names it and what was expected.
     pub fn fit(&self, fmu: &FmuDescription) -> io::Result<Self> {
         let parameters = self.parameters.iter().map(|parameter| {
             let name = &parameter.name;
@@ -24,10 +24,7 @@ impl ParameterSet {
                 broken(format!("{} has no variable {name}{like}", fmu.attribute("modelName")))
             })?;
             if !variable.is_settable() {
-                return Err(broken(format!(
-                    "{name} cannot be set: it is of the causality {}",
-                    variable.causality
-                )));
+                return Err(broken(format!("{name} cannot be set: its causality is {}", variable.causality)));
             }
             let value = parameter.value.fit(variable, &self.units, fmu)?;
             value.check_range(variable)?;
@@ -42,12 +39,12 @@ impl ParameterSet {
 }
 
 impl Value {
-    /// The value converted for a variable of an FMU: to its type and unit. Units are those of the FMU, and others that
-    /// come with the value. Integers are accepted as Reals; an item of an enumeration is a name, also as a String, or
-    /// its number. The range is not checked.
+    /// The value converted to the type and unit of an FMU's variable. Units are the FMU's, and others given with the
+    /// value. Integers are accepted as Reals; an enumeration's item is a name, even as a String, or its number. The
+    /// range is not checked.
     ///
     /// # Errors
-    /// When type or unit do not fit; the message names variable and value, and what was expected.
+    /// When type or unit do not fit; the message names variable, value, and what was expected.
     pub fn fit(&self, variable: &FmuVariable, units: &[Unit], fmu: &FmuDescription) -> io::Result<Self> {
         if !variable.dimensions.is_empty() {
             return Err(self.refused(variable, "it is an array of FMI 3.0"));
@@ -90,10 +87,10 @@ impl Value {
         }
     }
 
-    /// Refuses a number that is outside of a variable's range.
+    /// Rejects a number outside a variable's range.
     ///
     /// # Errors
-    /// When it is, or is not finite; the message names variable and range.
+    /// When it is outside or not finite; the message names variable and range.
     pub fn check_range(&self, variable: &FmuVariable) -> io::Result<()> {
         let number = match self {
             Self::Real(value, _) => *value,
@@ -110,7 +107,7 @@ impl Value {
     }
 
     fn refused(&self, variable: &FmuVariable, reason: &str) -> io::Error {
-        broken(format!("the value {self} of {} cannot be taken: {reason}", variable.name))
+        broken(format!("the value {self} of {} cannot be used: {reason}", variable.name))
     }
 
     fn type_name(&self) -> &'static str {
@@ -176,7 +173,7 @@ mod tests {
     fn values_become_those_of_the_variable() {
         let pascal = |value| Ok(Value::Real(value, Some("Pa".to_owned())));
         assert_eq!(pressure(1.5, "kPa"), pascal(1500.0));
-        // A unit that the set defines.
+        // A unit defined in the set.
         assert_eq!(pressure(1.5, "hPa"), pascal(150.0));
         assert_eq!(fit("pressure", Value::Integer(7)), pascal(7.0));
         assert_eq!(fit("count", Value::Integer(4)), Ok(Value::Integer(4)));
@@ -190,33 +187,33 @@ mod tests {
         let refusal = |name: &str, value| fit(name, value).unwrap_err();
         assert_eq!(
             pressure(1.0, "N").unwrap_err(),
-            "the value 1 N of pressure cannot be taken: the unit N is not defined"
+            "the value 1 N of pressure cannot be used: the unit N is not defined"
         );
         assert_eq!(
             pressure(201.0, "kPa").unwrap_err(),
-            "the value 201000 Pa of pressure cannot be taken: 201000 Pa is not within 0..200000"
+            "the value 201000 Pa of pressure cannot be used: 201000 Pa is not within 0..200000"
         );
         // Without the number's 309 digits.
         assert_eq!(
             pressure(1e308, "Pa").unwrap_err(),
-            "the value 1e308 Pa of pressure cannot be taken: 1e308 Pa is not within 0..200000"
+            "the value 1e308 Pa of pressure cannot be used: 1e308 Pa is not within 0..200000"
         );
         assert_eq!(
             refusal("count", Value::Integer(5)),
-            "the value 5 of count cannot be taken: 5 is not within 1..4"
+            "the value 5 of count cannot be used: 5 is not within 1..4"
         );
         assert_eq!(
             refusal("count", Value::Real(1.0, None)),
-            "the value 1 of count cannot be taken: it is of the type Real, not Integer"
+            "the value 1 of count cannot be used: it is of the type Real, not Integer"
         );
         assert_eq!(
             refusal("mode", Value::Integer(1)),
-            "the value 1 of mode cannot be taken: it is not one of off, on"
+            "the value 1 of mode cannot be used: it is not one of off, on"
         );
         assert_eq!(
             refusal("presure", Value::Integer(1)),
             "Vessel has no variable presure; the nearest is pressure"
         );
-        assert_eq!(refusal("level", Value::Integer(1)), "level cannot be set: it is of the causality output");
+        assert_eq!(refusal("level", Value::Integer(1)), "level cannot be set: its causality is output");
     }
 }

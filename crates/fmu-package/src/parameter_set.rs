@@ -17,23 +17,23 @@ pub(crate) const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructure
 /// The namespace of elements common to SSP's files.
 pub(crate) const COMMON_NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 
-/// Values of parameters under a name.
+/// Named values of parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParameterSet {
     /// The set's name.
     pub name: String,
-    /// What the set is for.
+    /// The purpose of the set.
     pub description: String,
-    /// In the order of the file.
+    /// In file order.
     pub parameters: Vec<Parameter>,
-    /// The units that the parameters refer to.
+    /// The units used by the parameters.
     pub units: Vec<Unit>,
 }
 
 /// A parameter's value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// The name of the variable.
+    /// The variable's name.
     pub name: String,
     /// The reason for the value.
     pub description: String,
@@ -44,15 +44,15 @@ pub struct Parameter {
 /// A value with its type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// A number, and its unit where one is given.
+    /// A number, and its unit if given.
     Real(f64, Option<String>),
-    /// A whole number.
+    /// An integer.
     Integer(i32),
-    /// A truth value.
+    /// A Boolean.
     Boolean(bool),
     /// A String.
     String(String),
-    /// The name of an enumeration's item.
+    /// An enumeration item's name.
     Enumeration(String),
 }
 
@@ -60,7 +60,7 @@ impl ParameterSet {
     /// Reads an .ssv file.
     ///
     /// # Errors
-    /// When there is no such file, or it is not a parameter set; the message names the file.
+    /// When the file does not exist, or is not a parameter set; the message names the file.
     pub fn read(file: &Path) -> io::Result<Self> {
         let shown = file.display();
         Self::parse(&reading::text(file)?)
@@ -70,7 +70,7 @@ impl ParameterSet {
     /// Reads the text of an .ssv file.
     ///
     /// # Errors
-    /// When it is not XML, or not that of a parameter set of SSP 1; the message names element or parameter.
+    /// When it is not XML, or not of a parameter set of SSP 1; the message names element or parameter.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut set = Self::default();
         let mut names = BTreeSet::new();
@@ -184,11 +184,11 @@ impl Value {
                 let value = text.trim().parse().map_err(|_| no("number"))?;
                 Self::Real(value, attributes.get("unit").map(str::to_owned))
             }
-            "Integer" => Self::Integer(text.trim().parse().map_err(|_| no("whole number of 32 bits"))?),
+            "Integer" => Self::Integer(text.trim().parse().map_err(|_| no("32-bit integer"))?),
             "Boolean" => match text.trim() {
                 "true" | "1" => Self::Boolean(true),
                 "false" | "0" => Self::Boolean(false),
-                _ => return Err(no("truth value")),
+                _ => return Err(no("Boolean")),
             },
             "String" => Self::String(text.to_owned()),
             "Enumeration" => Self::Enumeration(text.to_owned()),

@@ -1,21 +1,21 @@
 //! The platforms of an FMU's libraries: their folders and formats (FMI 2.0.5, section 2.3).
 //!
-//! The standard names folders for x86. For other processors it refers to the platform tuples of FMI 3.0
-//! (section 2.5.1.4.1 there).
+//! The standard names folders for x86. For other processors it refers to FMI 3.0's platform tuples (section 2.5.1.4.1
+//! there).
 
 use std::io;
 use std::str::FromStr;
 
 use super::library::{Architecture, Format, Library};
 
-/// A platform that FMI 2.0 has a folder for.
+/// A platform with a folder in FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs)]
 pub enum Platform {
     Aarch64Darwin,
     Aarch64Linux,
     Aarch64Windows,
-    /// In the standard macOS on x86-64. On Apple Silicon, FMPy and others use this folder as well, so the library may be
+    /// In the standard, macOS on x86-64. On Apple Silicon, FMPy and others use this folder too, so the library may be
     /// for either processor, or a universal one for both.
     Darwin64,
     Linux32,
@@ -25,7 +25,7 @@ pub enum Platform {
 }
 
 impl Platform {
-    /// All of them.
+    /// All platforms.
     pub const ALL: [Self; 8] = [
         Self::Aarch64Darwin,
         Self::Aarch64Linux,
@@ -37,7 +37,7 @@ impl Platform {
         Self::Win64,
     ];
 
-    /// The platform that this program runs on, if FMI 2.0 has a folder for it.
+    /// This program's platform, if FMI 2.0 has a folder for it.
     #[must_use]
     pub fn host() -> Option<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
@@ -52,7 +52,7 @@ impl Platform {
         }
     }
 
-    /// Its folder below `binaries/` in FMI 2.0.
+    /// Its folder in `binaries/` in FMI 2.0.
     #[must_use]
     pub fn folder(self) -> &'static str {
         match self {
@@ -67,7 +67,7 @@ impl Platform {
         }
     }
 
-    /// Its folder below `binaries/` in FMI 3.0 (section 2.5.1.4.1), for one of its processors: the platform tuple.
+    /// Its folder in `binaries/` in FMI 3.0 (section 2.5.1.4.1), for one of its processors: the platform tuple.
     #[must_use]
     pub fn tuple(self, architecture: Architecture) -> String {
         let processor = match architecture {
@@ -83,8 +83,7 @@ impl Platform {
         format!("{processor}-{system}")
     }
 
-    /// The folders below `binaries/` in an FMU of FMI 2.0 or 3.0 for a library: in FMI 3.0 one for each of its
-    /// processors.
+    /// A library's folders in `binaries/` of an FMU of FMI 2.0 or 3.0: in FMI 3.0 one per processor.
     #[must_use]
     pub fn folders(self, library: &Library, is_fmi3: bool) -> Vec<String> {
         if is_fmi3 {
@@ -94,7 +93,7 @@ impl Platform {
         }
     }
 
-    /// The platform of a folder below `binaries/` in an FMU of FMI 2.0 or 3.0.
+    /// The platform of a folder in `binaries/` of an FMU of FMI 2.0 or 3.0.
     #[must_use]
     pub fn of_folder(folder: &str, is_fmi3: bool) -> Option<Self> {
         Self::ALL
@@ -107,7 +106,7 @@ impl Platform {
         self.architectures().iter().any(|&architecture| self.tuple(architecture) == text)
     }
 
-    /// The format of libraries there.
+    /// Its library format.
     #[must_use]
     pub fn format(self) -> Format {
         match self {
@@ -117,7 +116,7 @@ impl Platform {
         }
     }
 
-    /// The processors that a library there may be for.
+    /// The processors of its libraries.
     #[must_use]
     pub fn architectures(self) -> &'static [Architecture] {
         match self {
@@ -128,7 +127,7 @@ impl Platform {
         }
     }
 
-    /// The path of the library for this program's processor in the archive of an FMU of FMI 2.0 or 3.0.
+    /// The path of the library for this program's processor in an FMU of FMI 2.0 or 3.0.
     #[must_use]
     pub fn library_path(self, model_identifier: &str, is_fmi3: bool) -> String {
         let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));
@@ -136,7 +135,7 @@ impl Platform {
         self.path_in(&folder, model_identifier)
     }
 
-    /// The path of a library in a folder below `binaries/`.
+    /// The path of a library in a folder of `binaries/`.
     pub(crate) fn path_in(self, folder: &str, model_identifier: &str) -> String {
         format!("binaries/{folder}/{model_identifier}.{}", self.format().suffix())
     }

@@ -1,4 +1,4 @@
-//! `documentation/platforms.txt`: the platforms of an FMU's libraries, what these need, and where they were run.
+//! `documentation/platforms.txt`: the platforms of an FMU's libraries, their requirements, and where they were run.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
@@ -6,15 +6,15 @@ use std::fmt::{self, Display};
 use super::library::Library;
 use super::platform::Platform;
 
-/// Begins the part of a line with the systems where the library was run.
+/// Starts a line's list of systems on which the library was run.
 const RUN: &str = "; run: ";
 
-/// The platforms of an FMU, by their folders below `binaries/`.
+/// An FMU's platforms, by folder in `binaries/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlatformList {
     /// The library of each.
     pub libraries: BTreeMap<String, Library>,
-    /// The systems or emulators in which the library of a platform was run.
+    /// The systems or emulators on which a platform's library was run.
     pub runs: BTreeMap<String, String>,
 }
 
@@ -39,7 +39,7 @@ impl PlatformList {
 /// The text of the file: a line for each platform.
 impl Display for PlatformList {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(formatter, "The libraries of this FMU by their folders below binaries/\n")?;
+        writeln!(formatter, "The libraries of this FMU by folder in binaries/\n")?;
         for (folder, library) in &self.libraries {
             write!(formatter, "{folder}: {library}")?;
             match self.runs.get(folder) {

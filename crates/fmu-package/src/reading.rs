@@ -23,7 +23,7 @@ pub fn open(path: &Path) -> io::Result<File> {
     opened.map_err(|error| io::Error::new(error.kind(), format!("cannot open {}: {error}", path.display())))
 }
 
-/// A text file.
+/// Reads a text file.
 ///
 /// # Errors
 /// When it cannot be read, is too large or is not UTF-8; the message names the file.
@@ -32,7 +32,7 @@ pub fn text(path: &Path) -> io::Result<String> {
     read.map_err(|error| cannot_read(path, &error))
 }
 
-/// A file of bytes.
+/// Reads a binary file.
 ///
 /// # Errors
 /// When it cannot be read or is too large; the message names the file.
@@ -41,7 +41,7 @@ pub fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     read.map_err(|error| cannot_read(path, &error))
 }
 
-/// The whole content of a reader.
+/// Reads everything.
 ///
 /// # Errors
 /// When it fails, or has more than `largest` bytes.
@@ -54,7 +54,7 @@ pub fn up_to(largest: u64, reader: impl Read) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Bytes as a text.
+/// Bytes as text.
 ///
 /// # Errors
 /// When they are not UTF-8; the message names the line.

@@ -1,7 +1,7 @@
-//! Reads the SystemStructure.ssd of a package of any maker: the components of a system and their connections
-//! (SSP 1.0, section 5).
+//! Reads the SystemStructure.ssd of a package from any tool: a system's components and their connections (SSP 1.0,
+//! section 5).
 //!
-//! Systems within the system, mapped parameters and connections by tables of values are refused.
+//! Nested systems, mapped parameters and connections with value tables are rejected.
 
 use std::io;
 
@@ -12,28 +12,28 @@ use super::units::{Linear, Unit};
 
 const ROOT: &str = "SystemStructureDescription";
 
-/// A system as its package describes it.
+/// A system as described in its package.
 #[derive(Clone, Debug, Default)]
 pub struct SystemDescription {
     /// The system's name.
     pub name: String,
-    /// What the system is for.
+    /// The purpose of the system.
     pub description: String,
-    /// When the simulation starts by default (s).
+    /// The default start of the simulation (s).
     pub start_time: Option<f64>,
-    /// When the simulation ends by default (s).
+    /// The default end of the simulation (s).
     pub stop_time: Option<f64>,
-    /// The communication step by default (s), which the annotations of OMSimulator and libcosim have.
+    /// The default communication step (s), from the annotations of OMSimulator and libcosim.
     pub step_size: Option<f64>,
-    /// The connectors of the system.
+    /// The system's connectors.
     pub connectors: Vec<ConnectorDescription>,
     /// The paths of the system's parameter sets in the package; later ones override earlier ones.
     pub parameter_sets: Vec<String>,
-    /// In the order of the file.
+    /// In file order.
     pub components: Vec<ComponentDescription>,
-    /// Between connectors of the components and of the system.
+    /// Between connectors of the components and the system.
     pub connections: Vec<ConnectionDescription>,
-    /// The units that connectors refer to.
+    /// The units used by connectors.
     pub units: Vec<Unit>,
 }
 
@@ -44,7 +44,7 @@ pub struct ConnectorDescription {
     pub name: String,
     /// The direction; none for parameters.
     pub kind: Option<Kind>,
-    /// The unit; empty when it is not known.
+    /// The unit; empty if unknown.
     pub unit: String,
 }
 
@@ -68,9 +68,9 @@ pub struct ConnectionDescription {
     pub start: End,
     /// The target.
     pub end: End,
-    /// A conversion after the one by units.
+    /// A conversion after the unit conversion.
     pub transformation: Linear,
-    /// Whether values are converted where the connectors' units differ.
+    /// Whether values are converted if the connectors' units differ.
     pub converts_units: bool,
 }
 
@@ -78,7 +78,7 @@ impl SystemDescription {
     /// Reads the text of a SystemStructure.ssd.
     ///
     /// # Errors
-    /// When it is not XML, or not that of a flat system of SSP 1; the message names the element.
+    /// When it is not XML, or not of a flat system of SSP 1; the message names the element.
     pub fn parse(xml: &str) -> io::Result<Self> {
         let mut system = Self::default();
         let root = read_elements(xml, |path, name, attributes| match path {
@@ -134,7 +134,7 @@ impl SystemDescription {
                 ..ComponentDescription::default()
             }),
             (["Elements"], other) => {
-                return Err(broken(format!("elements of the kind {other} are not supported")));
+                return Err(broken(format!("{other} elements are not supported")));
             }
             (["Connections"], "Connection") => {
                 let end = |element: &str, connector: &str| End {
@@ -162,7 +162,7 @@ impl SystemDescription {
                 | "IntegerMappingTransformation"
                 | "EnumerationMappingTransformation",
             ) => {
-                return Err(broken("connections by tables of values are not supported"));
+                return Err(broken("connections with value tables are not supported"));
             }
             (["Elements", "Component", rest @ ..], _) => {
                 if let Some(component) = self.components.last_mut() {
@@ -181,7 +181,7 @@ impl SystemDescription {
     }
 }
 
-/// Adopts connectors and parameter sets, which a system and a component have alike.
+/// Adopts connectors and parameter sets, alike in systems and components.
 fn take_part(
     connectors: &mut Vec<ConnectorDescription>,
     parameter_sets: &mut Vec<String>,
@@ -222,7 +222,7 @@ fn take_part(
 fn inside(attributes: &Attributes) -> io::Result<String> {
     match attributes.get("source") {
         Some(path) if is_inside(path) => Ok(path.to_owned()),
-        Some(path) => Err(broken(format!("'{path}' is not a file of the package"))),
+        Some(path) => Err(broken(format!("'{path}' is not a file in the package"))),
         None => Err(broken("parameters within the structure are not supported")),
     }
 }
@@ -293,11 +293,11 @@ mod tests {
     fn what_is_not_supported_is_refused() {
         for (old, new, reason) in [
             ("version=\"1.0\"", "version=\"2.0\"", "structures of version '2.0' are not supported"),
-            ("resources/A.fmu", "../A.fmu", "'../A.fmu' is not a file of the package"),
+            ("resources/A.fmu", "../A.fmu", "'../A.fmu' is not a file in the package"),
             (" source=\"a.ssv\"", "", "parameters within the structure are not supported"),
             ("source=\"a.ssv\"", "source=\"a.ssv\" prefix=\"b.\"", "with a prefix or within a component"),
-            ("stopTime=\"5\"", "stopTime=\"five\"", "stopTime is 'five', which is not a number"),
-            ("<ssd:Elements>", "<ssd:Elements><ssd:System name=\"b\"/>", "elements of the kind System"),
+            ("stopTime=\"5\"", "stopTime=\"five\"", "stopTime is 'five', which is not a valid number"),
+            ("<ssd:Elements>", "<ssd:Elements><ssd:System name=\"b\"/>", "System elements are not supported"),
         ] {
             let text = STRUCTURE.replace(old, new);
             assert_ne!(text, STRUCTURE, "{old}");

@@ -3,11 +3,10 @@
 //!
 //! Beyond the schema, known tools have requirements:
 //!
-//! - OMSimulator needs its own annotation, which selects co-simulation, as the first one; it needs the usual names
-//!   of prefixes, and refuses `SystemGeometry` and elements of a component other than connectors, geometry and
-//!   parameter bindings; from Python it fails on units of parameters inside the structure, so that all parameter
-//!   sets are separate files;
-//! - libcosim reads its step size from its own annotation; it supports only connections between components, hence
+//! - OMSimulator needs its own annotation, which selects co-simulation, first; it needs the usual prefixes, and
+//!   rejects `SystemGeometry` and a component's elements other than connectors, geometry and parameter bindings; from
+//!   Python it fails on units of parameters inside the structure, so all parameter sets are separate files;
+//! - libcosim reads its step size from its own annotation, and supports only connections between components, hence
 //!   [`SystemStructure::of_components`];
 //! - FMPy needs a connection for every listed input.
 
@@ -24,14 +23,14 @@ const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription
 /// The namespace of OMSimulator's annotations.
 const OMSIMULATOR_NAMESPACE: &str =
     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
-/// The tolerance that OMSimulator passes to the FMUs, its own default. Its schema requires one.
+/// The tolerance that OMSimulator passes to the FMUs: its own default. Its schema requires one.
 const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
 /// The structure that every tool reads (SSP, section 3).
 const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 
-/// A system structure description: the system, and how it is simulated by default.
+/// A system structure description: the system and its default simulation settings.
 #[derive(Clone, Debug)]
 pub struct SystemStructure {
     /// The name, unique among the variants in a package.
@@ -40,13 +39,13 @@ pub struct SystemStructure {
     pub description: String,
     /// The root system; it contains the FMUs.
     pub system: System,
-    /// The units that connectors refer to.
+    /// The units used by connectors.
     pub units: Vec<Unit>,
-    /// When the simulation starts by default, in s.
+    /// The default start of the simulation in s.
     pub start_time: f64,
-    /// When the simulation ends by default, in s.
+    /// The default end of the simulation in s.
     pub stop_time: f64,
-    /// The communication step by default, in s.
+    /// The default communication step in s.
     pub step_size: f64,
 }
 
@@ -55,11 +54,11 @@ pub struct SystemStructure {
 pub struct System {
     /// Unique within its parent.
     pub name: String,
-    /// The connectors of the system.
+    /// The system's connectors.
     pub connectors: Vec<Connector>,
-    /// The components; masters that step one after the other do so in this order.
+    /// The components; sequential masters step them in this order.
     pub components: Vec<SystemComponent>,
-    /// Between connectors of the components and of the system.
+    /// Between connectors of the components and the system.
     pub connections: Vec<Connection>,
 }
 
@@ -81,9 +80,9 @@ pub struct SystemComponent {
 /// A rectangle in mm, y upwards.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// The left lower corner.
+    /// The lower left corner.
     pub lower_left: (f64, f64),
-    /// The right upper corner.
+    /// The upper right corner.
     pub upper_right: (f64, f64),
 }
 
@@ -92,13 +91,13 @@ pub struct Placement {
 pub struct Connector {
     /// Unique within its parent.
     pub name: String,
-    /// The direction, seen from outside of the element.
+    /// The direction, seen from outside the element.
     pub kind: Kind,
-    /// The unit; empty when it is not known.
+    /// The unit; empty if unknown.
     pub unit: String,
-    /// For an input of the system: the start value.
+    /// The start value of a system's input.
     pub start: Option<f64>,
-    /// The position in the element's rectangle: 0 to 1 from left to right and from bottom to top.
+    /// The position in the element's rectangle: 0 to 1 from left to right and bottom to top.
     pub place: (f64, f64),
 }
 
@@ -117,7 +116,7 @@ pub struct Connection {
     pub start: End,
     /// The target.
     pub end: End,
-    /// A conversion that replaces the one by units.
+    /// A conversion that replaces the unit conversion.
     pub transformation: Option<Linear>,
     /// The corners of the line, in mm.
     pub corners: Vec<(f64, f64)>,
@@ -135,17 +134,17 @@ pub struct End {
 /// The .ssp archive: structures with their FMUs and parameter sets.
 #[derive(Clone, Debug)]
 pub struct SystemPackage {
-    /// The structure for tools without support of variants.
+    /// The structure for tools that do not support variants.
     pub structure: SystemStructure,
-    /// Other structures by their file names, `Components.ssd` for one.
+    /// Other structures by file name, such as `Components.ssd`.
     pub variants: Vec<(String, SystemStructure)>,
-    /// FMUs and parameter sets by their paths.
+    /// FMUs and parameter sets by path.
     pub resources: Vec<(String, Vec<u8>)>,
 }
 
 impl SystemStructure {
-    /// The same without the system's connectors, under another name: for masters that do not support these, whose users
-    /// set the components' inputs.
+    /// Likewise without the system's connectors, under another name: for masters that do not support these, and whose
+    /// users set the components' inputs.
     #[must_use]
     pub fn of_components(&self, name: &str) -> Self {
         let mut structure = Self { name: name.to_owned(), ..self.clone() };
@@ -208,7 +207,7 @@ impl SystemStructure {
         })
     }
 
-    /// The start values of the system's inputs as a parameter set, with its path in the package, if there are any.
+    /// The start values of the system's inputs as a parameter set, with its path in the package, if any.
     fn start_values(&self) -> Option<(String, ParameterSet)> {
         let starts = self.system.connectors.iter().filter_map(|connector| {
             Some(Parameter {
@@ -304,7 +303,7 @@ impl Connection {
         attributes.extend(self.end.component.clone().map(|component| ("endElement", component)));
         attributes.push(("endConnector", self.end.connector.clone()));
         if self.transformation.is_some() {
-            // Without this, the transformation would be applied in addition to the conversion by units.
+            // Otherwise the transformation would be applied in addition to the unit conversion.
             attributes.push(("suppressUnitConversion", true.to_string()));
         }
         element(writer, "ssd:Connection", attributes, |writer| {
@@ -341,7 +340,7 @@ impl SystemPackage {
     }
 }
 
-/// Binds parameter sets by their paths in the package.
+/// Binds parameter sets by path in the package.
 fn write_parameter_bindings(writer: &mut XmlWriter, sources: &[String]) -> io::Result<()> {
     if sources.is_empty() {
         return Ok(());

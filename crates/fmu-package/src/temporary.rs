@@ -1,4 +1,4 @@
-//! Temporary files and folders: they are removed when dropped and, on request, when the user interrupts the program.
+//! Temporary files and folders, removed when dropped and, on request, when the user interrupts the program.
 
 use std::collections::BTreeSet;
 use std::env;
@@ -15,7 +15,7 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 pub const INTERRUPTED: i32 = 130;
 /// The prefix of unfinished files.
 const UNFINISHED: &str = ".unfinished-";
-/// A folder is locked within this time from its making.
+/// A folder is locked within this time of its creation.
 const UNLOCKED: Duration = Duration::from_secs(60);
 
 /// Everything to be removed.
@@ -26,30 +26,30 @@ fn paths() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 }
 
 /// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes them, and ends the process with
-/// [`INTERRUPTED`]. If one of these signals is ignored, as under `nohup`, this has no effect.
+/// [`INTERRUPTED`]. No effect if one of these signals is ignored, as under `nohup`.
 pub fn remove_when_interrupted() {
     let remove = || {
-        // Locked until the process ends, so that nothing is created or moved any more.
+        // Locked until the process ends, so that nothing else is created or moved.
         let paths = paths();
         for path in paths.iter() {
-            // A loaded library cannot be removed on Windows.
+            // Windows cannot remove a loaded library.
             let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
         }
         process::exit(INTERRUPTED);
     };
-    // It fails where a signal is ignored.
+    // It fails if a signal is ignored.
     let _ = ctrlc::try_set_handler(remove);
 }
 
-/// A folder in the system's folder for temporary files, locked while its process lives.
+/// A folder in the system's temporary folder, locked while its process lives.
 pub struct Folder(Option<(TempDir, Option<File>)>);
 
 impl Folder {
-    /// Makes a folder and fills it; if that fails, removes it. Only one is filled at a time. Folders with this prefix
-    /// that killed processes left are removed, so no other folder may have it.
+    /// Creates and fills a folder; removes it on failure. Only one is filled at a time. Removes folders with this
+    /// prefix left by killed processes, so no other folders may use it.
     ///
     /// # Errors
-    /// When it cannot be made, or what `fill` returns.
+    /// When it cannot be created, or `fill` fails.
     pub fn filled<E: From<io::Error>>(
         prefix: &str,
         fill: impl FnOnce(&Path) -> Result<(), E>,
@@ -64,7 +64,7 @@ impl Folder {
         Ok(Self(Some((folder, lock))))
     }
 
-    /// Where it is.
+    /// Its path.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.0.as_ref().map_or(Path::new(""), |(folder, _)| folder.path())
@@ -87,7 +87,7 @@ fn remove_abandoned(prefix: &str) {
             && lock(&entry.path()).is_some()
     };
     for entry in fs::read_dir(env::temp_dir()).into_iter().flatten().flatten().filter(is_abandoned) {
-        // Those of other users cannot be removed.
+        // Other users' folders cannot be removed.
         let _ = fs::remove_dir_all(entry.path());
     }
 }
@@ -106,7 +106,7 @@ impl Drop for Folder {
 pub(crate) struct Unfinished(Option<NamedTempFile>);
 
 impl Unfinished {
-    /// Makes a file with a unique name and the permissions of any new file.
+    /// Creates a file with a unique name and a new file's usual permissions.
     pub(crate) fn new_in(folder: &Path) -> io::Result<Self> {
         // Otherwise the error of a missing folder would name the temporary file.
         fs::metadata(folder)?;
@@ -121,10 +121,10 @@ impl Unfinished {
     }
 
     pub(crate) fn file(&self) -> io::Result<&File> {
-        self.0.as_ref().map(NamedTempFile::as_file).ok_or_else(|| io::Error::other("it is in its place"))
+        self.0.as_ref().map(NamedTempFile::as_file).ok_or_else(|| io::Error::other("it was already moved"))
     }
 
-    /// Moves the file to its path, and replaces an existing file only if wanted.
+    /// Moves the file to its path; replaces an existing file only if `replaces`.
     pub(crate) fn persist(mut self, place: &Path, replaces: bool) -> io::Result<()> {
         let mut paths = paths();
         let Some(file) = self.0.take() else { return Ok(()) };
@@ -144,10 +144,10 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes the unfinished files that killed processes left in a folder in which no other process writes.
+/// Removes unfinished files left by killed processes in a folder to which no other process writes.
 ///
 /// # Errors
-/// When the folder cannot be read, or a file not be removed.
+/// When the folder cannot be read, or a file cannot be removed.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;

@@ -17,19 +17,19 @@ pub fn print(text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints an error or a warning, on a line of its own.
+/// Prints an error or a warning on its own line.
 pub fn complain(text: &str) {
-    // It cannot be reported anywhere else.
+    // There is nowhere else to report it.
     let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
-/// A text with escaped control characters, also those for the direction of writing. Line breaks and tabs stay.
+/// A text with control characters escaped, including bidirectional ones. Line breaks and tabs stay.
 #[must_use]
 pub fn printable(text: &str) -> String {
     escaped(&text.replace("\r\n", "\n"), |character| matches!(character, '\n' | '\t'))
 }
 
-/// The same for a text within a line, with line breaks and tabs escaped.
+/// Likewise within a line, with line breaks and tabs escaped.
 #[must_use]
 pub fn in_line(text: &str) -> String {
     escaped(text, |_| false)
@@ -50,7 +50,7 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> String {
     printable
 }
 
-/// The shortest form of a number that reads back as the same, with an exponent instead of many zeros.
+/// The shortest form of a number that reads back the same, with an exponent instead of many zeros.
 #[must_use]
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() || (1e-5..1e16).contains(&value.abs()) {

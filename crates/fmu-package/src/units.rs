@@ -1,4 +1,4 @@
-//! Units as FMI 2.0 (section 2.2.2) and SSP 1.0 (section 4.4.4) define them, and the conversions between them.
+//! Units as defined by FMI 2.0 (section 2.2.2) and SSP 1.0 (section 4.4.4), and conversions between them.
 
 use std::io;
 
@@ -10,7 +10,7 @@ const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 /// A unit with its definition in SI units, if known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// The name that variables refer to.
+    /// The name used by variables.
     pub name: String,
     /// The unit in SI base units.
     pub base: Option<BaseUnit>,
@@ -32,7 +32,7 @@ pub struct BaseUnit {
 /// A display unit: value in it = factor · value in the unit + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayUnit {
-    /// The name that variables refer to.
+    /// The name used by variables.
     pub name: String,
     /// See above.
     pub factor: f64,
@@ -50,24 +50,24 @@ pub struct Linear {
 }
 
 impl BaseUnit {
-    /// The dimensionless unit, as a start for others.
+    /// The dimensionless unit, to build others from.
     pub(crate) fn one() -> Self {
         Self { exponents: [0; BASE_UNITS.len()], factor: 1.0, offset: 0.0 }
     }
 
-    /// Sets the exponent of a base unit by its name; other names are ignored.
+    /// Sets a base unit's exponent by name; other names are ignored.
     pub(crate) fn set_exponent(&mut self, name: &str, exponent: i32) {
         if let Some(position) = BASE_UNITS.iter().position(|&base| base == name) {
             self.exponents[position] = exponent;
         }
     }
 
-    /// Whether there is a base unit of this name.
+    /// Whether a base unit has this name.
     pub(crate) fn is_exponent(name: &str) -> bool {
         BASE_UNITS.contains(&name)
     }
 
-    /// The conversion from this unit to another; none if they have different dimensions.
+    /// The conversion to another unit; none if the dimensions differ.
     #[must_use]
     pub fn to(&self, other: &Self) -> Option<Linear> {
         (self.exponents == other.exponents).then(|| {
@@ -115,12 +115,12 @@ impl Linear {
     }
 }
 
-/// A number rounded to 15 digits: the reciprocal of 1e-5, which is not exact in doubles, becomes 100000.
+/// A number rounded to 15 digits: the reciprocal of 1e-5, inexact in doubles, becomes 100000.
 fn rounded(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
 }
 
-/// Writes the list of units in SSP's files: those defined in SI base units, since SSP has no others.
+/// Writes the list of units in SSP files: only those defined in SI base units, as SSP has no others.
 pub(crate) fn write_units(writer: &mut XmlWriter, list: &'static str, units: &[Unit]) -> io::Result<()> {
     let known: Vec<_> = units.iter().filter_map(|unit| unit.base.map(|base| (unit, base))).collect();
     if known.is_empty() {
@@ -157,7 +157,7 @@ mod tests {
         let kelvin = unit("K", temperature, 1.0, 0.0).base.unwrap();
         let celsius = unit("degC", temperature, 1.0, 273.15).base.unwrap();
         let fahrenheit = unit("degF", temperature, 5.0 / 9.0, 459.67 * 5.0 / 9.0).base.unwrap();
-        // The boiling point of water; exact but for rounding.
+        // The boiling point of water; exact up to rounding.
         assert!((celsius.to(&fahrenheit).unwrap().apply(100.0) - 212.0).abs() < 1e-10);
         assert!((celsius.to(&kelvin).unwrap().apply(100.0) - 373.15).abs() < 1e-10);
         assert!((celsius.to(&kelvin).unwrap().inverse().apply(373.15) - 100.0).abs() < 1e-10);

@@ -1,7 +1,7 @@
-//! Writing files: whole, or not at all.
+//! Writes files atomically.
 //!
-//! A file is written under a unique name in the same folder and then renamed, so that a reader never sees a part of
-//! it, two processes with the same output do not mix, and an existing file stays if writing fails.
+//! A file is written under a unique name in the same folder and then renamed: readers never see a part of it, two
+//! processes with the same output do not mix, and an existing file stays if writing fails.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -12,8 +12,8 @@ use super::temporary::Unfinished;
 /// The writer of a file's content.
 pub type Writer<'a> = BufWriter<&'a File>;
 
-/// Writes a file. An existing one is replaced, and keeps its permissions; of a link the target is replaced. What is not
-/// a file, such as a pipe or `/dev/stdout`, is written to directly.
+/// Writes a file. An existing one is replaced, and keeps its permissions; for a link, the target is replaced. Other
+/// targets, such as a pipe or `/dev/stdout`, are written directly.
 ///
 /// # Errors
 /// When it cannot be written; the message names it.
@@ -35,15 +35,15 @@ fn replace(path: &Path, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>)
         new.file()?.set_permissions(known.permissions())?;
     }
     fill(new.file()?, content)?;
-    // A full disk may show only now.
+    // A full disk may only show now.
     new.file()?.sync_all()?;
     new.persist(target, true)
 }
 
-/// Writes a file that its user will edit, unless it exists.
+/// Writes a file for its user to edit, unless it exists.
 ///
 /// # Errors
-/// When there is one, or it cannot be written; the message names it.
+/// When it exists, or cannot be written; the message names it.
 pub fn write_new(path: &Path, content: &[u8]) -> io::Result<()> {
     let write = || {
         let new = Unfinished::new_in(folder(path))?;
@@ -53,7 +53,7 @@ pub fn write_new(path: &Path, content: &[u8]) -> io::Result<()> {
     };
     write().map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => {
-            let message = format!("{} is there already; remove it, or name another file", path.display());
+            let message = format!("{} already exists; remove it, or choose another file", path.display());
             io::Error::new(ErrorKind::AlreadyExists, message)
         }
         _ => cannot_write(path, &error),
@@ -66,12 +66,12 @@ fn fill(file: &File, content: impl FnOnce(&mut Writer<'_>) -> io::Result<()>) ->
     writer.flush()
 }
 
-/// Refuses outputs that would destroy an input or each other; an output folder must not contain an input.
+/// Rejects outputs that would overwrite an input or each other; an output folder must not contain an input.
 ///
 /// # Errors
-/// When there is such an output, or its folder is missing; the message names it.
+/// When such an output exists, or its folder is missing; the message names it.
 pub fn refuse_overlap(outputs: &[PathBuf], inputs: &[PathBuf]) -> io::Result<()> {
-    // A missing input is reported when it is read.
+    // A missing input is reported when read.
     let inputs: Vec<_> =
         inputs.iter().filter_map(|path| Some((path, fs::canonicalize(path).ok()?))).collect();
     let mut seen: Vec<(&Path, PathBuf)> = vec![];
@@ -91,7 +91,7 @@ pub fn refuse_overlap(outputs: &[PathBuf], inputs: &[PathBuf]) -> io::Result<()>
     Ok(())
 }
 
-/// The canonical path of a file, which need not exist.
+/// A file's canonical path; the file need not exist.
 fn place(path: &Path) -> io::Result<PathBuf> {
     match (fs::canonicalize(path), path.file_name()) {
         (Err(error), Some(name)) if error.kind() == ErrorKind::NotFound => {
@@ -101,7 +101,7 @@ fn place(path: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// The folder of a file.
+/// A file's folder.
 fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -142,7 +142,7 @@ mod tests {
         assert_eq!(names(folder.path()), ["a"]);
     }
 
-    /// Other files beside it are not touched.
+    /// Other files in the folder stay untouched.
     #[cfg(unix)]
     #[test]
     fn a_link_stays_and_its_target_keeps_its_permissions() {
@@ -180,7 +180,7 @@ mod tests {
         let path = folder.path().join("a");
         write_new(&path, b"mine").unwrap();
         let refusal = write_new(&path, b"other").unwrap_err().to_string();
-        assert!(refusal.ends_with("a is there already; remove it, or name another file"), "{refusal}");
+        assert!(refusal.ends_with("a already exists; remove it, or choose another file"), "{refusal}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "mine");
         assert_eq!(names(folder.path()), ["a"]);
     }

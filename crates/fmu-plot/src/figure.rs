@@ -1,7 +1,7 @@
-//! Figures: what is drawn, as rows of [`Panel`]s that hold [`Line`]s over their axes. [`interactive`] draws them with
-//! plotly in HTML, [`picture`] with plotters as SVG and PNG.
+//! Figures: rows of [`Panel`]s that hold [`Line`]s over their axes. [`interactive`] draws them with plotly in HTML,
+//! [`picture`] with plotters as SVG and PNG.
 //!
-//! The colours are those of the pages' style sheet, which the colour-blind tell apart.
+//! The colours are those of the pages' style sheet, distinguishable for the colour-blind.
 
 #[cfg(feature = "html")]
 mod interactive;
@@ -14,7 +14,7 @@ pub(crate) use self::interactive::script;
 use fmu_package::terminal::printable;
 use fmu_xml::page::STYLE;
 
-/// A colour, which the style sheet has by day and by night under this name.
+/// A colour, named in the style sheet for the light and the dark scheme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Color(&'static str);
 
@@ -149,7 +149,7 @@ impl Figure {
         Self::default()
     }
 
-    /// What a picture has above it; in a page that is its heading.
+    /// A picture's title; on a page it is the heading.
     pub fn title(mut self, title: &str) -> Self {
         title.clone_into(&mut self.title);
         self
@@ -238,7 +238,7 @@ impl Panel {
         self
     }
 
-    /// The lines, thinned to at most so many columns of pixels.
+    /// The lines, thinned to at most this many pixel columns.
     fn thinned_lines(&self, columns: usize) -> impl Iterator<Item = (&Line, Vec<(f64, f64)>)> {
         let x = self.x_extent();
         let cells = [(x, columns), (self.y_extent(), self.height as usize)];
@@ -354,10 +354,10 @@ fn distinct(points: &[(f64, f64)], [columns, rows]: [((f64, f64), usize); 2]) ->
     points.iter().filter(&mut is_new).copied().collect()
 }
 
-/// Sizes below are shown as 0, since a range of them has no ticks.
+/// Magnitudes below this are shown as 0, since such a range has no ticks.
 const LEAST: f64 = 1e-300;
 
-/// The least and the greatest of the finite values, apart from each other.
+/// The smallest and the largest finite value, distinct from each other.
 fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
     let values = lines.iter().flat_map(|line| &line.points).map(value).filter(|value| value.is_finite());
     let (least, most) = values
@@ -512,7 +512,7 @@ mod tests {
         for color in [color::INK, color::BLUE, color::SHADE, color::PAPER, color::RULE] {
             assert!(pixels.chunks(3).any(|pixel| pixel == color.day()), "{}", color.name());
         }
-        // Left of the frames stand the tick labels and the upright label, so the font draws.
+        // The tick labels and the vertical label left of the frames show that the font draws.
         let is_dark = |pixel: &[u8]| pixel.iter().all(|&value| value < 128);
         let left = pixels.chunks(3 * 1800).flat_map(|row| row[..3 * 100].chunks(3));
         assert!(left.filter(|pixel| is_dark(pixel)).count() > 500);
@@ -534,7 +534,7 @@ mod tests {
         }
     }
 
-    /// The library for drawing never finds the ticks of axes beyond.
+    /// Beyond these, the drawing library never finds an axis's ticks.
     #[test]
     fn pictures_of_the_greatest_and_least_numbers_are_drawn_or_refused_by_name() {
         let figure = |x: f64, y: f64| {

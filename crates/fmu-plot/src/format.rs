@@ -29,7 +29,7 @@ impl PlotFormat {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             Some("html") => Ok(Self::Html),
-            _ => bail!("{}: a plot is written to a file that ends with .svg, .png or .html", path.display()),
+            _ => bail!("{}: a plot file must end with .svg, .png or .html", path.display()),
         }
     }
 

@@ -1,11 +1,11 @@
-//! The reports: HTML pages in the look of the FMUs' own, which need no other file.
+//! The reports: self-contained HTML pages in the style of the FMUs' pages.
 
 use fmu_xml::page::Document;
 
 use crate::figure;
 
-/// What the reports have in addition to the FMUs' pages: figures by plotly. Where no pointer hovers, plots always show their
-/// toolbars, which otherwise may lie over the legend; paper needs none.
+/// The reports' additions to the FMUs' pages: plotly figures. Without a hovering pointer, plots always show their
+/// toolbars, which would otherwise cover the legend; print hides them.
 const STYLE: &str = "
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
 .panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }

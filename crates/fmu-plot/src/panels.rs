@@ -1,15 +1,15 @@
-//! The plot of a record: which of its variables share a panel, and how each is drawn.
+//! The plot of a record: which variables share a panel, and how each is drawn.
 
 use fmu_record::numbers;
 use fmu_record::{Column, Record};
 
 use crate::figure::{Figure, Line, Panel, color};
 
-/// Quantities of one unit share a panel up to this ratio of their greatest values.
+/// Quantities of one unit share a panel up to this ratio of their largest values.
 const LIKE_SIZE: f64 = 10.0;
 /// A panel has at most one line of each colour.
 const MOST_LINES: usize = color::CYCLE.len();
-/// The words of a name that make it a reference for the variables whose names begin with the words before.
+/// Words that mark a variable as the reference of those whose names begin with the preceding words.
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
 /// The record over time. `panels` are the names in each panel; names that are not recorded are ignored. By default,
@@ -86,7 +86,7 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
             lines.push(line.color(color));
         }
     }
-    // The legend of a picture stands in the frame.
+    // A picture's legend is inside the frame.
     let height = 130.max(60 + 20 * u32::try_from(lines.len()).unwrap_or(u32::MAX / 32));
     lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }

@@ -10,9 +10,9 @@
 
 /// The significant digits of a number, unless it has more before the point.
 const DIGITS: i32 = 3;
-/// The most digits of a value with an error that is far smaller.
+/// The maximum digits of a value with a far smaller error.
 const MOST_DIGITS: i32 = 7;
-/// The units that take SI prefixes, with the largest exponent that is usual.
+/// The units with SI prefixes, and the largest usual exponent.
 const PREFIXED: [(&str, i32); 9] =
     [("Pa", 9), ("V", 3), ("A", 3), ("N", 6), ("W", 9), ("J", 9), ("Hz", 9), ("m", 0), ("s", 0)];
 const PREFIXES: [(&str, i32); 7] =
@@ -77,7 +77,7 @@ pub fn estimate(value: f64, error: f64) -> String {
     let exponent = if (-3..5).contains(&magnitude_of_both) { 0 } else { magnitude_of_both };
     let factor = 10_f64.powi(-exponent);
     let places = 1 - magnitude(error * factor);
-    // Those of a value of 0 are its error's.
+    // A value of 0 takes the digits of its error.
     let most = if value == 0.0 { places } else { MOST_DIGITS - 1 - magnitude(value * factor) };
     if places > most {
         let mantissa = minus(&decimals(value * factor, most));

@@ -22,9 +22,9 @@ pub struct Record {
 /// A recorded variable.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// In the header of the CSV file.
+    /// The name in the CSV header.
     pub name: String,
-    /// Its unit, as its FMU declares it; empty where there is none.
+    /// The unit declared by the FMU; empty if there is none.
     pub unit: String,
     /// One for each time, in the unit.
     pub values: Vec<f64>,

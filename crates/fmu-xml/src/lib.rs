@@ -1,4 +1,4 @@
-//! Writing XML: what the modelDescription.xml of FMI and the files of SSP have in common.
+//! Writes XML: what FMI's modelDescription.xml and SSP's files share.
 //!
 //! The same content gives the same bytes: attributes keep their order, numbers their shortest form.
 
@@ -15,10 +15,10 @@ pub type XmlWriter = Writer<Vec<u8>>;
 /// Names and values of attributes, in their order.
 pub type Attributes = Vec<(&'static str, String)>;
 
-/// A document with what is written into it.
+/// A document with the content that is written into it.
 ///
 /// # Panics
-/// When the content is not written to the end.
+/// When the content is incomplete.
 #[must_use]
 pub fn document(content: impl FnOnce(&mut XmlWriter) -> io::Result<()>) -> String {
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
@@ -60,7 +60,7 @@ pub fn float(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// Factor and offset of a unit or a transformation, where they are not the schemas' defaults 1 and 0.
+/// A unit's or transformation's factor and offset, unless they are the schemas' defaults 1 and 0.
 #[must_use]
 pub fn conversion(factor: f64, offset: f64) -> Attributes {
     let mut attributes = Vec::new();

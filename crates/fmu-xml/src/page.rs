@@ -1,31 +1,30 @@
-//! The look of the pages for people, for other documents of a project to share: their style sheet, and the frame with
-//! the contents, which fold on telephones and mark the section that is read.
+//! The look of pages for people, shared with a project's other documents: style sheet, and frame with a table of
+//! contents that folds on phones and marks the current section.
 
 use quick_xml::escape::escape;
 
-/// The style sheet of the pages, by day and by night. Its colours are properties of `:root`, each defined for the day
-/// first.
+/// The pages' style sheet, light and dark. Its colours are properties of `:root`, light ones first.
 pub const STYLE: &str = include_str!("page/style.css");
 
-/// A page that needs no other file.
+/// A self-contained page.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Document<'a> {
-    /// The title, a text.
+    /// The title, as text.
     pub title: &'a str,
-    /// Rules in addition to those of [`STYLE`].
+    /// Rules in addition to [`STYLE`].
     pub style: &'a str,
     /// The markup of the `<h1>` and what belongs to it.
     pub header: &'a str,
-    /// The contents, as markup of `<li>` with links to the sections; a page without has no navigation.
+    /// The contents, as markup of `<li>` with links to the sections; if empty, the page has no navigation.
     pub contents: &'a str,
     /// The markup of the sections.
     pub main: &'a str,
-    /// The markup of the scripts that run when everything is read.
+    /// The markup of scripts, at the page's end.
     pub scripts: &'a str,
 }
 
 impl Document<'_> {
-    /// The page in HTML; it is XML as well if its parts are.
+    /// The page in HTML; also valid XML if its parts are.
     #[must_use]
     pub fn html(&self) -> String {
         let navigation = format!(
@@ -45,7 +44,7 @@ impl Document<'_> {
     }
 }
 
-/// The markup of a unit, with raised exponents: `mm2` becomes mm², `Pa/%3` Pa/%³.
+/// A unit's markup, with superscript exponents: `mm2` becomes mm², `Pa/%3` Pa/%³.
 #[must_use]
 pub fn unit(name: &str) -> String {
     let mut markup = String::new();

@@ -48,7 +48,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Places components with so many connectors.
+    /// Places components with these numbers of connectors.
     pub fn new(counts: Counts) -> Self {
         let span = |connectors: usize| PITCH * (connectors + 1) as f64;
         let plant_height =

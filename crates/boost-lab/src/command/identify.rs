@@ -1,4 +1,4 @@
-//! `identify`: parameters of the plant from measured data, to an .ssv file, report.html and report.json.
+//! `identify`: plant parameters from measured data, to an .ssv file, report.html and report.json.
 
 use std::path::PathBuf;
 
@@ -15,24 +15,23 @@ const SET: &str = "identified.ssv";
 const HTML: &str = "report.html";
 const JSON: &str = "report.json";
 
-/// What `identify actuator` takes.
 #[derive(Args)]
 pub struct Arguments {
-    /// The measured data: a CSV file with a header; a row's duty and supply hold until the next row
+    /// Measured data: a CSV file with a header; a row's duty and supply hold until the next row
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
-    /// The plant, whose values are taken as known or as starts of the fits
+    /// The plant, whose values are taken as known or as starting points of the fits
     #[arg(long, value_name = "FILE.fmu")]
     plant: PathBuf,
-    /// Parameters of the plant, such as the membrane's area; may be given several times
+    /// Plant parameters, such as the membrane area; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
     #[arg(long, value_name = "QUANTITY=NAME", value_parser = name_and_value, help = columns_help())]
     column: Vec<(String, String)>,
-    /// The unit of a quantity, where the header does not give it in brackets
+    /// Unit of a quantity, if the header does not give it in brackets
     #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value)]
     unit: Vec<(String, String)>,
-    /// The share of the data that is kept for validation
+    /// Share of the data kept for validation
     #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = super::number_in(0.0..=0.9, "a number from 0 to 0.9"))]
     validation_share: f64,
     /// The folder for identified.ssv, report.html and report.json
@@ -41,10 +40,9 @@ pub struct Arguments {
 }
 
 fn columns_help() -> String {
-    format!("Another column for a quantity: {}", crate::identify::quantities())
+    format!("Column of a quantity, if not its name: {}", crate::identify::quantities())
 }
 
-/// Identifies the actuator.
 pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
@@ -77,6 +75,6 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => {
             Ok((name.to_owned(), value.to_owned()))
         }
-        _ => Err("expected a quantity, = and its column or unit".to_owned()),
+        _ => Err("expected QUANTITY=NAME or QUANTITY=UNIT".to_owned()),
     }
 }

@@ -12,22 +12,21 @@ use crate::live::{LOOP, Live, Module};
 use crate::reproduce::{FIGURES, Laboratory};
 use crate::study::draw::known_plants;
 
-/// The seconds of the loop that show what its plots need: quantities and their sizes.
+/// Seconds of simulation that give the plots' quantities and their sizes.
 const TRIAL: f64 = 1.0;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The plant as a WebAssembly module, which `boost-fmu export --wasm` writes [default: of the folder --fmus]
+    /// The plant as a WebAssembly module, written by `boost-fmu export --wasm` [default: from the --fmus folder]
     #[arg(long, value_name = "FILE.wasm")]
     plant: Option<PathBuf>,
-    /// The controller as a module
+    /// The controller as a WebAssembly module [default: from the --fmus folder]
     #[arg(long, value_name = "FILE.wasm")]
     controller: Option<PathBuf>,
-    /// The folder of `BoostPlant.fmu` and `BoostController.fmu`, with which the paper's experiments are run for comparison
+    /// The folder with `BoostPlant.fmu` and `BoostController.fmu`, which run the paper's experiments for comparison
     #[arg(long, value_name = "DIR", default_value = super::FMUS)]
     fmus: PathBuf,
-    /// A plant to choose, by its parameters; may be given several times [default: the plants of this repository's
-    /// parameters/]
+    /// Parameters of a plant to offer; may be given several times [default: those in this repository's parameters/]
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
     /// The page to write
@@ -70,12 +69,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(print(&format!("{}\n", arguments.out.display()))?)
 }
 
-/// A module, of the same model as an FMU: else the page would be compared with another one.
+/// Reads a module, which must be of the same model as the FMU it is compared with.
 fn read(module: &Path, fmu: &Path) -> Result<Module> {
     let read = Module::read(module)?;
     let description = FmuDescription::read(fmu)?;
     if read.description.guid() != description.guid() {
-        bail!("{} and {} are of different models: export both anew", module.display(), fmu.display());
+        bail!("{} and {} are different models: export both again", module.display(), fmu.display());
     }
     Ok(read)
 }

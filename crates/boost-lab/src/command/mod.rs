@@ -1,4 +1,4 @@
-//! The command line's arguments, and the module that runs each command.
+//! Command-line arguments, and a module for each command.
 
 mod identify;
 mod live;
@@ -18,17 +18,16 @@ use fmu_master::scenario::Scenario;
 /// Where `boost-fmu export` writes FMUs.
 const FMUS: &str = "target/fmu";
 
-/// What the process ends with.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `reproduce`: all statements hold; `study`: all criteria hold
-  1    `reproduce`: a statement does not hold; `study`: a criterion does not hold
-  2    it could not be done, or the command line is wrong; standard error says why
-  130  it was interrupted
+  0    success; `reproduce`: all claims hold; `study`: all criteria hold
+  1    `reproduce`: a claim fails; `study`: a criterion fails
+  2    failure or wrong command line; see standard error
+  130  interrupted
 
-A run of a `sweep` that fails is a row of the results, and does not change the exit status.";
+A failed run of a `sweep` is reported in its row of the results and does not change the exit status.";
 
-/// The laboratory: drives FMUs through experiments of boost control.
+/// Laboratory for boost control: runs experiments with FMUs
 #[derive(Parser)]
 #[command(name = "boost-lab", version, arg_required_else_help = true, after_help = EXIT_STATUSES)]
 struct Arguments {
@@ -38,35 +37,34 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scenario, a system, or one FMU
+    /// Run a scenario, a system or a single FMU
     Simulate(Simulate),
-    /// Compare records: over each other in one plot, and their differences as numbers
+    /// Compare records: overlaid in one plot, with their differences in numbers
     Compare(run::Compare),
-    /// Run scenarios, and show them on one page
+    /// Run scenarios and show them on one page
     Show {
-        /// The scenarios, which docs/laboratory.md describes
+        /// The scenarios (see docs/laboratory.md)
         #[arg(value_name = "SCENARIO.toml", required = true)]
         scenarios: Vec<PathBuf>,
         #[command(flatten)]
         fmus: FmuArguments,
-        /// The page's title
+        /// Page title
         #[arg(long, default_value = "Scenarios")]
         title: String,
         /// The page to write
         #[arg(long, value_name = "FILE.html", default_value = "target/scenarios.html")]
         out: PathBuf,
     },
-    /// Reproduce the paper's figures, and hold its statements against what the FMUs do
+    /// Reproduce the paper's figures and check its claims against the FMUs
     ///
-    /// Exits with 0 when all statements hold, with 1 when one does not and with 2 when an experiment cannot be
-    /// run.
+    /// Exits with 0 if all claims hold, 1 if one fails, and 2 if an experiment cannot be run.
     Reproduce {
-        /// The figures' numbers; all when none is named
+        /// Figure numbers [default: all]
         figures: Vec<u32>,
-        /// The folder of `BoostPlant.fmu` and `BoostController.fmu`
+        /// The folder with `BoostPlant.fmu` and `BoostController.fmu`
         #[arg(long, value_name = "DIR", default_value = FMUS)]
         fmus: PathBuf,
-        /// The folder to write report.html and report.json to
+        /// The folder for report.html and report.json
         #[arg(long, value_name = "DIR", default_value = "target/reproduction")]
         out: PathBuf,
     },
@@ -74,12 +72,13 @@ enum Command {
     Live(live::Arguments),
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
+    /// Run a scenario for many parameter values, on all cores; resumes if interrupted
     Sweep(Sweep),
-    /// Judge a controller on random plants, days and manoeuvres; goes on where it was interrupted
+    /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
-    /// Exits with 0 when all criteria hold, and with 1 when one does not.
+    /// Exits with 0 if all criteria hold, and 1 if one fails.
     Study(study::Arguments),
-    /// Identify parameters of the plant from measured data
+    /// Identify plant parameters from measured data
     Identify {
         #[command(subcommand)]
         what: Identify,
@@ -116,7 +115,7 @@ struct FmuArguments {
 /// Maps of names.
 #[derive(Args)]
 struct MapArguments {
-    /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+    /// Map for an FMU with other names and units, written by `boost-fmu check --write-map`
     #[arg(long = "map", value_name = "FILE.json")]
     maps: Vec<PathBuf>,
 }
@@ -139,11 +138,11 @@ impl FmuArguments {
 
 #[derive(Subcommand)]
 enum Identify {
-    /// The wastegate's actuator with its valve and its tank, as section 4.2 of the paper does
+    /// The wastegate actuator with its valve and tank, as in section 4.2 of the paper
     Actuator(identify::Arguments),
 }
 
-/// Runs the command. Returns false when the statements of `reproduce` or the criteria of `study` do not all hold.
+/// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Simulate(Simulate { simulate, maps }) => {

@@ -6,7 +6,7 @@ use crate::reproduce::{FIGURES, Laboratory, html, json};
 use anyhow::{Result, bail};
 use fmu_package::terminal::print;
 
-/// Reproduces figures, all where none is named. Whether all statements hold.
+/// Reproduces the numbered figures, or all if none is given. Returns whether all claims hold.
 pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
     let figures: Vec<_> =
         FIGURES.iter().filter(|figure| numbers.is_empty() || numbers.contains(&figure.number)).collect();
@@ -14,7 +14,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         numbers.iter().find(|number| FIGURES.iter().all(|figure| figure.number != **number))
     {
         let known: Vec<_> = FIGURES.iter().map(|figure| figure.number.to_string()).collect();
-        bail!("there is no experiment in Fig. {unknown}: there are {}", known.join(", "));
+        bail!("no experiment for Fig. {unknown}: choose from {}", known.join(", "));
     }
     super::make_folder(out)?;
 
@@ -28,7 +28,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
             let word = if claim.holds() { "holds" } else { "FAILS" };
             let paper = claim.in_paper().map_or_else(String::new, |value| format!("; paper: {value}"));
             print(&format!(
-                "  {word}  {:28} {} ({} asked{paper})\n",
+                "  {word}  {:28} {} (accepted: {}{paper})\n",
                 claim.name,
                 claim.found(),
                 claim.asked(),
@@ -40,6 +40,6 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
     }
     let html = html(&reproduced, &laboratory.fmus());
     super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
-    print(&format!("{holding} of {all} statements hold\n"))?;
+    print(&format!("{holding} of {all} claims hold\n"))?;
     Ok(holding == all)
 }

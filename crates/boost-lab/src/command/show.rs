@@ -1,4 +1,4 @@
-//! `show`: scenarios, one below the other on a page.
+//! `show`: scenarios on one page.
 
 use std::path::{Path, PathBuf};
 
@@ -65,21 +65,21 @@ fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<St
     ))
 }
 
-/// How far boost is from its reference, how fast the shaft turns, and what the FMUs warn of, where this is recorded.
+/// Boost error, shaft speed and warnings of the FMUs, as far as recorded.
 fn facts(run: &Run) -> String {
     let mut facts = vec![];
     if let (Ok(reference), Ok(boost)) = (run.record.get("boost_reference"), run.record.get("boost_pressure"))
     {
         let distances = || boost.iter().zip(reference).map(|(boost, reference)| 1e-3 * (boost - reference));
         facts.push(format!(
-            "Measured boost pressure is at most {} above and {} below its reference, steps of the reference included.",
+            "Measured boost pressure stays within {} above and {} below its reference, including reference steps.",
             quantity(greatest(distances()).max(0.0), "kPa"),
             quantity((-least(distances())).max(0.0), "kPa")
         ));
     }
     if let Ok(speeds) = run.record.get("hp_turbo_speed") {
         let speed = quantity(1e-3 * greatest(speeds.iter().copied()), "krpm");
-        facts.push(format!("The high-pressure shaft turns at {speed} at most."));
+        facts.push(format!("The high-pressure shaft reaches {speed}."));
     }
     if let Some(alarm) = alarm(&run.record) {
         facts.push(alarm);
@@ -90,11 +90,11 @@ fn facts(run: &Run) -> String {
     format!("<ul><li>{}</li></ul>\n", facts.join("</li><li>"))
 }
 
-/// When the diagnosis finds something for the first time.
+/// When the diagnosis first finds something.
 fn alarm(record: &Record) -> Option<String> {
     let codes = record.get("fault_code").ok()?;
     Some(match codes.iter().position(|code| *code != 0.0) {
-        Some(row) => format!("fault_code is {} from {} on.", codes[row], quantity(record.time()[row], "s")),
+        Some(row) => format!("fault_code is {} from {}.", codes[row], quantity(record.time()[row], "s")),
         None => "fault_code is 0: no alarm.".to_owned(),
     })
 }

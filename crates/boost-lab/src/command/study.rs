@@ -1,4 +1,4 @@
-//! `study`: random plants, days and manoeuvres, to results.csv and a report; whether the criteria hold.
+//! `study`: random plants, ambient conditions and manoeuvres, to results.csv and a report.
 
 use std::path::PathBuf;
 
@@ -26,35 +26,35 @@ pub struct Arguments {
     /// The controller
     #[arg(long, value_name = "FILE.fmu", default_value = "target/fmu/BoostController.fmu")]
     controller: PathBuf,
-    /// Maps for FMUs with other names and units, as `boost-fmu check --write-map` writes them
+    /// Map for an FMU with other names and units, written by `boost-fmu check --write-map`
     #[arg(long = "map", value_name = "FILE.json")]
     maps: Vec<PathBuf>,
-    /// A plant: parameters are drawn between the plant's own values and those of each set; may be given several
-    /// times [default: the plants of this repository's parameters/]
+    /// Parameters of a plant: values are drawn between the FMU's and those of each set; may be given several times
+    /// [default: those in this repository's parameters/]
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// The controller's strategy [default: its own]
+    /// The controller's strategy [default: its start value]
     #[arg(long, value_name = "NAME")]
     strategy: Option<String>,
-    /// Another strategy of the controller, run on the same cases for comparison
+    /// Another strategy to run on the same cases for comparison
     #[arg(long, value_name = "NAME")]
     beside: Option<String>,
-    /// How many cases there are
+    /// Number of cases
     #[arg(long, value_name = "NUMBER", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     cases: u32,
-    /// Equal seeds draw equal cases
+    /// Random seed; equal seeds draw equal cases
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
-    /// How many cases run at once [default: one on each core]
+    /// Number of cases in parallel [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// The folder to write results.csv, report.html and report.json to, and the journal that an interrupted study
-    /// goes on from
+    /// The folder for results.csv, report.html and report.json, and for the journal from which an interrupted study
+    /// resumes
     #[arg(long, value_name = "DIR", default_value = "target/study")]
     out: PathBuf,
 }
 
-/// Runs the study, or what is left of it. Returns whether the criteria hold.
+/// Runs or resumes the study. Returns whether the criteria hold.
 pub fn run(arguments: &Arguments) -> Result<bool> {
     let out = &arguments.out;
     let outputs = [CSV, HTML, JSON, JOURNAL].map(|name| out.join(name));
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
             }
         }
         if !is_taken {
-            bail!("the map {} is for the FMU {}, which takes no part", path.display(), map.fmu);
+            bail!("the map {} is for the FMU {}, which is not in the study", path.display(), map.fmu);
         }
     }
     let sets = match arguments.parameters.as_slice() {

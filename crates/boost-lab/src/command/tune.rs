@@ -1,4 +1,4 @@
-//! `tune`: the controller's gain schedule for a plant, to a parameter set and a report.
+//! `tune`: tunes the controller's gain schedule to a plant; writes a parameter set and a report.
 
 use std::path::PathBuf;
 
@@ -24,34 +24,33 @@ pub struct Arguments {
     /// The plant
     #[arg(long, value_name = "FILE.fmu")]
     plant: PathBuf,
-    /// A map for a plant with other names and units, as `boost-fmu check --write-map` writes it
+    /// Map for a plant with other names and units, written by `boost-fmu check --write-map`
     #[arg(long, value_name = "FILE.json")]
     map: Option<PathBuf>,
-    /// Parameters of the plant; may be given several times
+    /// Plant parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// The controller, whose start values give grid, lambda and nominal voltage [default: this repository's]
+    /// The controller; its start values give grid, lambda and nominal voltage [default: this repository's]
     #[arg(long, value_name = "FILE.fmu")]
     controller: Option<PathBuf>,
-    /// The strategy of the controller whose schedule is tuned
+    /// The strategy whose schedule is tuned
     #[arg(long, value_enum, default_value_t = Strategy::SplitRange)]
     strategy: Strategy,
-    /// Other engine speeds of the grid's columns (rpm), ascending
+    /// Engine speeds of the grid columns (rpm), ascending [default: the controller's]
     #[arg(long, value_name = "RPM,...", value_delimiter = ',', value_parser = super::positive())]
     engine_speeds: Option<Vec<f64>>,
-    /// Other boost references of the grid's rows (Pa), ascending
+    /// Boost references of the grid rows (Pa), ascending [default: the controller's]
     #[arg(long, value_name = "PA,...", value_delimiter = ',', value_parser = super::positive())]
     boost_references: Option<Vec<f64>>,
-    /// The desired time constant of the closed loop (s) [default: the controller's]
+    /// Desired closed-loop time constant (s) [default: the controller's]
     #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     lambda: Option<f64>,
-    /// The folder to write schedule.ssv, report.html and report.json to, and the journal that an interrupted
-    /// tuning goes on from
+    /// The folder for schedule.ssv, report.html and report.json, and for the journal from which an interrupted
+    /// tuning resumes
     #[arg(long, value_name = "DIR", default_value = "target/tuning")]
     out: PathBuf,
 }
 
-/// Tunes.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
     let outputs = [SET_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
@@ -87,9 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {
-        print(&format!(
-            "{sweeps} sweeps and {points} points are taken from the journal of an earlier run\n"
-        ))?;
+        print(&format!("resuming with {sweeps} sweeps and {points} points from the journal\n"))?;
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
@@ -105,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     super::write(out, texts)?;
     let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
     Ok(print(&format!(
-        "{} of {} points identified; {} above and {} below what can be reached, {} outside the stepped duties, {} \
+        "{} of {} points identified; {} above and {} below the reachable range, {} outside the stepped duties, {} \
          without a model\n",
         count(CellOrigin::Identified),
         tuning.cells.len(),

@@ -15,7 +15,7 @@ struct Quantity {
     columns: &'static [&'static str],
     /// Units, each with its factor and offset; columns without a unit are in the first one.
     units: &'static [(&'static str, f64, f64)],
-    /// The plausible range, in the first unit; values outside are probably in another one.
+    /// The plausible range, in the first unit; values outside are probably in another unit.
     range: (f64, f64),
     is_required: bool,
 }
@@ -59,7 +59,7 @@ const QUANTITIES: [Quantity; 9] = [
     },
     Quantity {
         name: "tank_pressure",
-        meaning: "the pressure in the vacuum tank, absolute",
+        meaning: "the absolute vacuum tank pressure",
         columns: &["tank_pressure"],
         units: PRESSURE,
         range: PRESSURES,
@@ -67,7 +67,7 @@ const QUANTITIES: [Quantity; 9] = [
     },
     Quantity {
         name: "actuator_pressure",
-        meaning: "the pressure in the actuator's chamber, absolute",
+        meaning: "the absolute actuator chamber pressure",
         columns: &["actuator_pressure"],
         units: PRESSURE,
         range: PRESSURES,
@@ -75,7 +75,7 @@ const QUANTITIES: [Quantity; 9] = [
     },
     Quantity {
         name: "position",
-        meaning: "the position of the actuator's rod",
+        meaning: "the actuator rod position",
         columns: &["actuator.position", "hp_wastegate_position"],
         units: &[("m", 1.0, 0.0), ("mm", 1e-3, 0.0), ("1", 1.0, 0.0), ("%", 1e-2, 0.0)],
         range: (-0.5, 1.5),
@@ -148,7 +148,7 @@ impl Data {
     fn parse(text: &str, naming: &Naming) -> Result<Self> {
         for (quantity, _) in naming.columns.iter().chain(&naming.units) {
             if QUANTITIES.iter().all(|known| known.name != quantity) {
-                bail!("no column can be {quantity}: there are {}", quantities());
+                bail!("unknown quantity {quantity}: there are {}", quantities());
             }
         }
         let mut reader =
@@ -176,7 +176,7 @@ impl Data {
                     let [least, most, value] = [least, most, value].map(shown);
                     bail!(
                         "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; give another unit in \
-                         the header's brackets or by --unit {}=UNIT",
+                         the header's brackets or with --unit {}=UNIT",
                         header[*index].name,
                         quantity.name
                     );
@@ -259,7 +259,7 @@ fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Opti
         }
         let names: Vec<_> = header.iter().map(|heading| heading.name.as_str()).collect();
         bail!(
-            "line 1: expected a column {} ({}), found {}; --column {}=NAME names another",
+            "line 1: expected a column {} ({}), found {}; name another with --column {}=NAME",
             candidates.join(" or "),
             quantity.meaning,
             names.join(", "),
@@ -354,7 +354,7 @@ mod tests {
         let mut wrong = naming();
         wrong.columns.push(("speed".to_owned(), "x".to_owned()));
         assert!(
-            error(&rows, &wrong).contains("no column can be speed: there are time, duty, supply_voltage")
+            error(&rows, &wrong).contains("unknown quantity speed: there are time, duty, supply_voltage")
         );
     }
 }

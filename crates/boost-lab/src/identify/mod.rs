@@ -1,10 +1,9 @@
-//! Identifies the wastegate's actuation from measured data, as section 4.2 of the paper does: the valve's
-//! pressure and leakage over the duty, the spring with its friction, and what moves between.
+//! Identifies the wastegate actuation from measured data, as in section 4.2 of the paper: the valve's pressure and
+//! leakage over duty, the spring with its friction, and the dynamics.
 //!
-//! There are four fits: eq. (7) from the chamber's pressure at rest (`valve`), eq. (6) from the
-//! tank's pressure (`valve`), spring and friction from the positions at rest (`rod`), and the valve's
-//! areas, its delays, mass and damping from the transients after steps (`motion`). Parameters that the data do not
-//! determine are listed by name and keep the plant's values.
+//! There are four fits: eq. (7) from chamber pressure at rest (`valve`), eq. (6) from tank pressure (`valve`), spring
+//! and friction from positions at rest (`rod`), and the valve's areas and delays, mass and damping from the transients
+//! after steps (`motion`). Parameters not determined by the data are listed by name and keep the plant's values.
 
 mod data;
 mod motion;
@@ -36,7 +35,7 @@ use fmu_plot::Figure;
 /// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;
 
-/// A parameter of the plant that the data determine.
+/// A plant parameter determined by the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct ParameterEstimate {
     pub name: String,
@@ -49,7 +48,7 @@ pub struct ParameterEstimate {
     pub plant_value: f64,
 }
 
-/// A parameter that the data do not determine.
+/// A parameter not determined by the data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unidentified {
     pub name: String,
@@ -61,7 +60,7 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// Because of a large standard error.
+    /// For a large standard error.
     fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
@@ -78,7 +77,7 @@ pub struct Fit {
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// A fit, with those of its parameters that the data do not determine.
+/// A fit, with those of its parameters not determined by the data.
 type FitOutcome = Result<(Fit, Vec<Unidentified>)>;
 
 /// The residuals of a fit.
@@ -138,7 +137,7 @@ impl Known {
         {
             let value = get(name)?;
             if is_positive && value <= 0.0 {
-                bail!("{name} is {}: a fit starts from it, so it has to be above 0", number(value));
+                bail!("{name} is {}: must be above 0, since a fit starts from it", number(value));
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
@@ -204,15 +203,15 @@ pub struct Identification {
     known: Known,
     noise: Option<MeasurementNoise>,
     phases_at_rest: usize,
-    /// The fits, in the order in which they were made.
+    /// The fits, in order.
     pub fits: Vec<Fit>,
-    /// The parameters that the data do not determine.
+    /// The parameters not determined by the data.
     pub unidentified: Vec<Unidentified>,
     /// Notes for readers of the results.
     pub notes: Vec<String>,
 }
 
-/// Identifies the actuation of a plant from a CSV file. What is known before is the plant's with parameter sets.
+/// Identifies a plant's actuation from a CSV file. Prior values are the plant's, with the parameter sets applied.
 pub fn identify(
     path: &Path,
     naming: &Naming,
@@ -229,11 +228,11 @@ pub fn identify(
     ] {
         match values {
             Some(values) => *known = statistics::mean(values),
-            None => notes.push(format!("The data have no {name}: taken as {known} {unit}.")),
+            None => notes.push(format!("The data have no {name}; assumed to be {known} {unit}.")),
         }
     }
     if data.pump.is_none() {
-        notes.push("The data do not say when the pump runs: assumed to be always off.".to_owned());
+        notes.push("The data have no pump signal; the pump is assumed to be off.".to_owned());
     }
     if data.position_is_relative {
         for position in &mut data.position {
@@ -270,8 +269,8 @@ pub fn identify(
         let Residuals { name, tuning: Some(tuning), noise: Some(noise), .. } = residuals else { continue };
         if *tuning > MOST_RESIDUAL * noise {
             identification.notes.push(format!(
-                "{}: the residuals of the {name} are {:.1} times its noise at rest. The model does not describe \
-                 the measurement, or the fit started too far from it; the errors may be larger than stated.",
+                "{}: the {name} residuals are {:.1} times the noise at rest. Either the model does not describe the \
+                 measurement, or the fit started too far from it; errors may be larger than stated.",
                 fit.title,
                 tuning / noise
             ));
@@ -281,8 +280,8 @@ pub fn identify(
         let mut reasons: Vec<_> = identification.unidentified.into_iter().map(|each| each.reason).collect();
         reasons.dedup();
         bail!(
-            "{}, lines 2 to {}: expected steps of the duty, each held for more than a second; in {} phases without \
-             a change of duty, supply and pump the actuator comes to rest in {}. Nothing can be identified:\n  {}",
+            "{}, lines 2 to {}: expected duty steps, each held for more than a second; of {} phases of constant duty, \
+             supply and pump, the actuator comes to rest in {}. Nothing can be identified:\n  {}",
             identification.file,
             data.last_line,
             phases.len(),
@@ -307,7 +306,7 @@ impl Identification {
         }
     }
 
-    /// The identified value of a parameter, or else the known one.
+    /// The identified value of a parameter, else the known one.
     fn value(&self, name: &str) -> f64 {
         let found = self.parameters().find(|estimate| estimate.name == name);
         found.map_or_else(|| self.known.value(name), |estimate| estimate.value)

@@ -1,9 +1,9 @@
 //! The dynamics: the valve's areas, proportional band and time constant, and the rod's mass and damping, from the
 //! transients after steps of the duty or the supply.
 //!
-//! The chamber's pressure and the rod's position are computed from eqs. (1) to (5) and (8) with the measured
-//! duty, supply and tank pressure, and compared with the measured ones. Spring and friction are free within
-//! the uncertainty of their estimates at rest, which thereby enters the standard errors.
+//! Chamber pressure and rod position are computed from eqs. (1) to (5) and (8) with measured duty, supply and tank
+//! pressure, and compared with the measurements. Spring and friction are free within the uncertainty of their estimates
+//! at rest, which thereby enters the standard errors.
 
 use std::ops::Range;
 
@@ -29,19 +29,19 @@ pub const NAMES: [&str; 6] = [
     "actuator.damping",
     "actuator.mass",
 ];
-/// How many of these are fitted first: the areas and the valve.
+/// The number of these fitted first: the areas and the valve.
 const STAGES: [usize; 2] = [2, 4];
-/// How much of a transient is used (s).
+/// The part of a transient used (s).
 const DURATION: f64 = 0.6;
-/// The least change of the chamber's pressure (Pa) in a transient that is used.
+/// The minimum change of chamber pressure (Pa) in a usable transient.
 const LEAST_CHANGE: f64 = 3000.0;
 /// The longest step of the integration (s).
 const LONGEST_STEP: f64 = 0.6e-3;
-/// The largest product of step and fastest eigenvalue: the method of Runge and Kutta is stable up to 2.7.
+/// The largest product of step and fastest eigenvalue: the Runge-Kutta method is stable up to 2.7.
 const STABLE: f64 = 2.5;
-/// A step is halved at most so often: a fit with a rod of a few grams has failed.
+/// The most halvings of a step: a fit with a rod of a few grams has failed.
 const MOST_HALVINGS: f64 = 3.0;
-/// The least noise: quantization may hide the noise, and the model is not exact.
+/// The minimum noise: quantization may hide the noise, and the model is not exact.
 const LEAST_NOISE: MeasurementNoise = MeasurementNoise { chamber: 10.0, position: 1e-6 };
 /// The horizontal axis of the drawing.
 const TIME: &str = "time after the step (s)";
@@ -95,7 +95,7 @@ impl Model<'_> {
         } else {
             position
         };
-        // The mean: noise of the supply would shake the rod, and make its friction appear too small.
+        // The mean, since supply noise would shake the rod and make its friction appear too small.
         let commanded = plunger_duty(data, transient.rows.clone(), self.known);
         let longest = self.longest_step();
         let inputs = Inputs {
@@ -146,7 +146,7 @@ fn transients<'a>(data: &Data, phases: &'a [Phase], validates: impl Fn(usize) ->
     let mut transients = vec![];
     for pair in phases.windows(2) {
         let [before, after] = pair else { continue };
-        // With the tank the chamber's pressure would still drift.
+        // With the tank, chamber pressure would still drift.
         let Some(rest) = before.rest.as_ref().filter(|rest| !rest.is_limited_by_tank) else { continue };
         if is_after_gap(data, after.rows.start) {
             continue;
@@ -174,13 +174,13 @@ pub fn identify(
     validates: impl Fn(usize) -> bool,
 ) -> FitOutcome {
     const LEAST_TRANSIENTS: usize = 4;
-    let noise = noise.context("no phase is at rest, where a transient could begin")?;
+    let noise = noise.context("no phase at rest from which a transient could start")?;
     let transients = transients(data, phases, validates);
     let tuning: Vec<_> = transients.iter().filter(|transient| !transient.validates).collect();
     if tuning.len() < LEAST_TRANSIENTS {
         bail!(
-            "it needs {LEAST_TRANSIENTS} transients: steps from a phase at rest that move the chamber's pressure by \
-             {} kPa; there are {} among the tuning data",
+            "needs {LEAST_TRANSIENTS} transients: steps from a phase at rest that move the chamber pressure by {} kPa; \
+             the tuning data have {}",
             1e-3 * LEAST_CHANGE,
             tuning.len()
         );
@@ -210,9 +210,8 @@ pub fn identify(
             title: "Transients: valve, mass and damping, eqs. (1), (3), (4) and (8)".to_owned(),
             method: format!(
                 "Nonlinear least squares of chamber pressure and position over {DURATION} s after {} steps, computed \
-                 with the measured duty, supply and tank pressure; pressure and position are weighed by their noise \
-                 at rest, {} and {}. The areas are proportional to the chamber's volume, which is taken as \
-                 {:e} m\u{b3}.",
+                 from measured duty, supply and tank pressure and weighted by their noise at rest, {} and {}. The \
+                 areas are proportional to the chamber volume, assumed to be {:e} m\u{b3}.",
                 problem.tuning.len(),
                 quantity(noise.chamber, "Pa"),
                 quantity(noise.position, "m"),
@@ -226,8 +225,8 @@ pub fn identify(
     ))
 }
 
-/// The transients that are fitted. Its parameters are the logarithms of the free ones, in the order of [`NAMES`],
-/// and after them the rod's, in the units of their own fit.
+/// The fitted transients. The parameters are the logarithms of the free ones, in the order of [`NAMES`], then the
+/// rod's, in the units of their own fit.
 struct TransientFit<'a> {
     data: &'a Data,
     known: &'a Known,
@@ -282,7 +281,7 @@ impl<'a> TransientFit<'a> {
         residuals
     }
 
-    /// First fits the most influential parameters, or a far start may end in a local minimum.
+    /// Fits the most influential parameters first, since a distant start may end in a local minimum.
     fn fit(&self, free: &[usize]) -> Result<Solution> {
         let mut lengths: Vec<_> =
             self.tuning.iter().map(|transient| 2 * (transient.rows.len() - 1)).collect();
@@ -308,27 +307,27 @@ impl<'a> TransientFit<'a> {
 
 /// Turns differences of the rod's parameters from the prior into units of its standard errors.
 fn whitening(prior: &Prior) -> Result<DMatrix<f64>> {
-    const INDEFINITE: &str = "the rod's errors are not definite";
+    const INDEFINITE: &str = "the covariance of the rod's errors is not positive definite";
     let Some(solution) = &prior.solution else { return Ok(DMatrix::zeros(0, 0)) };
     let factor = solution.covariance.clone().cholesky().context(INDEFINITE)?;
     factor.l().try_inverse().context(INDEFINITE)
 }
 
-/// Which of the parameters act in the transients: each of the valve's ports is open in one direction only.
+/// The parameters that act in the transients: each valve port opens in only one direction.
 fn seen(transients: &[&Transient<'_>]) -> (Vec<usize>, Vec<Unidentified>) {
     let mut free: Vec<usize> = (0..NAMES.len()).collect();
     let mut unidentified = vec![];
     for (index, sign, what) in [(0, -1.0, "falls"), (1, 1.0, "rises")] {
         if !transients.iter().any(|transient| sign * transient.change > 0.0) {
             free.retain(|&other| other != index);
-            let reason = format!("the tuning data have no transient in which the chamber's pressure {what}");
+            let reason = format!("the tuning data have no transient in which the chamber pressure {what}");
             unidentified.push(Unidentified::new(NAMES[index], &reason));
         }
     }
     (free, unidentified)
 }
 
-/// The largest transients both ways of those that were fitted and of those kept apart, and the residuals of all.
+/// The largest transients in each direction, of the tuning and of the validation data, and the residuals of all.
 fn results(
     data: &Data,
     transients: &[Transient<'_>],

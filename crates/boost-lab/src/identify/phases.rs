@@ -8,24 +8,24 @@ use super::Known;
 use super::data::Data;
 use super::statistics::{mean, root_mean_square};
 
-/// A phase ends where the duty is further than this (%) from the phase's mean ...
+/// A phase ends where the duty deviates by more than this (%) from the phase's mean ...
 const DUTY_STEP: f64 = 0.25;
-/// ... or the supply further than this (V): above its measurement noise; it moves the valve by 1 %.
+/// ... or the supply by more than this (V): above its measurement noise; it moves the valve by 1 %.
 const VOLTAGE_STEP: f64 = 0.25;
 /// ... or where rows are further apart than this (s): longer than the motion in the paper's Fig. 9.
 const LONGEST_INTERVAL: f64 = 0.1;
 /// The actuator's settling time (s). The paper's Fig. 9 shows some 0.2 s.
 const SETTLING: f64 = 1.0;
-/// The least number of rows at rest for a mean.
+/// The minimum number of rows at rest for a mean.
 const LEAST_ROWS: usize = 10;
-/// The tank does not limit the chamber's pressure when this is higher by so much (Pa).
+/// Above tank pressure by this much (Pa), the tank does not limit chamber pressure.
 const ABOVE_TANK: f64 = 2000.0;
 /// The largest difference of the means of both halves at rest, in standard errors.
 const AT_REST: f64 = 5.0;
-/// A difference that is always accepted (Pa): a hundredth of the accuracy of a sensor for 100 kPa.
+/// A difference always accepted (Pa): a hundredth of the accuracy of a 100 kPa sensor.
 const NEGLIGIBLE: f64 = 10.0;
 
-/// Rows between two changes, the last part of them at rest.
+/// Rows between two changes, the last part at rest.
 #[derive(Clone, Debug)]
 pub struct Phase {
     pub rows: Range<usize>,
@@ -44,7 +44,7 @@ pub struct Rest {
     pub chamber: f64,
     /// The mean of the position (m).
     pub position: f64,
-    /// Whether the tank's pressure, rather than the valve, holds the chamber's.
+    /// Whether the tank, rather than the valve, determines chamber pressure.
     pub is_limited_by_tank: bool,
     /// Whether it is kept for validation.
     pub validates: bool,
@@ -66,7 +66,7 @@ pub fn plunger_duty(data: &Data, rows: Range<usize>, known: &Known) -> f64 {
     mean(&duties.collect::<Vec<_>>())
 }
 
-/// Which of so many are kept for validation: a share of them, evenly spread.
+/// Whether an item is kept for validation: a share of them, evenly spread.
 pub fn validates(index: usize, share: f64) -> bool {
     ((index + 1) as f64 * share).floor() > (index as f64 * share).floor()
 }

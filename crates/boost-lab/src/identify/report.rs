@@ -1,5 +1,4 @@
-//! The reports of an identification: report.html for readers, which needs no other file, and report.json for
-//! programs.
+//! The reports of an identification: a self-contained report.html for readers, and report.json for programs.
 
 use anyhow::Result;
 use fmu_xml::page::unit;
@@ -51,14 +50,14 @@ pub fn html(identification: &Identification) -> String {
     let Identification { file, rows, duration, noise, phases_at_rest, fits, unidentified, notes, .. } =
         identification;
     let mut body = format!(
-        "<h1>The wastegate's actuator, identified</h1>\n<p>From {}: {rows} rows over {}, with {phases_at_rest} phases \
-         in which the actuator is at rest.{} Values are given with their standard errors. Residuals of one phase may \
-         be correlated: of two standard errors, one for independent residuals and one that takes each \
-         phase as a whole, the larger counts. What is validation has been seen by no fit.</p>\n",
+        "<h1>Identified wastegate actuator</h1>\n<p>From {}: {rows} rows over {}, with {phases_at_rest} phases in \
+         which the actuator is at rest.{} Values are given with standard errors: the larger of one for independent \
+         residuals and one that treats each phase as a unit, since residuals of a phase may be correlated. No fit has \
+         seen the validation data.</p>\n",
         escaped(file),
         quantity(*duration, "s"),
         noise.map_or_else(String::new, |noise| format!(
-            " At rest the chamber's pressure scatters by {}, the position by {}.",
+            " At rest the chamber pressure scatters by {}, the position by {}.",
             quantity(noise.chamber, "Pa"),
             quantity(noise.position, "m")
         )),
@@ -67,16 +66,16 @@ pub fn html(identification: &Identification) -> String {
         body += &format!("<p>{}</p>\n", escaped(note));
     }
     if !unidentified.is_empty() {
-        body += "<h2>Parameters that the data do not determine</h2>\n<table>\n<thead><tr><th>Parameter</th><th>Why</th></tr></thead>\n";
+        body += "<h2>Parameters not determined by the data</h2>\n<table>\n<thead><tr><th>Parameter</th><th>Why</th></tr></thead>\n";
         for Unidentified { name, reason } in unidentified {
             body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(reason));
         }
-        body += "</table>\n<p>These are not in the parameter set: the plant and the fits keep its own values.</p>\n";
+        body += "</table>\n<p>These are not in the parameter set; the plant and the fits keep the plant's values.</p>\n";
     }
     for fit in fits {
         body += &section(fit);
     }
-    page("The wastegate's actuator, identified", STYLE, &body)
+    page("Identified wastegate actuator", STYLE, &body)
 }
 
 fn section(fit: &Fit) -> String {
@@ -97,7 +96,7 @@ fn section(fit: &Fit) -> String {
             number(parameter.plant_value)
         );
     }
-    text += "</table>\n</div>\n<div class=\"wide\">\n<table>\n<caption>Residuals, root of the mean square</caption>\n<thead><tr>\
+    text += "</table>\n</div>\n<div class=\"wide\">\n<table>\n<caption>RMS residuals</caption>\n<thead><tr>\
              <th>Quantity</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr></thead>\n";
     for residuals in &fit.residuals {
         let shown = |value: Option<f64>| {

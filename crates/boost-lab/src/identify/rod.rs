@@ -1,7 +1,7 @@
-//! The rod at rest: spring and friction from the balance of forces, eq. (4), at its positions.
+//! The rod at rest: spring and friction from the force balance, eq. (4), at its positions.
 //!
-//! Friction is Dahl's, eq. (5) with α = 1: over the distance x it approaches the Coulomb force of the direction,
-//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So the force at a position depends on where the rod came from.
+//! Friction follows Dahl, eq. (5) with α = 1: over the distance x it approaches the Coulomb force of the direction,
+//! `F(x) = ±F_c + (F(0) ∓ F_c)·exp(−σ|x|/F_c)`. So the force at a position depends on the rod's path.
 
 use anyhow::{Context, Result, bail};
 use boost_fmu::plant::STIFFEST_FRICTION;
@@ -25,9 +25,9 @@ pub const NAMES: [&str; 5] = [
 
 /// The fraction of the stroke at either end in which a stop may hold the rod.
 pub const STOPS: f64 = 0.02;
-/// After so many lengths `F_c/σ` the friction no longer depends on its start.
+/// After this many lengths `F_c/σ`, friction no longer depends on its start.
 const FORGOTTEN: f64 = 5.0;
-/// The least turn of the rod, rather than noise, in standard deviations of the position.
+/// The smallest reversal of the rod distinguished from noise, in standard deviations of the position.
 const TURN: f64 = 5.0;
 
 /// An actuator with the spring and friction of a fit.
@@ -38,7 +38,7 @@ pub struct Rod {
     rate: f64,
 }
 
-/// What the fit of the motion takes from this one: estimates with their covariance, in the fit's units.
+/// Input for the fit of the motion: estimates with their covariance, in the fit's units.
 pub struct Prior {
     pub free: Vec<usize>,
     pub parameters: Vec<f64>,
@@ -60,11 +60,11 @@ impl Prior {
     }
 }
 
-/// Units of the spring's parameters in which they are of the order of 1; of friction the logarithms are fitted,
-/// which keeps it above zero.
+/// Units in which the spring's parameters are of the order of 1. For friction the logarithms are fitted, to keep it
+/// above zero.
 const SCALES: [f64; 3] = [10.0, 1e3, 1e15];
 
-/// The rod at rest, with its path from the position before: the positions of its turns, and the last one.
+/// The rod at rest, with its path from the previous position: its reversals, and the last position.
 struct Stand<'a> {
     rest: &'a Rest,
     way: Vec<f64>,
@@ -113,7 +113,7 @@ fn stands<'a>(data: &Data, rests: &[&'a Rest], noise: MeasurementNoise) -> Vec<S
     stands
 }
 
-/// Spring and friction, with what the fit of the motion needs of them.
+/// Spring and friction, with the input for the fit of the motion.
 pub fn identify(
     data: &Data,
     rests: &[&Rest],
@@ -134,11 +134,11 @@ pub fn identify(
     }
 }
 
-/// The balance of forces at the stands between the stops.
+/// The force balance at the stands between the stops.
 struct Balance<'a> {
     known: &'a Known,
     stands: &'a [Stand<'a>],
-    /// The stands that are fitted: between the stops, with known friction.
+    /// The fitted stands: between the stops, with known friction.
     used: Vec<usize>,
 }
 
@@ -163,7 +163,7 @@ impl<'a> Balance<'a> {
         self.used.iter().copied().filter(|&index| !self.stands[index].rest.validates).collect()
     }
 
-    /// The force that opens at a stand (N).
+    /// The opening force at a stand (N).
     fn force(&self, index: usize) -> f64 {
         self.known.membrane_area * (self.known.ambient_pressure - self.stands[index].rest.chamber)
     }
@@ -178,7 +178,7 @@ impl<'a> Balance<'a> {
         self.stands.iter().zip(friction).map(held).collect()
     }
 
-    /// Fits what the data determine; the rest keeps its known value.
+    /// Fits the parameters determined by the data; the rest keep their known values.
     fn solve(&self, start: &[f64]) -> Result<(Prior, Vec<Unidentified>)> {
         let tuning = self.tuning();
         let (free, mut unidentified) = self.free(start);
@@ -198,7 +198,7 @@ impl<'a> Balance<'a> {
         };
         let Reliable { free, solution, left_out } =
             Reliable::fit(free, fit, |solution, place, index| match index {
-                // Without preload and stiffness the others mean nothing.
+                // Without preload and stiffness the others are meaningless.
                 0 | 1 => 0.0,
                 2 => solution.standard_error(place) / solution.parameters[place].abs(),
                 // The error of a logarithm is the relative error.
@@ -220,8 +220,8 @@ impl<'a> Balance<'a> {
             return ((0..NAMES.len()).collect(), vec![]);
         }
         let reason = format!(
-            "friction needs {LEAST_EACH_WAY} phases at rest after motions in either direction; of {} there are \
-             {opening} after opening ones",
+            "friction needs {LEAST_EACH_WAY} phases at rest after motion in each direction; of {}, {opening} follow \
+             an opening motion",
             tuning.len()
         );
         (vec![0, 1, 2], NAMES[3..].iter().map(|name| Unidentified::new(name, &reason)).collect())
@@ -257,8 +257,8 @@ fn fit(
     let count = balance.tuning().len();
     if count < LEAST_POSITIONS {
         bail!(
-            "the spring needs {LEAST_POSITIONS} phases at rest with the rod between its stops; there are {count} \
-             among the tuning data"
+            "the spring needs {LEAST_POSITIONS} phases at rest with the rod between its stops; the tuning data have \
+             {count}"
         );
     }
     let (prior, mut unidentified) = balance.solve(start)?;
@@ -268,9 +268,9 @@ fn fit(
     let fit = Fit {
         title: "Spring and friction, eqs. (4) and (5) at rest".to_owned(),
         method: format!(
-            "Nonlinear least squares of the balance of forces in {count} phases at rest with the rod between its \
-             stops. The friction is Dahl's over the rod's path from phase to phase. Forces are pressures \
-             times the membrane's area, which is taken as {} m\u{b2}.",
+            "Nonlinear least squares of the force balance in {count} phases at rest with the rod between its stops. \
+             Friction follows Dahl along the rod's path from phase to phase. Forces are pressures times the membrane \
+             area, assumed to be {} m\u{b2}.",
             known.membrane_area
         ),
         residuals: vec![residuals],

@@ -1,10 +1,10 @@
 //! Least squares with standard errors.
 //!
-//! Standard errors come from the Jacobian and the residuals. Residuals of measurements in the same phase
-//! are correlated: a filter, a drift or what the model neglects moves many of them together, and the formula for
-//! independent residuals gives too small errors. So the errors are computed twice: from the residuals' variance,
-//! and from the influence of each phase, which allows any correlation within a phase: the bias reduced
-//! linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey Methodology 28, 2002. The larger one counts.
+//! Standard errors come from the Jacobian and the residuals. Residuals within a phase are correlated: a filter, drift
+//! or model error moves many of them together, and the formula for independent residuals underestimates the errors. So
+//! they are computed twice: from the residuals' variance, and from the influence of each phase, which allows any
+//! correlation within a phase: the bias reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey
+//! Methodology 28, 2002. The larger one counts.
 
 use anyhow::{Result, bail};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -15,18 +15,17 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 /// parameter.
 const DEPENDENT: f64 = 1e-9;
 
-/// A phase with more than this leverage determines a parameter alone: its residuals would be zero whatever the
-/// errors were.
+/// A phase with more than this leverage determines a parameter alone: its residuals would be zero whatever the errors.
 const ALONE: f64 = 1.0 - 1e-6;
 
 /// A parameter with a larger relative standard error is not determined by the data.
 const MOST_RELATIVE_ERROR: f64 = 0.5;
 
-/// The tolerance relative to the sum of squares and to the parameters: far below any standard error, and above the
-/// error of numerical derivatives.
+/// The tolerance relative to the sum of squares and the parameters: far below any standard error, above the error of
+/// numerical derivatives.
 const TOLERANCE: f64 = 1e-9;
 
-/// The most iterations for each parameter and one more; where a solution exists, two or three suffice.
+/// The maximum iterations per parameter, plus one; if a solution exists, two or three suffice.
 const PATIENCE: usize = 10;
 
 /// The result of least squares.
@@ -49,7 +48,7 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     let scales = scales(design);
     let scaled = design * DMatrix::from_diagonal(&scales.map(f64::recip));
     let Ok(parameters) = scaled.svd(true, true).solve(observed, f64::EPSILON) else {
-        bail!("the singular values were not found")
+        bail!("the singular value decomposition failed")
     };
     let parameters = parameters.component_div(&scales);
     let residuals = observed - design * &parameters;
@@ -57,8 +56,8 @@ pub fn linear(design: &DMatrix<f64>, observed: &DVector<f64>, phases: &[usize]) 
     Ok(Solution { parameters, covariance })
 }
 
-/// Solves a nonlinear problem by Levenberg and Marquardt's method, from a start. `residuals` are measured minus
-/// computed; the parameters are of the order of 1. `least_variance` is a lower bound of the measurements' variance.
+/// Solves a nonlinear problem by the Levenberg-Marquardt method from a start. `residuals` are measured minus computed;
+/// the parameters are of the order of 1. `least_variance` is a lower bound of the measurements' variance.
 pub fn nonlinear(
     start: &[f64],
     phases: &[usize],
@@ -69,7 +68,7 @@ pub fn nonlinear(
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
-        bail!("Levenberg and Marquardt's method ended without a solution: {:?}", report.termination);
+        bail!("the Levenberg-Marquardt method did not converge: {:?}", report.termination);
     }
     let jacobian = problem.derivatives();
     let root = inverse_root(&jacobian)?;
@@ -78,7 +77,7 @@ pub fn nonlinear(
     Ok(Solution { parameters: problem.parameters, covariance })
 }
 
-/// A solution for the parameters that the data determine.
+/// A solution for the parameters determined by the data.
 pub struct Reliable {
     /// The parameters, in the solution's order.
     pub free: Vec<usize>,
@@ -194,7 +193,7 @@ fn covariance(
     for &rows in phases {
         let phase = jacobian.rows(first, rows) * root;
         let gradient = phase.transpose() * residuals.rows(first, rows);
-        // A fit follows phases with a high leverage, so that their residuals are smaller than their errors.
+        // A fit follows phases with high leverage, so their residuals are smaller than their errors.
         let SymmetricEigen { eigenvectors, eigenvalues } = (phase.transpose() * &phase).symmetric_eigen();
         let grown = eigenvalues.map(|share| if share < ALONE { (1.0 - share).sqrt().recip() } else { 0.0 });
         let change = root * (&eigenvectors * grown.component_mul(&eigenvectors.tr_mul(&gradient)));
@@ -214,7 +213,7 @@ pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
-/// Not-a-number for no values.
+/// NaN without values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

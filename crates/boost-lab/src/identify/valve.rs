@@ -1,4 +1,4 @@
-//! The solenoid valve at rest: the chamber's pressure over the duty, eq. (7), and the leakage, eq. (6).
+//! The solenoid valve at rest: chamber pressure over duty, eq. (7), and leakage, eq. (6).
 
 use anyhow::{Result, bail};
 use nalgebra::{DMatrix, DVector};
@@ -20,11 +20,11 @@ pub const PRESSURE: [&str; 4] = [
 pub const LEAKAGE: [&str; 3] =
     ["valve.leakage_coefficient[1]", "valve.leakage_coefficient[2]", "valve.leakage_coefficient[3]"];
 pub const PUMP: &str = "pump.mass_flow";
-/// What the tank's pressure determines.
+/// The parameters determined by tank pressure.
 pub const FROM_TANK: [&str; 4] = [LEAKAGE[0], LEAKAGE[1], LEAKAGE[2], PUMP];
-/// Below ambient pressure by this much (Pa), eq. (7) rather than ambient holds the chamber's pressure.
+/// Below ambient pressure by this much (Pa), eq. (7) rather than ambient determines chamber pressure.
 const BELOW_AMBIENT: f64 = 500.0;
-/// The least difference of two duties that count as different (%).
+/// The minimum difference of distinct duties (%).
 const DIFFERENT: f64 = 0.5;
 
 fn different_duties(duties: impl Iterator<Item = f64>) -> usize {
@@ -34,7 +34,7 @@ fn different_duties(duties: impl Iterator<Item = f64>) -> usize {
     duties.len()
 }
 
-/// Eq. (7) from the chamber's pressure at rest.
+/// Eq. (7) from the chamber pressure at rest.
 pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     const LEAST_DUTIES: usize = 6;
     let is_held =
@@ -44,8 +44,8 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     let duties = different_duties(tuning.iter().map(|rest| rest.duty));
     if duties < LEAST_DUTIES {
         bail!(
-            "eq. (7) needs {LEAST_DUTIES} duties at which the chamber is at rest between tank and ambient \
-             pressure for a second and more; there are {duties} among the tuning data"
+            "eq. (7) needs {LEAST_DUTIES} duties at which the chamber rests between tank and ambient pressure for at \
+             least a second; the tuning data have {duties}"
         );
     }
     let design = DMatrix::from_fn(tuning.len(), 4, |row, column| {
@@ -67,10 +67,10 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     let (x, y) = curve(&points, |duty| 1e-3 * value(duty));
     Ok((
         Fit {
-            title: "Chamber pressure over the duty, eq. (7)".to_owned(),
+            title: "Chamber pressure over duty, eq. (7)".to_owned(),
             method: format!(
-                "Linear least squares of a cubic through the means of {} phases at rest in which neither the tank \
-                 nor ambient pressure limits the chamber. The duty is that at {} V.",
+                "Linear least squares of a cubic through the means of {} phases at rest in which neither tank nor \
+                 ambient pressure limits the chamber. Duties are at {} V.",
                 tuning.len(),
                 known.nominal_voltage
             ),
@@ -90,12 +90,12 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
     ))
 }
 
-/// A phase at rest, in which only leakage and pump change the tank's pressure.
+/// A phase at rest, in which only leakage and pump change tank pressure.
 struct Decay<'a> {
     rest: &'a Rest,
     pump_runs: bool,
-    /// The tank's pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa); all
-    /// minus their means over the phase.
+    /// Tank pressure (Pa), its rise through 1 m² of leakage and its fall through 1 kg/s of the pump (Pa), all minus
+    /// their means over the phase.
     pressure: Vec<f64>,
     leaked: Vec<f64>,
     pumped: Vec<f64>,
@@ -148,13 +148,13 @@ impl<'a> Decay<'a> {
     }
 }
 
-/// Eq. (6) and the pump's flow from the tank's pressure.
+/// Eq. (6) and the pump flow from tank pressure.
 pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     const LEAST_DUTIES: usize = 4;
     let mut decays: Vec<_> = phases
         .iter()
         .filter_map(|phase| Some((phase, phase.rest.as_ref()?)))
-        // Where the valve connects them, the balance includes the chamber's air.
+        // Where the valve connects both, the balance includes the chamber's air.
         .filter(|(_, rest)| !rest.is_limited_by_tank)
         .map(|(phase, rest)| Decay::new(data, phase, rest, known))
         .collect();
@@ -166,8 +166,8 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
         let duties = different_duties(leaking.map(|decay| decay.rest.duty));
         if duties < LEAST_DUTIES {
             bail!(
-                "eq. (6) needs {LEAST_DUTIES} duties with phases at rest in which the pump is off, the tank below \
-                 the chamber; there are {duties} among the tuning data"
+                "eq. (6) needs {LEAST_DUTIES} duties with phases at rest, pump off and tank pressure below the \
+                 chamber's; the tuning data have {duties}"
             );
         }
         solution = solve(&tuning, known, pumps)?;
@@ -207,17 +207,17 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
     if pumps {
         parameters.push(known.estimate(PUMP, pump, solution.standard_error(3)));
     } else {
-        let reason = "the tuning data have no phase at rest in which the pump runs";
+        let reason = "the tuning data have no phase at rest with the pump on";
         unidentified.push(Unidentified::new(PUMP, reason));
     }
     let tuning = decays.iter().filter(|decay| !decay.rest.validates).count();
     let fit = Fit {
-        title: "Leakage over the duty, eq. (6)".to_owned(),
+        title: "Leakage over duty, eq. (6)".to_owned(),
         method: format!(
-            "Linear least squares of the tank's pressure in {tuning} phases at rest: its rise is the leakage by \
-            eqs. (1) and (6), minus the running pump's flow. Only the area over the tank's volume is \
-             measured; the volume is taken as {} m\u{b3} and the coefficients' unit as {scale:e} m\u{b2}. The drawing \
-             shows the area of each phase by itself, the pump off.",
+            "Linear least squares of the tank pressure in {tuning} phases at rest: its rise is the leakage by eqs. (1) \
+             and (6) minus the flow of the running pump. Only area over tank volume is measured; the volume is assumed \
+             to be {} m\u{b3} and the coefficients' unit {scale:e} m\u{b2}. The figure shows the area of each single \
+             phase with the pump off.",
             known.tank_volume
         ),
         residuals: vec![residuals("tank pressure", "Pa", &of_tank)],

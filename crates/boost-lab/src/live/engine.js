@@ -1,15 +1,15 @@
-// The drawing of the engine: values at their places, valves that move, and flows.
+// The engine drawing: live values, moving valves, and flows.
 
 const UNITS = { degC: "°C", "N.m": "N·m", "": "" };
 const DECIMALS = { kPa: 1, "g/s": 1, V: 2, degC: 0, K: 0, rpm: 0, "N.m": 0, "%": 0, s: 2 };
-// The dashes of a flow move so far in a second (units of the drawing), for each kg/s.
+// Speed of a flow's dashes per kg/s (drawing units per second).
 const SPEED = 900;
 
-// A value in the unit that the FMU prefers for readers.
+// A value in its display unit.
 function shown(variable, value) {
   const { unit, factor, offset } = variable.display;
   const number = factor * value + offset;
-  // No minus before zeros.
+  // No minus sign for zero.
   const digits = { minimumFractionDigits: DECIMALS[unit] ?? 2, maximumFractionDigits: DECIMALS[unit] ?? 2, signDisplay: "negative" };
   return `${number.toLocaleString("en", digits).replace("-", "−")} ${UNITS[unit] ?? unit}`.trim();
 }
@@ -21,7 +21,7 @@ class Engine {
     [this.values, this.openings, this.flows] = ["value", "opening", "flow"].map(all);
   }
 
-  // Whose values are shown.
+  // Selects the instance to show.
   async of(instance) {
     this.names = [...new Set([...this.values, ...this.openings, ...this.flows].map(({ name }) => name))];
     this.selection = new Selection(instance, this.names);
@@ -37,7 +37,7 @@ class Engine {
     this.update(0);
   }
 
-  // `seconds` have passed for who looks.
+  // `seconds` is wall-clock time since the last update.
   update(seconds) {
     const values = this.selection.get();
     const find = name => this.names.indexOf(name);

@@ -1,12 +1,12 @@
-// An FMU as a WebAssembly module: co-simulation after FMI 2.0, called through the module's memory.
+// An FMU as a WebAssembly module: FMI 2.0 co-simulation, called through the module's memory.
 
-// What an FMU or the page cannot do, in words for people.
+// An error with a message for the user.
 class Failure extends Error {}
 
 const CO_SIMULATION = 1;
-// Of fmi2Status, what is worse than a warning.
+// Values of fmi2Status above this are failures.
 const WARNING = 1;
-// By the element of a ScalarVariable: how its values stand in memory.
+// By type element of a ScalarVariable: its functions and memory layout.
 const TYPES = {
   Real: { get: "fmi2GetReal", set: "fmi2SetReal", array: Float64Array },
   Integer: { get: "fmi2GetInteger", set: "fmi2SetInteger", array: Int32Array },
@@ -14,7 +14,7 @@ const TYPES = {
   Boolean: { get: "fmi2GetBoolean", set: "fmi2SetBoolean", array: Int32Array },
 };
 
-// A module that is compiled, with its variables.
+// A compiled module with its variables.
 class Model {
   static async compile(base64) {
     const bytes = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
@@ -57,7 +57,7 @@ class Model {
     return [...this.variables.values()].filter(variable => variable.causality === causality).map(variable => variable.name);
   }
 
-  // A new instance has a memory of its own: after a trap the old one is of no more use. `warn` takes its warnings.
+  // Each instance has its own memory, since a trap leaves the old one unusable. `warn` receives its warnings.
   async instantiate(name, warn) {
     const instance = new Instance(this, name, warn);
     const { exports } = await WebAssembly.instantiate(this.module, { fmu: instance.imports() });
@@ -71,7 +71,7 @@ class Instance {
     Object.assign(this, { model, name, warn, messages: [], panic: "" });
   }
 
-  // What the module calls.
+  // The module's imports.
   imports() {
     const log = (environment, status, category, text) => {
       if (status === WARNING) this.warn(`The ${this.name} warns: ${this.text(text)}`);
@@ -84,7 +84,7 @@ class Instance {
 
   begin(exports) {
     this.exports = exports;
-    // The logger is not called by its address, but has to be one.
+    // The logger is never called by its address, but the address must not be null.
     const callbacks = this.put(Uint32Array, [1, 0, 0, 0, 0]);
     const [name, guid, folder] = [this.name, this.model.guid, ""].map(text => this.put(Uint8Array, [...new TextEncoder().encode(text), 0]));
     const loggingOn = 0;
@@ -92,7 +92,7 @@ class Instance {
     if (!this.component) throw this.failure("fmi2Instantiate");
   }
 
-  // Memory that lives as long as the instance.
+  // Allocates memory for the instance's lifetime.
   put(type, values) {
     const address = this.exports.fmu_allocate(values.length * type.BYTES_PER_ELEMENT);
     new type(this.exports.memory.buffer, address, values.length).set(values);
@@ -129,7 +129,7 @@ class Instance {
     return variable;
   }
 
-  // Sets a variable to a number, a truth value or the name of an enumeration's item.
+  // Sets a variable to a number, a boolean or an enumeration item's name.
   setValue(name, value) {
     const variable = this.variable(name);
     new Selection(this, [name]).set([typeof value === "string" ? variable.items.get(value) : Number(value)]);
@@ -141,7 +141,7 @@ class Instance {
   step(time, size) { this.call("fmi2DoStep", time, size, 1); }
 }
 
-// Variables that are read or set together; their addresses stay, the views of a memory that grows do not.
+// Variables read or set together. Their addresses persist; views do not survive memory growth.
 class Selection {
   constructor(instance, names) {
     this.instance = instance;

@@ -1,9 +1,9 @@
-// Couples FMUs by equal names and steps them through a scenario, in the order in which the laboratory's master does.
+// Couples FMUs by equal names and steps them through a scenario, in the same order as the laboratory's master.
 
-// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
+// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING = 1e-9;
-// Outputs and inputs are exchanged so often in initialization: a plant that settles at the controller's outputs returns its
-// measured supply, which changes these.
+// Exchanges of outputs and inputs during initialization: a plant that settles at the controller's outputs returns its
+// measured supply voltage, which changes them.
 const INITIAL_EXCHANGES = 2;
 
 // The value of a scenario's signal at a time (s).
@@ -20,12 +20,12 @@ function signalAt(signal, time) {
   return signal.mean + signal.amplitude * Math.sin(2 * Math.PI * (signal.frequency * time + signal.phase / 360));
 }
 
-// The instants at which a signal jumps or kinks, with its values there.
+// The points where a signal jumps or kinks.
 const pointsOf = signal => signal.steps ?? signal.lines ?? [];
 
-// A scenario that runs.
+// A running scenario.
 class Run {
-  // `values` are further ones for each FMU by its name, such as those of a parameter set; `warn` takes the FMUs' warnings.
+  // `values` adds start values by FMU name, such as a parameter set; `warn` receives the FMUs' warnings.
   static async start(models, scenario, values, warn) {
     const run = new Run();
     Object.assign(run, { scenario, stepsDone: 0, time: [], columns: new Map(scenario.record.map(name => [name, []])) });
@@ -58,7 +58,7 @@ class Run {
     }
   }
 
-  // Where a recorded variable comes from: nowhere if it is a signal; or else an output, or any variable.
+  // Where a recorded variable comes from: undefined for a signal, else an output if there is one, else any variable.
   source(column) {
     if (this.signals.has(column)) return undefined;
     const [of, name] = column.includes(":") ? column.split(":") : ["", column];
@@ -69,7 +69,7 @@ class Run {
     return found;
   }
 
-  // FMUs without a run-in are initialized together; then those with one, with the outputs of the others.
+  // Initializes FMUs without a run-in together, then those with one, using the others' outputs.
   initialize(values) {
     const { start, step } = this.scenario;
     const late = this.members.filter(member => member.fmu.runIn);
@@ -97,7 +97,7 @@ class Run {
     this.record();
   }
 
-  // Sets the inputs that signals drive.
+  // Sets the inputs driven by signals.
   drive(member, time) {
     member.driven.set(member.driven.names.map(name => signalAt(member.own.get(name) ?? this.signals.get(name), time)));
   }
@@ -108,7 +108,7 @@ class Run {
     }
   }
 
-  // A communication step: each FMU with the new outputs of those before it.
+  // A communication step: each FMU sees the new outputs of those before it.
   step() {
     const time = this.now;
     this.members.forEach(member => this.drive(member, time));
@@ -133,7 +133,7 @@ class Run {
     });
   }
 
-  // Forgets the oldest rows beyond a number.
+  // Drops the oldest rows beyond a number.
   keep(rows) {
     const beyond = this.time.length - rows;
     for (const list of [this.time, ...this.columns.values()]) list.splice(0, beyond);

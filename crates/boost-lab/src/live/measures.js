@@ -1,7 +1,7 @@
-// The paper's numbers, from the records of an experiment: for each figure its runs, in their order, to numbers by the names
-// of the statements that `boost-lab reproduce` holds against them.
+// The paper's numbers from an experiment's records: for each figure, from its runs in order, the values of the claims
+// of `boost-lab reproduce`, by name.
 
-// Of communication points, computed as multiples of the step (s).
+// Tolerance of communication points, which are multiples of the step (s).
 const SAME_TIME = 1e-6;
 
 const greatest = values => values.reduce((most, value) => Math.max(most, value), -Infinity);
@@ -12,7 +12,7 @@ const at = (run, name, time) => run.columns.get(name)[rowOf(run, time)];
 const between = (run, name, from, to) => run.columns.get(name).slice(rowOf(run, from), rowOf(run, to) + 1);
 const stop = run => run.scenario.start + run.scenario.steps * run.scenario.step;
 
-// The instants at which a signal steps.
+// The times of a signal's steps.
 const edgesOf = (run, name) => pointsOf(run.signal(name)).slice(1).map(([time]) => time);
 // The ends of a signal's steps.
 const endsOf = (run, name) => [...edgesOf(run, name), stop(run)];
@@ -21,7 +21,7 @@ function interpolate(points, place) {
   return signalAt({ lines: points }, place);
 }
 
-// How a variable followed the steps of its reference: overshoot up and down, rise time and the error at the end, the worst each.
+// How a variable tracked the steps of its reference: the worst overshoot up and down, rise time and final error.
 function following(run, name, reference) {
   const steps = pointsOf(run.signal(reference));
   const ends = endsOf(run, reference).slice(1);
@@ -38,14 +38,14 @@ function following(run, name, reference) {
   return Object.fromEntries(Object.entries(found).map(([key, values]) => [key, greatest(values)]));
 }
 
-// The time from a step until a variable has covered a share of its change (s).
+// The time from a step until a variable has completed a share of its change (s).
 function settling(run, name, begin, end, share) {
   const values = between(run, name, begin, end);
   const reached = values.findIndex(value => (value - values[0]) / (values.at(-1) - values[0]) >= share);
   return run.time[rowOf(run, begin) + reached] - begin;
 }
 
-// A variable over the rising and over the falling duty, one point for each duty.
+// A variable over rising and falling duty, one point per duty.
 function branches(run, name) {
   const duties = run.columns.get("hp_wastegate_pwm");
   const points = run.columns.get(name).map((value, row) => [duties[row], value]);
@@ -57,13 +57,13 @@ function branches(run, name) {
   });
 }
 
-// The largest distance of two branches at equal duty, from 5 % to a limit.
+// The largest difference between the branches at equal duty, from 5 % to a limit.
 function gap([up, down], most) {
   const duties = Array.from({ length: 361 }, (_, index) => 5 + 0.25 * index).filter(duty => duty < most);
   return greatest(duties.map(duty => Math.abs(interpolate(up, duty) - interpolate(down, duty))));
 }
 
-// Full load over engine speed: torque and the pressure before the turbines at the end of each step.
+// Full load over engine speed: torque and pressure upstream of the turbines at the end of each step.
 function fullLoad(run) {
   const ends = endsOf(run, "engine_speed");
   const speeds = pointsOf(run.signal("engine_speed")).map(([, speed]) => speed);
@@ -87,7 +87,7 @@ const MEASURES = {
   },
 
   6([run]) {
-    // Table 1, eqs. (6) and (7), which the plant has as parameters; eq. (1) is choked, with the flow function of air.
+    // Table 1, eqs. (6) and (7), from the plant's parameters; eq. (1) is choked, with the flow function of air.
     const parameter = name => run.instance("plant").variable(name).start;
     const coefficients = (name, count) => Array.from({ length: count }, (_, index) => parameter(`${name}[${index + 1}]`));
     const polynomial = (factors, x) => factors.reduce((sum, factor) => sum * x + factor, 0);
@@ -107,7 +107,7 @@ const MEASURES = {
   },
 
   7([ramp]) {
-    // Above 85 % the tank's pressure is the floor.
+    // Above 85 % tank pressure is the lower limit.
     return {
       position_hysteresis: 100 * gap(branches(ramp, "hp_wastegate_position"), 95.01),
       pressure_hysteresis: gap(branches(ramp, "actuator_pressure"), 85),
@@ -128,7 +128,7 @@ const MEASURES = {
     };
     const runs = pumping.columns.get("vacuum_pump").map(value => value > 0.5);
     const [first, last] = [runs.indexOf(true), runs.lastIndexOf(true)];
-    // A row has the controller's outputs of the communication point before.
+    // A row holds the controller outputs of the previous communication point.
     const changes = name => {
       const values = pumping.columns.get(name);
       return values.slice(first, last + 1).map(value => value - values[first - 1]);

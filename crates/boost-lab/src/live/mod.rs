@@ -1,9 +1,8 @@
-//! A page that runs plant and controller live in a browser: both as WebAssembly modules in it, with the experiments of the
-//! paper, which the laboratory ran before for comparison.
+//! A page that runs plant and controller live in a browser, as embedded WebAssembly modules, with the paper's
+//! experiments as run by the laboratory for comparison.
 //!
-//! The scripts, in the order of their use: `fmu.js` calls a module, `master.js` couples two of them as [`fmu_master`]
-//! does, `measures.js` takes the paper's numbers from records, `plots.js` and `engine.js` show what happens, `page.js`
-//! serves the controls.
+//! The scripts: `fmu.js` calls a module, `master.js` couples two as [`fmu_master`] does, `measures.js` computes the
+//! paper's numbers from records, `plots.js` and `engine.js` display the run, `page.js` serves the controls.
 
 use std::path::Path;
 
@@ -19,7 +18,7 @@ use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
 use fmu_plot::escaped;
 use fmu_plot::page;
 
-/// The closed loop that the page begins with: its constant inputs are those that the user changes.
+/// The closed loop that the page starts with; the user changes its constant inputs.
 pub const LOOP: (&str, &str) = shipped!("live.toml");
 
 const STYLE: &str = include_str!("style.css");
@@ -34,10 +33,10 @@ const SCRIPTS: [&str; 6] = [
     include_str!("page.js"),
 ];
 
-/// The section of a module that contains its description.
+/// The module section with its description.
 const DESCRIPTION: &str = "modelDescription.xml";
 
-/// What the sliders set, the variable's FMU, and the range of use; the field beside each takes all of the declared one.
+/// The sliders: FMU, variable and operating range; the field next to each accepts the whole declared range.
 const SLIDERS: [(&str, &str, [f64; 2]); 5] = [
     ("controller", "boost_reference", [100e3, 240e3]),
     ("plant", "engine_speed", [1000.0, 5500.0]),
@@ -79,13 +78,13 @@ impl Module {
 
 /// The page's contents.
 pub struct Live<'a> {
-    /// By their names in scenarios.
+    /// The modules by their names in scenarios.
     pub modules: [(&'static str, &'a Module); 2],
-    /// The plants to choose from, beside the plant as it is.
+    /// The plants to choose from, in addition to the default.
     pub plants: &'a [ParameterSet],
     /// [`LOOP`].
     pub closed_loop: &'a Run,
-    /// The paper's experiments, as the laboratory ran them.
+    /// The paper's experiments as run by the laboratory.
     pub experiments: &'a [Reproduced],
 }
 
@@ -103,7 +102,7 @@ impl Live<'_> {
         for PaperFigure { number, title, .. } in self.experiments.iter().map(|experiment| experiment.figure) {
             buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
         }
-        // No `<` may end the script.
+        // Escaped so that no `<` ends the script.
         let data = self.data()?.to_string().replace('<', "\\u003c");
         let body =
             BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
@@ -155,7 +154,7 @@ fn plant_json(set: &ParameterSet, plant: &FmuDescription) -> Result<Json> {
     }))
 }
 
-/// A run, and the number of the template of its plots.
+/// A run, and the number of its plot template.
 fn run_json(run: &Run, template: usize) -> Json {
     let Run { scenario, names, .. } = run;
     let Scenario { title, step, start_time, steps, fmus, inputs, .. } = scenario;

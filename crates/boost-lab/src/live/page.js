@@ -1,16 +1,16 @@
-// The controls of the page: what runs, how fast, and what the user sets.
+// The page's controls: what runs, how fast, and the user's settings.
 
 const laboratory = JSON.parse(document.getElementById("laboratory").textContent);
 const element = id => document.getElementById(id);
 const lessMotion = matchMedia("(prefers-reduced-motion: reduce)");
-// Of a frame's 16 ms, what the FMUs may take (ms): at the chosen pace, and as fast as possible.
+// The FMUs' share of a 16 ms frame (ms): at the chosen pace, and as fast as possible.
 const BUDGET = { paced: 10, most: 24 };
-// Rows that are kept of a loop without end, 25 min of them, and by how many it may exceed them.
+// Rows kept of the endless loop (25 min), and by how many it may exceed them before the oldest are dropped.
 const [ROWS, MORE_ROWS] = [120_000, 12_000];
-// Without motion, what is shown changes so often (ms).
+// Update interval with reduced motion (ms).
 const STILL = 1000;
 
-// Numbers with three significant digits at least, as the laboratory writes them.
+// At least three significant digits, as the laboratory writes numbers.
 function number(value) {
   if (value === 0 || !Number.isFinite(value)) return String(value);
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
@@ -29,10 +29,10 @@ function make(kind, properties = {}, ...children) {
   return made;
 }
 
-// What runs now, and what the user has set.
+// The current run and the user's settings.
 const state = {
   models: {}, run: undefined, isRunning: false, failed: false,
-  experiment: undefined, finished: [], // the experiment and its runs that are over
+  experiment: undefined, finished: [], // the experiment and its finished runs
   inputs: new Map(laboratory.loop.inputs), parameters: new Map(), plant: [],
 };
 let plots, engine;
@@ -48,7 +48,7 @@ function fail(error) {
   if (!isFailure) throw error;
 }
 
-// What the FMUs warn of is read out, and stays until something else begins.
+// Warnings are read out, and stay until the next start.
 function warn(text) {
   say(text);
   element("warnings").hidden = false;
@@ -61,14 +61,14 @@ function setRunning(isRunning) {
   pace.begin();
 }
 
-// How far the simulation is due.
+// The simulation time due by now.
 const pace = {
   factor: 1,
   begin(now = performance.now()) { Object.assign(this, { since: now, from: state.run?.now ?? 0 }); },
   due(now) { return this.from + this.factor * (now - this.since) / 1000; },
 };
 
-// The closed loop from its start, or a run of an experiment; what begins meanwhile waits.
+// Starts the closed loop or a run of an experiment; starts are serialized.
 let starting = Promise.resolve();
 function start(scenario, values) {
   starting = starting.then(() => startNow(scenario, values));
@@ -96,7 +96,7 @@ async function startLoop() {
   state.experiment = undefined;
   element("sliders").disabled = false;
   document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
-  element("caption").textContent = "The closed loop. A plot under the cursor stands still, and all do where you zoom, until “Reset axes”.";
+  element("caption").textContent = "Closed loop. Plots pause under the cursor and while zoomed; “Reset axes” resumes them.";
   const inputs = laboratory.loop.inputs.map(([name]) => [name, state.inputs.get(name)]);
   await start({ ...laboratory.loop, inputs }, { plant: state.plant, controller: [...state.parameters] });
 }
@@ -118,11 +118,11 @@ async function nextRun() {
   const changes = scenario.fmus.flatMap(fmu => fmu.values.map(([name, value]) => `${name} = ${value}`)).join(", ");
   const which = experiment.runs.length > 1 ? `, run ${finished.length + 1} of ${experiment.runs.length}` : "";
   element("caption").textContent = `Fig. ${experiment.number}${which}: ${scenario.title}${changes ? ` (${changes})` : ""}.`;
-  say(`Fig. ${experiment.number}${which} runs; the experiment sets the controls. Reset returns to the loop.`);
+  say(`Running Fig. ${experiment.number}${which}; the experiment sets the controls. Reset returns to the loop.`);
   await start(scenario, {});
 }
 
-// When a run of an experiment is over: the next one, or the results.
+// After a run of an experiment: the next run, or the results.
 async function finish() {
   const { experiment, finished, run } = state;
   if (!experiment) return setRunning(false);
@@ -147,40 +147,40 @@ function showResults(experiment, measures) {
     const verdict = make("td", {}, make("span", { className: holds ? "holds" : "fails", textContent: holds ? "holds" : "fails" }));
     const row = make(
       "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}` })),
-      cell("the paper", claim.inPaper), cell("here", `${number(claim.factor * value)} ${claim.unit}`.trim()), cell("laboratory", claim.found),
-      cell("asked", claim.asked), verdict,
+      cell("paper", claim.inPaper), cell("here", `${number(claim.factor * value)} ${claim.unit}`.trim()), cell("laboratory", claim.found),
+      cell("accepted", claim.asked), verdict,
     );
     row.dataset.claim = claim.name;
     return row;
   });
-  const head = ["The paper", "Its number", "Here", "Laboratory", "Asked for", ""].map(text => make("th", { textContent: text }));
+  const head = ["Claim", "Paper", "Here", "Laboratory", "Accepted", ""].map(text => make("th", { textContent: text }));
   const table = make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
-  const title = `Fig. ${experiment.number}: ${holding} of ${rows.length} statements hold.`;
+  const title = `Fig. ${experiment.number}: ${holding} of ${rows.length} claims hold.`;
   element("results").replaceChildren(make("h3", { textContent: title }), table);
-  say(`The experiment is over. ${title}`);
+  say(`Experiment finished. ${title}`);
 }
 
-// A step, and what follows from it.
+// One step; drops the oldest rows.
 function stepOnce() {
   state.run.step();
   if (!state.experiment && state.run.time.length > ROWS + MORE_ROWS) state.run.keep(ROWS);
 }
 
-// As many steps as are due, or as a frame has time for.
+// Takes the steps due, within the frame's budget.
 function advance(now) {
   const end = performance.now() + (pace.factor === Infinity ? BUDGET.most : BUDGET.paced);
   const due = pace.due(now);
   while (state.run && !state.run.isOver && state.run.now < due) {
     stepOnce();
     if (performance.now() > end) {
-      // What could not be done in time is not made up for.
+      // Do not catch up on lost time.
       if (pace.factor !== Infinity) pace.begin(now);
       break;
     }
   }
 }
 
-// The pace that is reached and the main thread's time, over the last second.
+// Achieved pace and main-thread time over the last second.
 const meter = { since: 0, from: 0, spent: 0, frames: 0 };
 
 function frame(now) {
@@ -208,7 +208,7 @@ function frame(now) {
   meter.frames += 1;
   if (run && (now - meter.since > 1000 || run.now < meter.from)) showMeter(now, run);
   requestAnimationFrame(frame);
-  // The next run begins once, though frames go on while it is prepared.
+  // Start the next run only once, since frames continue while it is prepared.
   if (state.isRunning && run?.isOver && frame.over !== run) {
     frame.over = run;
     finish().catch(fail);
@@ -216,7 +216,7 @@ function frame(now) {
 }
 
 function showMeter(now, run) {
-  // A run that has just begun has reached no pace yet.
+  // A new run has no pace yet.
   const reached = Math.max(run.now - meter.from, 0) / ((now - meter.since) / 1000);
   const load = meter.spent / meter.frames;
   const shownPace = state.isRunning ? `${number(Number(reached.toPrecision(2)))} × · ${load.toFixed(1)} ms a frame` : "paused";
@@ -225,7 +225,7 @@ function showMeter(now, run) {
   Object.assign(meter, { since: now, from: run.now, spent: 0, frames: 0 });
 }
 
-// A change of an input or a parameter acts on the next step, and stays when the loop begins anew.
+// A changed input or parameter takes effect at the next step and survives a reset.
 function set(slider, value) {
   const { fmu, name } = slider;
   if (state.inputs.has(name)) {
@@ -242,7 +242,7 @@ function set(slider, value) {
 }
 
 const words = name => name.replaceAll("_", " ").replace(/^./, letter => letter.toUpperCase());
-// The first part of a description, which says what it is.
+// The first part of a description, without details.
 const brief = text => text.split(/[;,(]/, 1)[0].trim();
 
 function control(name, description, ...children) {
@@ -250,7 +250,7 @@ function control(name, description, ...children) {
   return make("div", { className: "control" }, make("label", { htmlFor: name, textContent: words(name) }), ...children, note);
 }
 
-// A slider over the range of use, beside a field that takes all of the declared one.
+// A slider over the operating range, and a field for the whole declared range.
 function makeSlider(slider) {
   const variable = state.models[slider.fmu].variables.get(slider.name);
   const { factor, offset, unit } = variable.display;
@@ -288,7 +288,7 @@ function makeSwitch() {
 }
 
 function makePlants() {
-  const plants = [{ name: "as the controller is tuned for", description: "Another plant starts anew.", values: [] }, ...laboratory.plants];
+  const plants = [{ name: "as tuned for", description: "Changing the plant restarts the simulation.", values: [] }, ...laboratory.plants];
   const select = make("select", { id: "plant" }, ...plants.map(({ name }, index) => make("option", { value: index, textContent: name })));
   select.setAttribute("aria-describedby", "plant-note");
   const made = control("plant", plants[0].description, select);
@@ -301,7 +301,7 @@ function makePlants() {
   return made;
 }
 
-// The record as a file, in numbers that read back as the same doubles.
+// Saves the record; numbers read back as the same doubles.
 function saveCsv() {
   const { run, experiment, finished } = state;
   if (!run) return;
@@ -318,7 +318,7 @@ function saveCsv() {
 function serve() {
   const defaults = make("button", { type: "reset", id: "defaults", textContent: "Defaults" });
   element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants(), defaults);
-  // The controls have their first values after this event, and tell of them as of others.
+  // The controls are reset only after this event; then report their values as changes.
   element("settings").addEventListener("reset", () => setTimeout(() => {
     document.querySelectorAll("#sliders [id]:is(input, select)").forEach(input => input.dispatchEvent(new Event(input.type === "range" ? "input" : "change")));
   }));
@@ -340,7 +340,7 @@ function serve() {
   const reset = async () => {
     await startLoop();
     element("results").replaceChildren();
-    say("The loop begins anew, at rest.");
+    say("Closed loop restarted at rest.");
   };
   for (const button of [element("reset"), element("failure").querySelector("button")]) {
     button.addEventListener("click", async () => {
@@ -356,7 +356,7 @@ function serve() {
   element("csv").addEventListener("click", saveCsv);
   document.querySelectorAll("#choices button").forEach((button, index) =>
     button.addEventListener("click", () => startExperiment(laboratory.experiments[index], button)));
-  // A page that nobody sees does not make up for the time.
+  // A hidden page does not catch up.
   document.addEventListener("visibilitychange", () => pace.begin());
 }
 
@@ -368,9 +368,9 @@ async function begin() {
   serve();
   await startLoop();
   setRunning(!lessMotion.matches);
-  if (lessMotion.matches) say("Your system asks for less motion: press Run to begin.");
+  if (lessMotion.matches) say("Your system prefers reduced motion: press Run to start.");
   requestAnimationFrame(frame);
-  // Tests look into it.
+  // For tests.
   globalThis.live = state;
 }
 

@@ -1,14 +1,14 @@
-// The plots of a run, which scroll with its time; `interactive.js` of the reports gives them their look, zoom and keyboard.
+// A run's scrolling plots; the reports' `interactive.js` provides style, zoom and keyboard control.
 
-// In the view at once (s).
+// Visible time span (s).
 const VIEW = 40;
-// A line has at most so many strips of two points, each with its least and greatest value.
+// A line has at most this many strips of two points, their minimum and maximum.
 const STRIPS = 1200;
 
-// A plot under the cursor stands still, so that its values can be read; fingers leave none behind.
+// A plot pauses under the cursor so that values can be read; touch leaves no cursor behind.
 const cursor = matchMedia("(hover: hover)");
 
-// The rows of a record between two times: all, or the least and greatest of each strip.
+// The rows of a record between two times: all, or the minimum and maximum of each strip.
 function rowsToDraw(time, values, from, to) {
   let begin = time.findLastIndex(instant => instant <= from);
   if (begin < 0) begin = 0;
@@ -32,11 +32,11 @@ function rowsToDraw(time, values, from, to) {
 class Plots {
   constructor(figure) {
     Object.assign(this, { figure, panels: [], stale: new Set(), rests: 0 });
-    // interactive.js draws anew by day and by night, without what is not in the page.
+    // interactive.js redraws when the colour scheme changes, but without the live data.
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.changed());
   }
 
-  // Shows a run in the panels of a template. One that ends soon is in the view as a whole.
+  // Shows a run in a template's panels. A short run is shown as a whole.
   async show(run, template) {
     this.panels.forEach(plot => Plotly.purge(plot));
     this.figure.replaceChildren(template.content.cloneNode(true));
@@ -46,13 +46,13 @@ class Plots {
     this.panels = [...this.figure.querySelectorAll(".plot")];
     for (const plot of this.panels) {
       plot.on("plotly_relayout", change => this.follow(plot, change));
-      // The values' places, of the template.
+      // The sources of the lines, from the template.
       plot.sources = plot.data.map(({ meta }) => ({ factor: parseFloat(meta), name: meta.slice(meta.indexOf(" ") + 1) }));
     }
     this.stale = new Set(this.panels);
   }
 
-  // Who zooms stays where that is until the axes are reset.
+  // A zoomed view stays until the axes are reset.
   follow(plot, change) {
     const keys = Object.keys(change).filter(key => key.startsWith("xaxis."));
     if (keys.length === 0) return;
@@ -61,7 +61,7 @@ class Plots {
     this.changed();
   }
 
-  // Those that wait for long come first.
+  // A set keeps its order, so the longest waiting are drawn first.
   changed() {
     this.panels.forEach(plot => this.stale.add(plot));
   }
@@ -77,8 +77,8 @@ class Plots {
     return [...this.stale].find(plot => plot === this.urgent || !(cursor.matches && plot.matches(":hover")));
   }
 
-  // Draws the next panel that is not up to date: one in a frame, so that no frame takes long, and then none for as long as
-  // that took, so that there is time for all else.
+  // Draws the next stale panel: one per frame, to keep frames short, then pauses for as long as it took, to leave time
+  // for the rest.
   drawNext() {
     const plot = this.next();
     if (!plot || performance.now() < this.rests) return;

@@ -1,4 +1,4 @@
-//! Fig. 1: 0.8 V less moves the actuator's pressure by 2500 Pa and the wastegate by a tenth of its stroke.
+//! Fig. 1: 0.8 V less moves the actuator pressure by 2500 Pa and the wastegate by a tenth of its stroke.
 
 use anyhow::Result;
 
@@ -43,9 +43,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(2450.0),
                 most: Some(2550.0),
                 basis: Basis::Prediction,
-                how: "The difference of actuator_pressure between 6 s and 2 s. It follows from the printed \
-                      coefficients of Table 1, the sign of the third one corrected, and the duty's proportion to \
-                      the voltage. The range takes the paper's number as rounded to hundreds.",
+                how: "Difference of actuator_pressure between 6 s and 2 s. It follows from the printed coefficients \
+                      of Table 1, with the sign of the third corrected, and the duty's proportionality to the \
+                      voltage. The range takes the paper's number as rounded to hundreds.",
             },
             Claim {
                 name: "position_change",
@@ -56,13 +56,13 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(9.0),
                 most: Some(11.0),
                 basis: Basis::Calibration,
-                how: "The difference of hp_wastegate_position between 2 s and 6 s. The spring's stiffness was chosen \
-                      by it. \u{201c}About 10 %\u{201d} is taken to one point.",
+                how: "Difference of hp_wastegate_position between 2 s and 6 s. The spring stiffness was chosen to \
+                      match it. \u{201c}About 10 %\u{201d} is read as within one point.",
             },
         ],
         notes: vec![format!(
-            "Boost pressure, which the paper does not show here, rises by {:.1} kPa: what a voltage dip costs \
-             without compensation.",
+            "Boost pressure, not shown in the paper's figure, rises by {:.1} kPa: the effect of a voltage dip without \
+             compensation.",
             1e-3 * change("boost_pressure")?
         )],
     })

@@ -1,4 +1,4 @@
-//! Fig. 10: the compensator, eq. (9), under the dip of Fig. 1.
+//! Fig. 10: the compensator, eq. (9), in the dip of Fig. 1.
 
 use anyhow::Result;
 use fmu_package::Value;
@@ -8,7 +8,7 @@ use super::{Basis, Claim, Evidence, Laboratory, shipped};
 use fmu_master::scenario::Signal;
 use fmu_plot::{Figure, Line, Panel, color};
 
-/// The edges of the voltage (s).
+/// The voltage edges (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
 /// The nominal voltage (V).
 const NOMINAL: f64 = 12.0;
@@ -59,8 +59,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .shared_x();
     Ok(Evidence {
         drawings: vec![(
-            "Supply voltage, wastegate position without and with the compensator, and the compensated duty."
-                .into(),
+            "Supply voltage, wastegate position without and with compensator, and compensated duty.".into(),
             figure.into(),
         )],
         claims: vec![
@@ -73,9 +72,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(0.01),
                 basis: Basis::Construction,
-                how: "The range of hp_wastegate_position, the plant driven by 12 V over the voltage times 44 %: eq. (9) is \
-                      the exact inverse of a valve whose effect is in proportion to the voltage, as the model's is. \
-                      The bound is the solver's accuracy, 0.01 % of full scale.",
+                how: "Range of hp_wastegate_position with the plant driven by 44 % times 12 V over the voltage. Eq. (9) \
+                      is the exact inverse of the model's valve, whose effect is proportional to the voltage. The \
+                      bound is the solver's accuracy, 0.01 % of full scale.",
             },
             Claim {
                 name: "position_at_rest",
@@ -86,9 +85,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(1.0),
                 basis: Basis::Prediction,
-                how: "The same through the controller, which samples a measured voltage with a lag of 20 ms: the \
-                      difference of position before the edge and 3.9 s after it, which friction holds. The bound is a \
-                      tenth of the change without compensator.",
+                how: "The same through the controller, which samples the voltage measured with a 20 ms lag: difference \
+                      of position before the edge and 3.9 s after it, left by friction. The bound is a tenth of the \
+                      change without compensator.",
             },
             Claim {
                 name: "position_after_pulse",
@@ -99,7 +98,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(1.0),
                 basis: Basis::Prediction,
-                how: "By how much the position 0.1 s after an edge differs from where it then comes to rest.",
+                how: "Difference between the position 0.1 s after an edge and where it settles.",
             },
             Claim {
                 name: "position_range_without",
@@ -110,12 +109,11 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(9.0),
                 most: Some(11.0),
                 basis: Basis::Calibration,
-                how: "The range of the position without compensation; as Fig. 1.",
+                how: "Range of the position without compensation, as in Fig. 1.",
             },
         ],
         notes: vec![format!(
-            "The lag of the measured voltage leaves a pulse of up to {:.1} % of stroke at each edge, which ends within \
-             0.1 s.",
+            "The measurement lag leaves a pulse of up to {:.1} % of stroke, shorter than 0.1 s, at each edge.",
             greatest(pulses)
         )],
     })

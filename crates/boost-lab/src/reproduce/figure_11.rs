@@ -1,4 +1,4 @@
-//! Fig. 11: full load with the low-pressure wastegate shut and open, the high-pressure one limiting boost.
+//! Fig. 11: full load with the low-pressure wastegate shut and open; the high-pressure one limits boost.
 
 use anyhow::Result;
 
@@ -31,7 +31,7 @@ impl FullLoad {
         })
     }
 
-    /// The speed of the greatest torque (rpm).
+    /// The speed of maximum torque (rpm).
     fn best_speed(&self) -> f64 {
         let points = self.speeds.iter().zip(&self.torques);
         points.max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(speed, _)| *speed)
@@ -75,7 +75,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let behind = above.map(|(_, (closed, open))| 100.0 * (1.0 - open / closed));
     Ok(Evidence {
         drawings: vec![(
-            "Torque, boost pressure and the pressure before the turbines at full load.".into(),
+            "Torque, boost pressure and pressure upstream of the turbines at full load.".into(),
             figure.into(),
         )],
         claims: vec![
@@ -88,8 +88,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(125.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "The speed of the greatest engine_torque with the LP wastegate open, less that with it shut. Speeds \
-                      are 125 rpm apart, and one of these is asked for.",
+                how: "Speed of maximum engine_torque with the LP wastegate open, minus that with it shut. The bound is \
+                      one step of the speed grid, 125 rpm.",
             },
             Claim {
                 name: "torque_gained",
@@ -100,7 +100,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(1.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "Torque at 1500 rpm, shut less open. The bound asks for a gain.",
+                how: "Torque at 1500 rpm, shut minus open. The bound requires a gain.",
             },
             Claim {
                 name: "torque_lost_at_2000_rpm",
@@ -111,8 +111,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(1.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "The greatest torque with the LP wastegate shut, less that at 2000 rpm. The bound asks \
-                      for a loss.",
+                how: "Maximum torque with the LP wastegate shut, minus that at 2000 rpm. The bound requires a loss.",
             },
             Claim {
                 name: "back_pressure_at_2000_rpm",
@@ -123,13 +122,13 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(250.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "exhaust_manifold_pressure with the LP wastegate shut. The paper prints no number; the bound is that \
-                      it is above boost pressure's limit of 240 kPa, so that the engine pumps against it.",
+                how: "exhaust_manifold_pressure with the LP wastegate shut. The paper prints no number; the bound puts \
+                      it above the boost limit of 240 kPa, so that the engine pumps against it.",
             },
         ],
         notes: vec![format!(
-            "Not reproduced: above 2000 rpm the paper has the open wastegate take over. Here it stays up to {:.1} % behind \
-             the shut one, and its back pressure is the higher one; the turbochargers' maps are not published.",
+            "Not reproduced: in the paper the open wastegate gives more torque above 2000 rpm. Here it gives up to \
+             {:.1} % less than the shut one, at higher back pressure; the turbocharger maps are not published.",
             greatest(behind)
         )],
     })

@@ -1,4 +1,4 @@
-//! Fig. 12: the structure of the controller: its terms, as it logs them, add up to its output.
+//! Fig. 12: the controller structure: its logged terms add up to its output.
 
 use anyhow::Result;
 
@@ -59,39 +59,39 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             (
-                "The structure. Pale: the reference model, which is not among the paper's blocks; in the paper's own \
-                 structure the reference goes straight through. The gain schedule acts along the dashed lines."
+                "Controller structure. Pale: the reference model, added here; the paper's structure passes the \
+                 reference straight through. The gain schedule acts along the dashed lines."
                     .into(),
                 Drawing::Picture(without_links(STRUCTURE)),
             ),
             (
-                "Steps of the reference at a supply of 13 V: the outputs of the controller's blocks.".into(),
+                "Block outputs in reference steps at 13 V supply.".into(),
                 figure.into(),
             ),
         ],
         claims: vec![
             Claim {
                 name: "sum_of_terms",
-                paper: "The duty is the feedforward's and the PID controller's sum.",
+                paper: "The duty is the sum of feedforward and PID controller.",
                 paper_value: None,
                 value: greatest(sum_error),
                 unit: "%",
                 least: None,
                 most: Some(1e-9),
                 basis: Basis::Construction,
-                how: "The largest difference of unsaturated_pwm from the sum of feedforward_pwm, proportional_term, \
+                how: "Largest difference of unsaturated_pwm from the sum of feedforward_pwm, proportional_term, \
                       integral_term and derivative_term. The bound is the rounding of doubles.",
             },
             Claim {
                 name: "compensated_output",
-                paper: "The compensator, 12 V over the supply, is behind the limits of the duty.",
+                paper: "The compensator, 12 V over the supply, follows the duty limits.",
                 paper_value: None,
                 value: greatest(output_error),
                 unit: "%",
                 least: None,
                 most: Some(1e-9),
                 basis: Basis::Construction,
-                how: "The largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
+                how: "Largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
                       voltage_compensation.",
             },
             Claim {
@@ -103,19 +103,18 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(1.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "How many samples are at a limit, by saturated; the claims above would not test the limits \
-                      otherwise.",
+                how: "Samples at a limit, by saturated; without any, the claims above would not test the limits.",
             },
         ],
         notes: vec![
-            "Beside the paper's blocks there is a reference model, off in the paper's own structure (the parameter \
-             structure): it tells feedforward and feedback what pressure to expect, and takes the overshoot away."
+            "In addition to the paper's blocks there is a reference model (off if the parameter structure is paper): \
+             it gives feedforward and feedback the expected pressure and removes the overshoot."
                 .into(),
         ],
     })
 }
 
-/// A picture with groups instead of its links, whose targets are in the documentation.
+/// Replaces a picture's links, whose targets are in the documentation, with groups.
 fn without_links(svg: &str) -> String {
     let mut parts = svg.split(" href=\"");
     let first = parts.next().unwrap_or_default().to_owned();

@@ -1,4 +1,4 @@
-//! Fig. 13: steps of the boost reference at 1500 rpm.
+//! Fig. 13: boost reference steps at 1500 rpm.
 
 use anyhow::Result;
 use fmu_package::Value;
@@ -9,7 +9,7 @@ use fmu_master::scenario::Signal;
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
 
-/// The error (kPa) that is shown: a step itself is larger, and would hide how it is followed.
+/// The error shown (kPa): larger errors, at the steps themselves, would hide the tracking.
 const SHOWN_ERROR: f64 = 7.0;
 
 fn draw(record: &Record, title: &str) -> Result<Figure> {
@@ -50,30 +50,30 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             (
-                "Reference and actual boost pressure, the error, actual minus reference, and the duty. The band is the \
-                 paper's 5 kPa above a reference that stepped up and 1 kPa below one that stepped down.".into(),
+                "Reference and actual boost pressure, error (actual minus reference), and duty. The band is the \
+                 paper's 5 kPa above the reference after a step up and 1 kPa below it after a step down.".into(),
                 draw(&record, "With the reference model (the default)")?.into(),
             ),
             (
-                "The same with the feedback structure that the paper prints.".into(),
-                draw(&paper, "With the structure of the paper")?.into(),
+                "The same with the paper's feedback structure.".into(),
+                draw(&paper, "With the paper's structure")?.into(),
             ),
         ],
         claims: claims(&following, &papers, least(duty.iter().copied())),
         notes: vec![
             format!(
-                "With the paper's own structure the pressure falls {:.1} kPa below the reference after a step down, where \
-                 the paper reports 1 kPa: a static feedforward beside an integral overshoots by its design. The \
+                "With the paper's structure the pressure falls {:.1} kPa below the reference after a step down, where \
+                 the paper reports 1 kPa: a static feedforward with an integral term overshoots by design. The \
                  reference model removes this.",
                 1e-3 * greatest(papers.down.iter().copied())
             ),
-            "The paper prints neither the levels of the steps nor \u{3bb} nor the controller's maps: they are chosen."
+            "The paper prints neither the step levels nor \u{3bb} nor the controller's maps: they are chosen."
                 .into(),
         ],
     })
 }
 
-/// The claims for the steps with the reference model, and with the paper's own structure.
+/// The claims for the steps with the reference model and with the paper's structure.
 fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Claim> {
     vec![
         Claim {
@@ -85,9 +85,9 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             least: None,
             most: Some(5000.0),
             basis: Basis::Prediction,
-            how: "The most by which boost_pressure exceeds the new reference after a step up. What the \
-                      paper calls undershoot and overshoot is taken alike: the deviation beyond the new \
-                      reference, for the one on this side of it is the step itself. The paper's own bound.",
+            how: "Largest excess of boost_pressure over the new reference after a step up. The paper's undershoot \
+                      and overshoot are both read as the deviation beyond the new reference, since on this side of it \
+                      is the step itself. The bound is the paper's.",
         },
         Claim {
             name: "overshoot_down",
@@ -98,8 +98,7 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             least: None,
             most: Some(1000.0),
             basis: Basis::Prediction,
-            how: "The most by which boost_pressure falls below the new reference after a step down. The \
-                      paper's own bound.",
+            how: "Largest drop of boost_pressure below the new reference after a step down. The bound is the paper's.",
         },
         Claim {
             name: "rise_time",
@@ -111,9 +110,8 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             least: None,
             most: Some(0.9),
             basis: Basis::Prediction,
-            how: "The longest time from a step to the first sample within a tenth of it. The bound is \
-                      three times the controller's \u{3bb} of 0.3 s; a lag of \u{3bb} alone takes 2.3 times \
-                      it.",
+            how: "Longest time from a step to the first sample within a tenth of it. The bound is three times the \
+                      controller's \u{3bb} of 0.3 s; a first-order lag takes 2.3 \u{3bb}.",
         },
         Claim {
             name: "end_error",
@@ -124,8 +122,8 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             least: None,
             most: Some(22.0),
             basis: Basis::Prediction,
-            how: "The largest error just before the next step. The bound is the reference solution's 2 Pa, and 0.01 % \
-                      of a full scale of 200 kPa.",
+            how: "Largest error just before the next step. The bound is the reference solution's 2 Pa plus 0.01 % of a \
+                      full scale of 200 kPa.",
         },
         Claim {
             name: "least_duty",
@@ -136,18 +134,18 @@ fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Cla
             least: None,
             most: Some(25.0 + 1e-9),
             basis: Basis::Construction,
-            how: "The least duty: it reaches the lower limit, 25 %.",
+            how: "Minimum duty: it reaches the lower limit, 25 %.",
         },
         Claim {
             name: "paper_structure_overshoot_up",
-            paper: "For a positive step, limited to 5 kPa: with the paper's own structure.",
+            paper: "For a positive step, limited to 5 kPa: with the paper's structure.",
             paper_value: Some(5000.0),
             value: greatest(papers.up.iter().copied()),
             unit: "Pa",
             least: None,
             most: Some(5000.0),
             basis: Basis::Prediction,
-            how: "As above, with the parameter structure at paper.",
+            how: "As above, with the parameter structure set to paper.",
         },
     ]
 }

@@ -1,4 +1,4 @@
-//! Fig. 14: boost control under steps of the supply voltage.
+//! Fig. 14: boost control under supply voltage steps.
 
 use anyhow::Result;
 use fmu_package::Value;
@@ -9,7 +9,7 @@ use fmu_master::scenario::Signal;
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
 
-/// The end of the start (s).
+/// The end of the start-up (s).
 const STARTED: f64 = 3.0;
 
 /// The largest error of boost pressure (Pa).
@@ -61,8 +61,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .shared_x();
     Ok(Evidence {
         drawings: vec![(
-            "Supply voltage, reference and actual boost pressure, the error, actual minus reference, with and without \
-             the compensator, and the duty; the band is the paper's 1 kPa."
+            "Supply voltage, reference and actual boost pressure, error (actual minus reference) with and without \
+             compensator, and duty. The band is the paper's 1 kPa."
                 .into(),
             figure.into(),
         )],
@@ -76,8 +76,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(1000.0),
                 basis: Basis::Prediction,
-                how: "The largest difference of boost_pressure and its reference after 3 s. The supply's measurement lags by \
-                      20 ms, a chosen value, on which this number depends. The paper's own bound.",
+                how: "Largest difference between boost_pressure and its reference after 3 s. It depends on the lag of \
+                      the supply measurement, chosen as 20 ms. The bound is the paper's.",
             },
             Claim {
                 name: "rejection",
@@ -88,8 +88,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(5.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "The same difference without compensation, over that with it. The bound asks that four fifths of \
-                      the disturbance are gone.",
+                how: "The same difference without compensation over that with it. The bound requires four fifths of \
+                      the disturbance to be rejected.",
             },
             Claim {
                 name: "position_at_rest",
@@ -100,9 +100,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(1.0),
                 basis: Basis::Prediction,
-                how: "The range of hp_wastegate_position just before each step of the voltage, when the pressure is at \
-                      rest; the feedback has its part in it. The bound is a tenth of what 0.8 V move the wastegate \
-                      without either (Fig. 1).",
+                how: "Range of hp_wastegate_position just before each voltage step, with the pressure settled; feedback \
+                      contributes. The bound is a tenth of the movement by 0.8 V with neither (Fig. 1).",
             },
         ],
         notes: vec![format!("Without compensation the error is {:.1} kPa.", 1e-3 * deviation(&without)?)],

@@ -1,4 +1,4 @@
-//! Fig. 6: the identified characteristics of the valve, eqs. (6) and (7).
+//! Fig. 6: the identified valve characteristics, eqs. (6) and (7).
 
 use anyhow::Result;
 
@@ -7,17 +7,17 @@ use super::{Basis, Claim, Evidence, Laboratory, shipped};
 use fmu_master::scenario::Signal;
 use fmu_plot::{Figure, Line, Panel, color};
 
-/// Table 1 for the leakage: of the effective area in 1e-9 m2 over the duty in %.
+/// Table 1, leakage: effective area in 1e-9 m2 over the duty in %.
 const LEAKAGE: [f64; 3] = [-4.7625e-5, 7.2000e-2, -5.2300e-2];
-/// Table 1 for the pressure (Pa), with the sign of the third coefficient corrected: with the printed one the
-/// chamber would rise to 115 kPa and never fall below ambient.
+/// Table 1, pressure (Pa), with the sign of the third coefficient corrected: with the printed one the chamber
+/// would rise to 115 kPa and never fall below ambient.
 const PRESSURE: [f64; 4] = [2.8939e-2, -6.5767, -4.4044e2, 1.0612e5];
 /// The gas constant of air (J/(kg K)).
 const GAS_CONSTANT: f64 = 287.0;
-/// The choked flow function for air, eq. (2) where it is continuous.
+/// The choked flow function for air, from eq. (2) made continuous.
 const CHOKED: f64 = 0.684_731;
 
-/// A polynomial, the highest power first.
+/// A polynomial, highest power first.
 fn polynomial(coefficients: &[f64], x: f64) -> f64 {
     coefficients.iter().fold(0.0, |sum, coefficient| sum * x + coefficient)
 }
@@ -51,7 +51,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
 
     let fine: Vec<f64> = (0..=400).map(|index| 0.25 * f64::from(index)).collect();
     let leakage = Panel::new("duty (%)", "effective area (mm\u{b2})")
-        .title("(a) Leakage of the valve")
+        .title("(a) Valve leakage")
         .height(240)
         .line(Line::new(&fine, fine.iter().map(|&duty| 1e6 * expected_area(duty))).label("eq. (6), Table 1"))
         .line(
@@ -61,7 +61,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 .label("FMU at rest"),
         );
     let pressure = Panel::new("duty (%)", "actuator pressure (kPa)")
-        .title("(b) Pressure in the actuator")
+        .title("(b) Actuator pressure")
         .height(240)
         .line(
             Line::new(&fine, fine.iter().map(|&duty| 1e-3 * expected_pressure(duty)))
@@ -75,7 +75,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         );
     Ok(Evidence {
         drawings: vec![(
-            "What the plant's valve does at rest, and the polynomials of Table 1.".into(),
+            "The plant's valve at rest, and the polynomials of Table 1.".into(),
             Figure::new().row([leakage, pressure]).into(),
         )],
         claims: vec![
@@ -88,27 +88,27 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(10.0),
                 basis: Basis::Calibration,
-                how: "The largest deviation of actuator_pressure, 5 s after each step of the duty, from the polynomial \
-                      (third coefficient negative, cut at ambient pressure below 9.6 %). The range is 0.01 % of \
-                      ambient pressure, to which the solver is accurate.",
+                how: "Largest deviation of actuator_pressure, 5 s after each duty step, from the polynomial (third \
+                      coefficient negative, clipped to ambient pressure below 9.6 %). The range is 0.01 % of ambient \
+                      pressure, the solver's accuracy.",
             },
             Claim {
                 name: "leakage_area_deviation",
-                paper: "The leakage's effective area is the quadratic polynomial of the duty in eq. (6) and Table 1.",
+                paper: "The effective leakage area is the quadratic polynomial of the duty in eq. (6) and Table 1.",
                 paper_value: None,
                 value: 1e6 * area_error,
                 unit: "mm\u{b2}",
                 least: None,
                 most: Some(1e-7),
                 basis: Basis::Calibration,
-                how: "The largest deviation of the area that eq. (1), choked, gives for valve.leakage_mass_flow. Table 1 \
-                      prints no unit; 1e-9 m\u{b2} was chosen by Fig. 8. The range is what the six digits of the \
-                      choked flow function leave.",
+                how: "Largest deviation of the area computed from valve.leakage_mass_flow by eq. (1), choked. Table 1 \
+                      prints no unit; 1e-9 m\u{b2} was chosen from Fig. 8. The range is the rounding of the choked flow \
+                      function to six digits.",
             },
         ],
         notes: vec![
-            "The paper compares with measurements, which are not published; here the polynomials are the model's own \
-             parameters, and the figure shows that the plant brings them about."
+            "The paper compares with unpublished measurements. Here the polynomials are model parameters, and the \
+             figure shows that the plant reproduces them."
                 .into(),
         ],
     })

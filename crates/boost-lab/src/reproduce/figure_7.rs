@@ -1,4 +1,4 @@
-//! Fig. 7: a slow ramp of the duty, up and down.
+//! Fig. 7: a slow duty ramp, up and down.
 
 use anyhow::Result;
 
@@ -7,10 +7,10 @@ use super::{Basis, Claim, Evidence, Laboratory, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
 
-/// Above this duty (%) the tank's pressure is the floor, and the pump's relay moves it.
+/// Above this duty (%) the tank pressure, moved by the pump relay, is the lower limit.
 const TANK_IS_FLOOR: f64 = 85.0;
 
-/// A variable over the duty, rising and falling; the duty rises in both.
+/// A variable over rising and falling duty, both branches sorted by duty.
 fn branches(record: &Record, name: &str, factor: f64) -> Result<[Vec<(f64, f64)>; 2]> {
     let points = record.get("hp_wastegate_pwm")?.iter().copied();
     let points: Vec<_> = points.zip(record.get(name)?.iter().map(|value| factor * value)).collect();
@@ -24,7 +24,7 @@ fn branches(record: &Record, name: &str, factor: f64) -> Result<[Vec<(f64, f64)>
     }))
 }
 
-/// The largest distance between the branches, at equal duty from 5 % to a limit.
+/// The largest difference between the branches at equal duty, from 5 % to a limit.
 fn gap(branches: &[Vec<(f64, f64)>; 2], most: f64) -> f64 {
     let duties = (0..=360).map(|index| 5.0 + 0.25 * f64::from(index)).filter(|&duty| duty < most);
     greatest(duties.map(|duty| (interpolate(&branches[0], duty) - interpolate(&branches[1], duty)).abs()))
@@ -55,7 +55,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     ]);
     Ok(Evidence {
         drawings: vec![(
-            "A ramp of the duty by 1 % per second, up and down, with the pump's relay.".into(),
+            "Duty ramp of 1 % per second, up and down, with the pump relay active.".into(),
             figure.into(),
         )],
         claims: vec![
@@ -68,9 +68,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(2.0),
                 basis: Basis::Calibration,
-                how: "The largest distance of hp_wastegate_position on the two branches at equal duty, 5 to 95 %. The Coulomb \
-                      force was chosen small by this figure. The bound is what can be read from a plot of the whole \
-                      stroke.",
+                how: "Largest difference of hp_wastegate_position between the branches at equal duty, 5 to 95 %. The \
+                      small Coulomb force was chosen from this figure. The bound is what can be read from a plot of the \
+                      whole stroke.",
             },
             Claim {
                 name: "pressure_hysteresis",
@@ -81,13 +81,13 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(500.0),
                 basis: Basis::Prediction,
-                how: "The same of actuator_pressure, 5 to 85 %; above, the tank's pressure is the floor, and the relay \
-                      moves it between 30 and 35 kPa. The bound is half a percent of ambient pressure.",
+                how: "As above for actuator_pressure, 5 to 85 %; above that, tank pressure is the lower limit, and the \
+                      relay moves it between 30 and 35 kPa. The bound is half a percent of ambient pressure.",
             },
         ],
         notes: vec![format!(
-            "Where the tank is the floor, the branches of the pressure differ by up to {:.1} kPa: the relay's band, \
-             no friction.",
+            "Where tank pressure is the lower limit, the pressure branches differ by up to {:.1} kPa: the relay's \
+             band, not friction.",
             gap(&pressure, 95.01)
         )],
     })

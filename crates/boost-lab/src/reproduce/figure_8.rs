@@ -1,4 +1,4 @@
-//! Fig. 8: the spring, and what the vacuum pump's current does to the wastegate.
+//! Fig. 8: the spring, and the effect of the vacuum pump's current on the wastegate.
 
 use anyhow::{Context, Result, bail};
 
@@ -23,7 +23,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
     let (name, text) = shipped!("figure_7.toml");
     let scenario = laboratory.scenario(name, text)?;
     let record = laboratory.run(&scenario)?;
-    // The rising duty alone: the spring is the same for both.
+    // Rising duty only: the spring has no hysteresis.
     let half = record.time().len() / 2;
     let positions: Vec<_> = record.get("actuator.position")?[..half].iter().map(|x| 1e3 * x).collect();
     let forces = &record.get("actuator.spring_force")?[..half];
@@ -42,7 +42,7 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
         .line(Line::new(&positions, forces.iter().copied()));
     Ok(Evidence {
         drawings: vec![(
-            "The spring's force over the rod's position, from the ramp of Fig. 7.".into(),
+            "Spring force over rod position, from the ramp of Fig. 7.".into(),
             Figure::new().row([panel]).into(),
         )],
         claims: vec![Claim {
@@ -54,8 +54,8 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
             least: Some(1.5),
             most: None,
             basis: Basis::Calibration,
-            how: "The mean stiffness between 8 and 9.5 mm over that between 1 and 4 mm, of actuator.spring_force \
-                  over actuator.position. The bound asks for half as much again.",
+            how: "Mean stiffness (actuator.spring_force over actuator.position) between 8 and 9.5 mm over that \
+                  between 1 and 4 mm. The bound requires an increase by half.",
         }],
         notes: vec![],
     })
@@ -70,7 +70,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
     let runs = record.get("vacuum_pump")?.iter().enumerate().filter(|(_, pump)| **pump > 0.5);
     let rows: Vec<_> = runs.map(|(row, _)| row).collect();
     let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else { bail!("the pump does not run") };
-    // A row has the controller's outputs of the communication point before.
+    // A row holds the controller outputs of the previous communication point.
     let before = first.checked_sub(1).context("the pump runs from the start")?;
     let (begin, end) = (time[before], time[last]);
     let change = |name: &str| {
@@ -84,7 +84,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         let panel = Panel::new("time (s)", label).height(110).x_range(60.0, 90.0).x_band(begin, end);
         Ok::<_, anyhow::Error>(panel.line(line.color(color)))
     };
-    let title = "(b) 2000 rpm and a duty of 50 %; the pump runs in the shaded time";
+    let title = "(b) 2000 rpm, 50 % duty; pump on where shaded";
     let figure = Figure::new()
         .row([panel("valve.voltage", "supply (V)", 1.0, color::INK)?.y_range(11.45, 12.15).title(title)])
         .row([panel("tank_pressure", "tank (kPa)", 1e-3, color::SKY)?.y_range(28.5, 36.5)])
@@ -94,7 +94,7 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         .shared_x();
     Ok(Evidence {
         drawings: vec![(
-            "The pump's run: voltage at the valve, tank pressure, wastegate position, pressure before the turbine."
+            "Pump run: voltage at the valve, tank pressure, wastegate position, pressure upstream of the turbine."
                 .into(),
             figure.into(),
         )],
@@ -108,8 +108,8 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(PAPER.0 - 1.0),
                 most: Some(PAPER.0 + 1.0),
                 basis: Basis::Calibration,
-                how: "The communication point at which the relay switches on, the time counted from a tank at \
-                      30 kPa. The tank's volume was chosen by it. The range is one second about the paper's number.",
+                how: "Communication point at which the relay switches on, starting from a tank at 30 kPa. The tank \
+                      volume was chosen to match it. The range is one second around the paper's number.",
             },
             Claim {
                 name: "pump_duration",
@@ -120,8 +120,8 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(PAPER.1 - PAPER.0 - 0.25),
                 most: Some(PAPER.1 - PAPER.0 + 0.25),
                 basis: Basis::Calibration,
-                how: "From the relay's switching on to its switching off. The pump's mass flow was chosen by it. The \
-                      range is a quarter of a second, what can be read from a plot.",
+                how: "Time from the relay switching on to switching off. The pump flow was chosen to match it. The \
+                      range is a quarter of a second, the reading accuracy of a plot.",
             },
             Claim {
                 name: "voltage_drop",
@@ -132,8 +132,8 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(0.1),
                 most: None,
                 basis: Basis::Calibration,
-                how: "By how much valve.voltage falls while the pump runs: the scenario's pump.voltage_drop. The \
-                      bound asks for more than nothing.",
+                how: "Drop of valve.voltage while the pump runs: the scenario's pump.voltage_drop. The bound requires \
+                      a drop.",
             },
             Claim {
                 name: "position_change",
@@ -144,13 +144,13 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(1.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "By how much hp_wastegate_position changes at most while the pump runs. The bound asks for a \
-                      change that a plot shows.",
+                how: "Largest change of hp_wastegate_position while the pump runs. The bound requires a change visible \
+                      in a plot.",
             },
         ],
         notes: vec![format!(
-            "The exhaust's force on the wastegate is neglected, as in the paper, which finds its effect negligible: \
-             the pressure before the turbine, {:.0} kPa, acts on nothing here.",
+            "The exhaust force on the wastegate is neglected, as in the paper, so the pressure upstream of the \
+             turbine, {:.0} kPa, has no effect on it here.",
             1e-3 * at(&record, "exhaust_manifold_pressure", begin)?
         )],
     })

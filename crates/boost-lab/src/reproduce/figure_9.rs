@@ -1,4 +1,4 @@
-//! Fig. 9: validation of the actuator model, with a ramp and with steps of the duty.
+//! Fig. 9: validation of the actuator model with a duty ramp and duty steps.
 
 use anyhow::{Context, Result};
 
@@ -10,7 +10,7 @@ use fmu_record::Record;
 /// When the duty steps up and down (s).
 const STEPS: (f64, f64) = (1.0, 4.0);
 
-/// The time from a step until a variable has covered a share of its change (s).
+/// The time from a step until a variable has completed a share of its change (s).
 fn settling(record: &Record, name: &str, begin: f64, end: f64, share: f64) -> Result<f64> {
     let values = between(record, name, begin, end)?;
     let (from, to) = (values[0], values[values.len() - 1]);
@@ -43,7 +43,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let scenario = laboratory.scenario(name, text)?;
     let step = laboratory.run(&scenario)?;
 
-    // The chamber follows the valve as long as this is above the tank, or is held by the tank.
+    // The chamber follows the valve down to tank pressure.
     let mut lag = vec![];
     let mut below_tank = vec![];
     let pressures = ramp.get("actuator_pressure")?.iter().zip(ramp.get("valve.pressure")?);
@@ -56,16 +56,13 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let position = |share| settling(&step, "hp_wastegate_position", STEPS.0, STEPS.1, share);
     let tank = at(&step, "tank_pressure", STEPS.1)? - at(&step, "tank_pressure", STEPS.0)?;
 
-    let figure = panels(&ramp, "(a) Ramp of the duty", 25.0)?
+    let figure = panels(&ramp, "(a) Duty ramp", 25.0)?
         .into_iter()
-        .zip(panels(&step, "(b) Steps of the duty", 7.0)?)
+        .zip(panels(&step, "(b) Duty steps", 7.0)?)
         .fold(Figure::new(), |figure, (left, right)| figure.row([left, right]))
         .shared_x();
     Ok(Evidence {
-        drawings: vec![(
-            "The model alone: the paper's measurements are not published.".into(),
-            figure.into(),
-        )],
+        drawings: vec![("Model only: the paper's measurements are not published.".into(), figure.into())],
         claims: vec![
             Claim {
                 name: "ramp_deviation",
@@ -77,8 +74,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(2000.0),
                 basis: Basis::Prediction,
-                how: "The largest distance of actuator_pressure from valve.pressure, eq. (7), or from the tank's where \
-                      this is higher. The bound is what a lag of 0.5 s makes of the steepest part of the ramp, 4 kPa/s.",
+                how: "Largest difference between actuator_pressure and valve.pressure, eq. (7), or tank pressure if \
+                      higher. The bound is the error of a 0.5 s lag on the steepest part of the ramp, 4 kPa/s.",
             },
             Claim {
                 name: "evacuation_time",
@@ -89,8 +86,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(0.05),
                 most: Some(0.5),
                 basis: Basis::Calibration,
-                how: "95 % of the way after the step from 20 to 80 %, of actuator_pressure. The area to the \
-                      tank is printed. The paper's measurements are not published; the range asks for tenths of a second.",
+                how: "Time to 95 % of the change of actuator_pressure after the step from 20 to 80 %. The area to the \
+                      tank is printed. The paper's measurements are not published; the range requires tenths of a second.",
             },
             Claim {
                 name: "venting_time",
@@ -101,8 +98,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(0.05),
                 most: Some(0.5),
                 basis: Basis::Calibration,
-                how: "95 % of the way after the step from 80 to 20 %. The area to ambient was corrected from \
-                      the printed 8e-9 to 8e-7 m\u{b2}, without which venting takes tens of seconds.",
+                how: "Time to 95 % after the step from 80 to 20 %. The area to ambient was corrected from the printed \
+                      8e-9 to 8e-7 m\u{b2}; as printed, venting takes tens of seconds.",
             },
             Claim {
                 name: "tank_is_floor",
@@ -113,8 +110,8 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: None,
                 most: Some(10.0),
                 basis: Basis::Prediction,
-                how: "By how much actuator_pressure is below tank_pressure at most; negative where it never is. The bound \
-                      is 0.01 % of ambient pressure, the solver's accuracy.",
+                how: "Largest excess of tank_pressure over actuator_pressure; negative if there is none. The bound is \
+                      0.01 % of ambient pressure, the solver's accuracy.",
             },
             Claim {
                 name: "tank_pressure_rise",
@@ -125,12 +122,12 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
                 least: Some(500.0),
                 most: None,
                 basis: Basis::Prediction,
-                how: "The change of tank_pressure from the step up to the step down 3 s later, leakage \
-                      included. The bound asks for a rise that a plot shows.",
+                how: "Change of tank_pressure from the step up to the step down 3 s later, including leakage. The \
+                      bound requires a rise visible in a plot.",
             },
         ],
         notes: vec![format!(
-            "63 % of the way: actuator pressure {:.2} s evacuating and {:.2} s venting, wastegate {:.2} s.",
+            "Times to 63 %: actuator pressure {:.2} s evacuating and {:.2} s venting, wastegate {:.2} s.",
             evacuating(0.63)?,
             venting(0.63)?,
             position(0.63)?

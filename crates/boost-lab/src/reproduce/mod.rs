@@ -1,8 +1,6 @@
-//! The paper's figures from the FMUs: each is one or more scenarios, what is measured in them, and a drawing
-//! laid out as the paper's.
+//! The paper's figures from the FMUs: each has scenarios, measurements, and a drawing in the paper's layout.
 //!
-//! A [`Claim`] is a statement of the paper with the number that the FMUs give, the range that confirms it, and
-//! whether the number is a prediction or was calibrated.
+//! A [`Claim`] is a claim of the paper with the FMUs' result, the accepted range, and the result's basis.
 
 mod figure_1;
 mod figure_10;
@@ -33,31 +31,23 @@ use fmu_record::numbers::{number, shown};
 pub use self::report::{html, json};
 
 pub struct PaperFigure {
-    /// The number of the figure in the paper.
+    /// The figure's number in the paper.
     pub number: u32,
     pub title: &'static str,
     reproduce: fn(&mut Laboratory) -> Result<Evidence>,
 }
 
-/// All figures that are experiments, in their order.
+/// All figures that are experiments, in order.
 pub const FIGURES: [PaperFigure; 10] = [
-    PaperFigure { number: 1, title: "A disturbance of the supply voltage", reproduce: figure_1::reproduce },
-    PaperFigure { number: 6, title: "Leakage and pressure over the duty", reproduce: figure_6::reproduce },
-    PaperFigure { number: 7, title: "Hysteresis of the actuator", reproduce: figure_7::reproduce },
-    PaperFigure {
-        number: 8,
-        title: "Spring, and the vacuum pump's disturbance",
-        reproduce: figure_8::reproduce,
-    },
-    PaperFigure { number: 9, title: "Ramp and steps of the duty", reproduce: figure_9::reproduce },
-    PaperFigure { number: 10, title: "The voltage compensated", reproduce: figure_10::reproduce },
-    PaperFigure {
-        number: 11,
-        title: "The low-pressure wastegate shut or open",
-        reproduce: figure_11::reproduce,
-    },
-    PaperFigure { number: 12, title: "Structure of the controller", reproduce: figure_12::reproduce },
-    PaperFigure { number: 13, title: "Steps of boost pressure", reproduce: figure_13::reproduce },
+    PaperFigure { number: 1, title: "Supply voltage disturbance", reproduce: figure_1::reproduce },
+    PaperFigure { number: 6, title: "Leakage and pressure over duty", reproduce: figure_6::reproduce },
+    PaperFigure { number: 7, title: "Actuator hysteresis", reproduce: figure_7::reproduce },
+    PaperFigure { number: 8, title: "Spring, and vacuum pump disturbance", reproduce: figure_8::reproduce },
+    PaperFigure { number: 9, title: "Duty ramp and steps", reproduce: figure_9::reproduce },
+    PaperFigure { number: 10, title: "Voltage compensation", reproduce: figure_10::reproduce },
+    PaperFigure { number: 11, title: "Low-pressure wastegate shut or open", reproduce: figure_11::reproduce },
+    PaperFigure { number: 12, title: "Controller structure", reproduce: figure_12::reproduce },
+    PaperFigure { number: 13, title: "Boost pressure steps", reproduce: figure_13::reproduce },
     PaperFigure { number: 14, title: "Boost pressure under voltage steps", reproduce: figure_14::reproduce },
 ];
 
@@ -65,9 +55,9 @@ pub const FIGURES: [PaperFigure; 10] = [
 pub struct Evidence {
     /// The drawings with their captions.
     pub drawings: Vec<(String, Drawing)>,
-    /// The paper's statements, in the order of the report.
+    /// The paper's claims, in the order of the report.
     pub claims: Vec<Claim>,
-    /// How the experiment differs from the paper's, and what is not reproduced.
+    /// Differences from the paper's experiment, and what is not reproduced.
     pub notes: Vec<String>,
 }
 
@@ -84,36 +74,36 @@ impl From<Figure> for Drawing {
     }
 }
 
-/// A statement of the paper, compared with the FMUs.
+/// A claim of the paper, compared with the FMUs.
 #[derive(Clone, Debug, Serialize)]
 pub struct Claim {
-    /// The name in report.json, unique in its figure.
+    /// The name in report.json, unique within the figure.
     pub name: &'static str,
-    /// The paper's statement.
+    /// What the paper says.
     pub paper: &'static str,
-    /// The paper's number, in `unit`, where it prints one.
+    /// The paper's number in `unit`, if it prints one.
     pub paper_value: Option<f64>,
-    /// The number that the FMUs give.
+    /// The FMUs' result.
     pub value: f64,
     /// The unit of `value`, `least` and `most`.
     pub unit: &'static str,
-    /// The smallest value that confirms the statement.
+    /// The smallest accepted value.
     pub least: Option<f64>,
-    /// The largest value that confirms the statement.
+    /// The largest accepted value.
     pub most: Option<f64>,
-    /// Where the number comes from.
+    /// Where the result comes from.
     pub basis: Basis,
-    /// How the number is computed, and why the range is what it is.
+    /// How the result is computed, and the reason for the range.
     pub how: &'static str,
 }
 
-/// Where a number comes from.
+/// Where a result comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Basis {
     /// Parameters were calibrated to it.
     Calibration,
-    /// It follows from parameters that were chosen for other reasons.
+    /// It follows from parameters chosen for other reasons.
     Prediction,
     /// It follows from the controller's structure.
     Construction,
@@ -121,18 +111,18 @@ pub enum Basis {
 
 impl Claim {
     pub fn holds(&self) -> bool {
-        // False for not-a-number.
+        // False for NaN.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY)
     }
 
-    /// The number that the FMUs give, with its unit.
+    /// The FMUs' result with its unit.
     pub fn found(&self) -> String {
         let (unit, factor) = self.scale();
         format!("{} {unit}", number(factor * self.value)).trim_end().to_owned()
     }
 
-    /// The range that confirms the statement, in the unit of [`Self::found`].
+    /// The accepted range, in the unit of [`Self::found`].
     pub fn asked(&self) -> String {
         let shown = |value| number(self.scale().1 * value);
         match (self.least, self.most) {
@@ -148,7 +138,7 @@ impl Claim {
         self.paper_value.map(|value| number(self.scale().1 * value))
     }
 
-    /// The unit that suits the range, and the factor to it.
+    /// A unit suited to the range, and the factor to it.
     pub fn scale(&self) -> (String, f64) {
         shown(self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
@@ -167,13 +157,13 @@ impl Basis {
 pub struct Reproduced {
     pub figure: &'static PaperFigure,
     pub evidence: Evidence,
-    /// The scenarios that ran: names and texts.
+    /// Names and texts of the scenarios that ran.
     pub scenarios: Vec<(&'static str, &'static str)>,
-    /// What ran, in its order.
+    /// The runs, in order.
     pub runs: Vec<Run>,
 }
 
-/// An experiment of a figure, for others to run again.
+/// A run of a figure's experiment, for others to repeat.
 pub struct Run {
     pub scenario: Scenario,
     /// The recorded variables.
@@ -202,7 +192,7 @@ pub struct Laboratory {
 }
 
 impl Laboratory {
-    /// With the `BoostPlant.fmu` and `BoostController.fmu` of a folder.
+    /// Uses the `BoostPlant.fmu` and `BoostController.fmu` in a folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), fmus: LoadedFmus::default(), scenarios: vec![], runs: vec![] }
     }
@@ -226,7 +216,7 @@ impl Laboratory {
         self.fmus.iter().map(describe).collect()
     }
 
-    /// A scenario of the laboratory, by its file's name and text.
+    /// A scenario of the laboratory, from its file name and text.
     fn scenario(&mut self, name: &'static str, text: &'static str) -> Result<Scenario> {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));
@@ -240,7 +230,7 @@ impl Laboratory {
         Ok(record)
     }
 
-    /// What a scenario of the laboratory records and shows: its first seconds, by its file's name and text.
+    /// Runs the first seconds of a scenario, to see what it records and shows.
     pub fn try_out(&mut self, (name, text): (&'static str, &'static str), seconds: f64) -> Result<Run> {
         let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
         let mut begin = scenario.clone();
@@ -250,7 +240,7 @@ impl Laboratory {
     }
 }
 
-/// A scenario of the folder `scenarios`: its name and its text.
+/// A scenario in the folder `scenarios`: its name and text.
 macro_rules! shipped {
     ($name:literal) => {
         ($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/", $name)))

@@ -1,4 +1,4 @@
-//! The reports: report.html for readers, which needs no other file, and report.json for programs.
+//! The reports: a self-contained report.html for readers, and report.json for programs.
 
 use anyhow::Result;
 use serde::Serialize;
@@ -12,7 +12,7 @@ const STYLE: &str = "
 .claims { max-width: 58rem; } .holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
 @media (max-width: 48rem) {
   .claims thead { display: none; } .claims tr { display: flex; flex-wrap: wrap; gap: 0 1rem; padding: .5rem 0; border-bottom: 1px solid var(--rule); }
-  .claims td { padding: 0; border: 0; } .claims td:first-child { flex: 1 0 100%; } .claims .asked::before { content: \"asked: \"; color: var(--faint); }
+  .claims td { padding: 0; border: 0; } .claims td:first-child { flex: 1 0 100%; } .claims .asked::before { content: \"accepted: \"; color: var(--faint); }
 }
 ";
 
@@ -64,12 +64,12 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     let mut body = format!(
         "<h1>Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs</h1>\n\
          <p>The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control \
-         with system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Under each drawing stand the \
-         paper's statements, the number that the FMUs give, and whether it confirms the statement.</p>\n\
-         <p>The engine's and turbochargers' parameters are not published. Where they were chosen so that a figure is \
-         met, the number is called a <em>calibration</em>; a <em>prediction</em> follows from parameters that were \
-         chosen by something else; a <em>construction</em> follows from how the controller is built.</p>\n\
-         <p><span class=\"{}\">{holding} of {all} statements hold.</span></p>\n",
+         with system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Below each figure: the paper's \
+         claims, the FMUs' results, and whether they agree.</p>\n\
+         <p>The parameters of the engine and turbochargers are not published. A <em>calibration</em> is a result that \
+         parameters were chosen to match, a <em>prediction</em> follows from parameters chosen for other reasons, and a \
+         <em>construction</em> follows from the controller's structure.</p>\n\
+         <p><span class=\"{}\">{holding} of {all} claims hold.</span></p>\n",
         escaped(&fmus.join(" and ")),
         if holding == all { "holds" } else { "fails" },
     );
@@ -89,7 +89,7 @@ fn section(Reproduced { figure, evidence, scenarios, .. }: &Reproduced) -> Strin
         };
         text += &format!("<figure>\n{html}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
     }
-    text += "<table class=\"claims\">\n<thead><tr><th>The paper</th><th>Its number</th><th>The FMUs</th><th>Asked for</th><th></th></tr></thead>\n<tbody>\n";
+    text += "<table class=\"claims\">\n<thead><tr><th>Claim</th><th>Paper</th><th>FMUs</th><th>Accepted</th><th></th></tr></thead>\n<tbody>\n";
     for claim in &evidence.claims {
         let (class, word) = if claim.holds() { ("holds", "holds") } else { ("fails", "fails") };
         text += &format!(

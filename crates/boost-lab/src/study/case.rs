@@ -1,10 +1,9 @@
-//! A case in closed loop, held against the reachable reference.
+//! A case in closed loop, compared with the reachable reference.
 //!
-//! The reachable reference is a band. Its edges are the reference itself, cut off where the plant cannot hold it at rest
-//! ([`Reach`]); after each step of the reference and from each ramp's begin on, no control is asked to be better than one
-//! that knows the plant, which is tried on the plant itself, from its state in that moment ([`OpenLoop::fastest`]). On its
-//! way from one reference to the next the pressure may be anywhere between, until [`ALLOWANCE`] after that control has
-//! arrived.
+//! The reachable reference is a band. Its edges are the reference itself, limited to what the plant can hold at rest
+//! ([`Reach`]). After each reference step and from the start of each ramp, no control has to be better than one that
+//! knows the plant, which is tried on the plant itself, from its state at that moment ([`OpenLoop::fastest`]). Between
+//! two references the pressure may be anywhere between them, until [`ALLOWANCE`] after that control has arrived.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,17 +20,17 @@ use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
 use fmu_record::Record;
 
-/// How much later than the fastest plant a controlled one arrives (s): five times the controller's `lambda`, the time
-/// constant that is asked for.
+/// The time allowed after the fastest plant's arrival (s): five times the controller's `lambda`, the desired time
+/// constant.
 const ALLOWANCE: f64 = 1.5;
-/// The longest cycle (in steps) of a control that switches between stops: the actuator's way there and back.
+/// The longest cycle (in steps) of bang-bang control: the actuator's travel both ways.
 const CYCLE: usize = 2 * TURNING_STEPS;
-/// How near to the reachable reference the fastest plant has arrived (Pa).
+/// The distance from the reachable reference at which the fastest plant counts as arrived (Pa).
 const ARRIVES_WITHIN: f64 = 100.0;
-/// Overshoot is looked for after a step (s), until the next event.
+/// Overshoot counts for this time after a step (s), or until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
 
-/// What is recorded of each case, where the FMUs have it.
+/// The variables recorded for each case, if the FMUs have them.
 const RECORDED: [&str; 12] = [
     "boost_reference",
     "boost_pressure",
@@ -48,13 +47,13 @@ const RECORDED: [&str; 12] = [
 ];
 const BOOST: &str = "boost_pressure";
 pub const SHAFT: &str = "hp_turbo_speed";
-/// Backwards, and so negative, where a compressor surges.
+/// Negative when a compressor surges.
 const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
 const ALARM: &str = "fault_code";
-/// What the controller aims at.
+/// The controller's target.
 pub const MODEL: &str = "reference_model_pressure";
 
-/// The names that the FMUs have.
+/// Which of the names the FMUs have.
 pub struct Names {
     plant_inputs: Vec<String>,
     inputs: Vec<String>,
@@ -78,7 +77,7 @@ impl Names {
         self.plant_inputs.iter().any(|known| known == name)
     }
 
-    /// The variable of the shaft's speed.
+    /// The shaft speed variable.
     pub fn shaft(&self) -> Option<&'static str> {
         self.has_shaft.then_some(SHAFT)
     }
@@ -102,41 +101,41 @@ pub struct Rig {
     saves_states: bool,
 }
 
-/// A closed loop and the band that it is held against.
+/// A closed loop and its band.
 pub struct Simulated {
     pub record: Record,
     /// The edges of the reachable reference at each row (Pa).
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
-    /// Communication points in which something begins.
+    /// Communication points at which something starts.
     pub events: Vec<usize>,
 }
 
-/// The numbers of a case.
+/// A case's measures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
-    /// The largest distance from the reachable reference after the settling (Pa).
+    /// The largest deviation from the reachable reference after settling (Pa).
     pub deviation: f64,
-    /// When (s).
+    /// Its time (s).
     pub deviation_time: f64,
-    /// Whether boost is too high there.
+    /// Whether boost is too high then.
     pub is_above: bool,
-    /// The largest overshoot over steps of the reference (Pa).
+    /// The largest overshoot over reference steps (Pa).
     pub overshoot: f64,
-    /// The high-pressure shaft's greatest speed at rest, and otherwise (rpm).
+    /// The high-pressure shaft's maximum speed at rest, and otherwise (rpm).
     pub shaft_at_rest: Option<f64>,
     pub shaft_in_transients: Option<f64>,
-    /// The least flow of a compressor (kg/s).
+    /// The minimum flow of a compressor (kg/s).
     pub least_flow: Option<f64>,
-    /// The greatest `fault_code`.
+    /// The largest `fault_code`.
     pub alarm: Option<f64>,
 }
 
-/// What a control that knows the plant makes of it from a moment on.
+/// The plant's response to a control that knows it, from some moment.
 struct Fastest {
     event: Event,
     first: usize,
-    /// Boost pressure after each step from `first` on, towards the reference from below and from above.
+    /// Boost pressure after each step from `first`, towards the reference from below and from above.
     up: Vec<f64>,
     down: Vec<f64>,
 }
@@ -185,7 +184,7 @@ impl Rig {
         Ok(())
     }
 
-    /// Whether the plant can be tried from its state in a moment.
+    /// Whether the plant can be tried from a saved state.
     pub fn saves_states(&self) -> bool {
         self.saves_states
     }
@@ -227,7 +226,7 @@ impl Rig {
         let mut fastest: Vec<Fastest> = vec![];
         let mut master = self.run_to(&scenario, 0)?;
         for index in 0..steps {
-            // A short ramp and the step of the reference within it may begin at once.
+            // A short ramp and the reference step within it may start together.
             for (event, _) in events.iter().zip(&begins).filter(|&(_, &begin)| begin == index) {
                 let last = begins.iter().copied().find(|&begin| begin > index).unwrap_or(steps);
                 fastest.push(self.fastest(case, reach, *event, &mut master, (index, last))?);
@@ -280,8 +279,8 @@ impl Rig {
     }
 }
 
-/// A control that switches between stops swings about the reference: between two moments on it that are at most a cycle
-/// apart, one with finer steps stays on it.
+/// Bang-bang control oscillates around the reference: between two crossings at most a cycle apart, one with finer steps
+/// would stay on it.
 fn smooth(pressures: &mut [f64], reference: impl Fn(usize) -> f64) {
     let mut last = None;
     for index in 0..pressures.len() {
@@ -304,7 +303,7 @@ fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f
             (reference.min(reach.highest(speed)), reference.max(reach.lowest(speed)))
         };
         let edges = |reference: f64| edges_at(speed, reference);
-        // What begins at a row acts from the next one on.
+        // What starts at a row acts from the next one.
         let (mut lower, mut upper) = edges(case.reference.at(time - 0.5 * STEP));
         let Some(Fastest { event, first, up, down }) = fastest.iter().rfind(|fastest| fastest.first < row)
         else {
@@ -336,10 +335,10 @@ fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f
 }
 
 impl Simulated {
-    /// The distance from the band at a row, and whether it is above (Pa).
+    /// The deviation from the band at a row (Pa), and whether it is above.
     pub fn distance(&self, row: usize, pressure: f64) -> (f64, bool) {
         let (below, above) = (self.lower[row] - pressure, pressure - self.upper[row]);
-        // Not a number stays one.
+        // NaN stays NaN.
         if below > above {
             (if below < 0.0 { 0.0 } else { below }, false)
         } else {
@@ -351,7 +350,7 @@ impl Simulated {
         self.record.get(BOOST)
     }
 
-    /// The valves that acted in the communication step of an index.
+    /// The valve commands in effect during a communication step.
     pub fn valves(&self, index: usize) -> [f64; 3] {
         VALVES.map(|(name, _)| self.record.get(name).map_or(0.0, |values| values[index + 1]))
     }
@@ -380,7 +379,7 @@ impl Simulated {
         })
     }
 
-    /// The largest overshoot over the new reference, in the direction of the step, or over what can be reached of it.
+    /// The largest overshoot over the new reference, or its reachable part, in the direction of the step.
     fn overshoot(&self, case: &Case, boost: &[f64]) -> f64 {
         let Signal::Steps(steps) = &case.reference else { return 0.0 };
         let overshoot = steps.windows(2).map(|pair| {

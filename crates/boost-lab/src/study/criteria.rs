@@ -1,4 +1,4 @@
-//! What a study is judged by: every bound stands here, and nowhere else.
+//! The criteria of a study; all bounds are defined here.
 
 use serde::Serialize;
 
@@ -6,25 +6,25 @@ use super::case::Measures;
 
 /// This share of the cases must stay within [`NEAR`] of the reachable reference.
 pub const SHARE_NEAR: f64 = 0.95;
-/// A deviation that a driver does not feel: twice the 1 kPa of the paper's Figs. 13 and 14 (Pa).
+/// A deviation too small for a driver to feel: twice the 1 kPa of the paper's Figs. 13 and 14 (Pa).
 pub const NEAR: f64 = 2e3;
-/// No case may deviate by more; the paper's bound for steps of its Fig. 13 (Pa).
+/// The largest deviation allowed; the paper's bound for the steps of its Fig. 13 (Pa).
 pub const FAR: f64 = 5e3;
-/// No shaft may be faster at rest; 5 krpm above what the controller's limits aim at (rpm).
+/// The highest shaft speed allowed at rest; 5 krpm above the target of the controller's limits (rpm).
 pub const FASTEST_AT_REST: f64 = 210e3;
 
-/// A criterion with the study's result.
+/// A criterion and its result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Criterion {
     pub name: &'static str,
-    /// What is asked for.
+    /// What is required.
     pub asked: String,
-    /// What was found; none where the FMUs do not tell.
+    /// What was found; none if the FMUs do not provide it.
     pub found: Option<String>,
     pub holds: bool,
 }
 
-/// Judges the cases of a study. A case that could not be run fails.
+/// Judges the cases of a study. A case that failed to run counts as failed.
 pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
     let run: Vec<_> = cases.iter().flatten().collect();
     let share = |count: usize| count as f64 / cases.len().max(1) as f64;
@@ -65,12 +65,12 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
     ]
 }
 
-/// Whether a case is shown one by one: it breaks a bound, or is among those beyond [`NEAR`].
+/// Whether a case is reported individually: it violates a bound or is beyond [`NEAR`].
 pub fn is_outside(measures: &Measures) -> bool {
     measures.deviation > NEAR || is_failed(measures)
 }
 
-/// Whether a case alone makes a study fail.
+/// Whether a case makes the study fail.
 pub fn is_failed(measures: &Measures) -> bool {
     measures.deviation > FAR
         || measures.shaft_at_rest.is_some_and(|speed| speed > FASTEST_AT_REST)
@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// The positions of the criteria that do not hold.
+    /// The indices of the criteria that fail.
     fn broken(cases: &[Option<&Measures>]) -> Vec<usize> {
         judge(cases)
             .iter()
@@ -131,7 +131,7 @@ mod tests {
             let with_bad: Vec<_> = [Some(&bad)].into_iter().chain(cases[1..].iter().copied()).collect();
             assert_eq!(broken(&with_bad), [criterion]);
         }
-        // A case that could not be run deviates by no one knows how much.
+        // The deviation of a case that failed to run is unknown.
         cases[0] = None;
         assert_eq!(broken(&cases), [0, 2]);
     }

@@ -1,5 +1,5 @@
-//! The random cases: a plant, a day, and a manoeuvre of engine speed, boost reference and supply voltage for each, from
-//! one Latin hypercube.
+//! The random cases, from one Latin hypercube: a plant, ambient conditions, and a manoeuvre of engine speed, boost
+//! reference and supply voltage.
 
 use std::fmt::Write as _;
 
@@ -13,14 +13,14 @@ use fmu_master::scenario::Signal;
 
 /// The communication step (s): the controller's sample time.
 pub const STEP: f64 = 0.0125;
-/// From the start to the first step of the reference (s): a plant that differs from the controller's maps starts away from
-/// its reference, and is judged from then on.
+/// Time from the start to the first reference step (s), when judging starts: a plant that differs from the controller's
+/// maps starts off its reference.
 pub const SETTLING: f64 = 5.0;
-/// From a change of the reference or of engine speed to the next (s).
+/// Time between changes of reference or engine speed (s).
 const HOLD: f64 = 5.0;
-/// From the end of the last ramp to the end (s).
+/// Time from the end of the last ramp to the end (s).
 const END: f64 = 6.0;
-/// Nothing moves for this time: the loop is at rest (s).
+/// The loop is at rest after this time without changes (s).
 pub const AT_REST_AFTER: f64 = 3.0;
 
 /// The range of a random quantity.
@@ -39,7 +39,7 @@ const fn logarithmic(name: &'static str, from: f64, to: f64) -> Range {
     Range { name, from, to, is_logarithmic: true }
 }
 
-/// All that is random besides the plant's parameters, in SI units and rpm. The names are those of the results' columns.
+/// All random quantities except plant parameters, in SI units and rpm, named as in the results' columns.
 const RANGES: [Range; 13] = [
     // 0 to 3000 m of altitude.
     range("ambient_pressure", 70e3, 101_325.0),
@@ -61,10 +61,10 @@ const RANGES: [Range; 13] = [
     range("reference_step_2", -20e3, 20e3),
 ];
 
-/// The range of references: below and above it steps are cut off (Pa).
+/// The range of references, to which steps are limited (Pa).
 const REFERENCES: (f64, f64) = (115e3, 215e3);
 
-/// The plants: the sets of parameters between which and the plant's own values they are drawn.
+/// The plants: parameters are drawn between the plant's values and those of each set.
 const PLANTS: [&str; 10] = [
     include_str!("../../../../parameters/large_chamber.ssv"),
     include_str!("../../../../parameters/large_wastegate.ssv"),
@@ -78,12 +78,12 @@ const PLANTS: [&str; 10] = [
     include_str!("../../../../parameters/weak_turbine.ssv"),
 ];
 
-/// The sets of this repository.
+/// This repository's sets.
 pub fn known_plants() -> Result<Vec<ParameterSet>> {
     Ok(PLANTS.iter().map(|text| ParameterSet::parse(text)).collect::<Result<_, _>>()?)
 }
 
-/// A plant's difference from its own values, by variable.
+/// A plant's deviation from its own values, by variable.
 struct Direction {
     set: String,
     parameters: Vec<(String, f64)>,
@@ -94,13 +94,13 @@ pub struct Cases {
     directions: Vec<Direction>,
     /// The plant's own values of the parameters that vary, in the plant's order.
     own: Vec<(String, f64)>,
-    /// For each case the places in the ranges, from 0 to 1: of the sets, then of [`RANGES`].
+    /// For each case the positions in the ranges, from 0 to 1: the sets, then [`RANGES`].
     fractions: Vec<Vec<f64>>,
     /// Notes for readers.
     pub notes: Vec<String>,
 }
 
-/// A case: what is drawn and the experiment that follows from it.
+/// A case: the drawn values and the resulting experiment.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// From 0.
@@ -113,7 +113,7 @@ pub struct Case {
     pub noise: f64,
     pub engine_speed: Signal,
     pub reference: Signal,
-    /// When reference or engine speed begin to change (s).
+    /// When reference or engine speed start to change (s).
     pub events: Vec<Event>,
     pub stop_time: f64,
 }
@@ -122,13 +122,13 @@ pub struct Case {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
     pub begin: f64,
-    /// The end of a ramp; of a step its begin.
+    /// The end of a ramp; for a step, its start.
     pub end: f64,
     pub is_step: bool,
 }
 
 impl Cases {
-    /// Draws cases for a plant. Of each set those parameters vary which the plant has.
+    /// Draws cases for a plant. Parameters that the plant lacks are ignored.
     pub fn draw(plant: &FmuDescription, sets: &[ParameterSet], count: usize, seed: u64) -> Result<Self> {
         let mut own: Vec<(String, f64)> = vec![];
         let mut directions = vec![];
@@ -153,7 +153,7 @@ impl Cases {
             }
             if parameters.is_empty() {
                 notes.push(format!(
-                    "The plant has none of the parameters of the set {}: it does not vary.",
+                    "The plant has none of the parameters of the set {}, which has no effect.",
                     set.name
                 ));
             } else {
@@ -161,7 +161,7 @@ impl Cases {
             }
         }
         if count == 0 {
-            bail!("a study has at least one case");
+            bail!("a study needs at least one case");
         }
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut fractions = vec![vec![]; count];
@@ -177,7 +177,7 @@ impl Cases {
         self.fractions.len()
     }
 
-    /// What is drawn, by the columns of the results.
+    /// The drawn values, by column of the results.
     pub fn columns(&self) -> Vec<String> {
         let sets = self.directions.iter().map(|direction| direction.set.clone());
         sets.chain(RANGES.iter().map(|range| range.name.to_owned())).collect()
@@ -264,7 +264,7 @@ impl Case {
         time >= AT_REST_AFTER && !self.events.iter().any(moves)
     }
 
-    /// The case as a scenario, for `simulate`: with those inputs and records that the FMUs have.
+    /// The case as a scenario for `simulate`, with the inputs and records that the FMUs have.
     pub fn scenario(
         &self,
         strategy: Option<&str>,

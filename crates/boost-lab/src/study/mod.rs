@@ -1,13 +1,13 @@
-//! The study of a controller on random plants, days and manoeuvres, which it passes or fails.
+//! A pass/fail study of a controller on random plants, ambient conditions and manoeuvres.
 //!
 //! - [`draw`] draws the cases from a Latin hypercube.
-//! - [`reach`] finds what a case's plant can do at all.
-//! - [`case`] runs a case in closed loop and measures how far it is from what can be reached.
+//! - [`reach`] finds what a case's plant can reach.
+//! - [`case`] runs a case in closed loop and measures its deviation from that.
 //! - [`criteria`] judges the measures.
 //! - [`optimum`] searches for the best control of a case around its worst moment.
 //! - [`report`] writes the results.
 //!
-//! Each finished case is written to the [journal](cargo_fmu::run::journal) at once, from which an interrupted study resumes.
+//! Each finished case is written to the [journal](cargo_fmu::run::journal) at once; an interrupted study resumes from it.
 
 pub mod case;
 pub mod criteria;
@@ -32,14 +32,14 @@ use fmu_master::ONLY_ONCE;
 
 pub use self::report::{Report, csv};
 
-/// Cases outside the criteria that are explained one by one: more say that something is wrong altogether.
+/// The number of cases explained individually: more mean that something is fundamentally wrong.
 const MOST_EXPLAINED: usize = 40;
 
-/// A study: its FMUs, its cases, and the strategies of the controller that they are run with.
+/// A study: its FMUs, cases and controller strategies.
 pub struct Study {
     pub rig: Rig,
     pub cases: Cases,
-    /// The first is judged; none is the controller's own.
+    /// The first is judged; none means the controller's default.
     pub strategies: Vec<Option<String>>,
 }
 
@@ -54,12 +54,12 @@ pub struct Outcome {
 /// A case with a strategy.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Run {
-    /// The message of a run that failed.
+    /// The error message of a failed run.
     pub error: Option<String>,
     pub measures: Option<Measures>,
 }
 
-/// A case outside the criteria, with its traces and what could have been done.
+/// A case outside the criteria, with its traces and the best control found.
 pub struct Explained {
     pub case: Case,
     pub measures: Measures,
@@ -69,13 +69,13 @@ pub struct Explained {
 }
 
 impl Study {
-    /// Opens the journal, and takes the finished cases from it.
+    /// Opens the journal and reads the finished cases.
     pub fn open_journal(path: &Path, settings: &Settings) -> Result<(Journal, BTreeMap<usize, Outcome>)> {
         let (journal, finished) = Journal::open::<Outcome>(path, settings)?;
         Ok((journal, finished.into_iter().map(|outcome| (outcome.case, outcome)).collect()))
     }
 
-    /// Runs the cases that are not finished, on so many threads; `progress` is called after each.
+    /// Runs the remaining cases on a number of threads; `progress` is called after each.
     pub fn run(
         &self,
         journal: &Journal,
@@ -117,7 +117,7 @@ impl Study {
         Outcome { case: number, runs: runs.collect() }
     }
 
-    /// Explains the cases outside the criteria, the worst first.
+    /// Explains the cases outside the criteria, worst first.
     pub fn explain(
         &self,
         outcomes: &[Outcome],
@@ -145,7 +145,7 @@ impl Study {
     }
 }
 
-/// The cases outside the criteria with the strategy that is judged, the worst first.
+/// The cases outside the criteria with the judged strategy, worst first.
 pub fn outside(outcomes: &[Outcome]) -> Vec<(usize, Measures)> {
     let measures = |outcome: &Outcome| Some((outcome.case, outcome.runs.first()?.measures.clone()?));
     let mut outside: Vec<_> =

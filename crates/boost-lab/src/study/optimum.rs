@@ -1,9 +1,9 @@
-//! What a control could have done that knew everything: the plant of a case, taken out of its loop before boost leaves the
-//! reachable reference, with the movements of all valves searched for that keep boost nearest to the reachable reference.
+//! The best control with full knowledge: a case's plant is taken out of its loop before boost leaves the reachable
+//! reference, and the valve movements that keep boost closest to it are searched.
 //!
-//! The search is direct: corrections of what the controller commanded, with lines between a few nodes, by an evolution
-//! strategy with one parent whose step widens with success and narrows without (Rechenberg's (1+1)-ES). What it finds can
-//! be done; the true optimum may be better.
+//! The search is direct: corrections of the controller's commands, linear between a few nodes, by an evolution strategy
+//! with one parent whose step grows with success and shrinks otherwise (Rechenberg's (1+1)-ES). What it finds is
+//! feasible; the true optimum may be better.
 
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};
@@ -16,30 +16,30 @@ use super::draw::{Case, SETTLING, STEP};
 use super::reach::{OpenLoop, VALVES, Valves};
 use fmu_master::measure::greatest;
 
-/// The window: from so long (s) before boost leaves the reachable reference, and before the event that precedes its worst
-/// moment, to after that moment.
+/// The window: from this time (s) before boost leaves the reachable reference and before the event preceding its worst
+/// moment, to this time after that moment.
 const BEFORE: f64 = 1.0;
 const AFTER: f64 = 0.5;
 /// Nodes of the corrections.
 const NODES: usize = 6;
 const TRIALS: usize = 300;
-/// How a trial's step widens with success and narrows without, between bounds, in shares of a valve's range.
+/// The step factors on success and failure, and the step's bounds, in shares of a valve's range.
 const WIDER: f64 = 1.3;
 const NARROWER: f64 = 0.96;
 const WIDTHS: (f64, f64, f64) = (0.01, 0.2, 0.6);
-/// The share of the corrections that a trial changes, and of the trials that move a whole valve instead.
+/// The share of corrections changed by a trial, and the share of trials that move a whole valve instead.
 const CHANGED: f64 = 0.3;
 const WHOLE: f64 = 0.3;
-/// The norm of the distances that is made small: the peaks count most, but lowering one of several counts as well.
+/// The norm of the deviations to minimize: peaks count most, but lowering one of several counts too.
 const NORM: i32 = 6;
 
-/// The best that was found.
+/// The best control found.
 pub struct Optimum {
     pub times: Vec<f64>,
     pub boost: Vec<f64>,
     pub shaft: Vec<f64>,
     pub valves: Vec<Valves>,
-    /// The largest deviation in the window (Pa), also of the closed loop.
+    /// The largest deviation in the window (Pa), and that of the closed loop.
     pub deviation: f64,
     pub closed_loop: f64,
 }
@@ -105,7 +105,7 @@ pub fn search(
     };
 
     let mut best: Option<(f64, Optimum, Corrections)> = None;
-    // What the controller did, and all valves at a stop.
+    // Start from the controller's commands, and from all valves at a stop.
     for start in [0.0, -1.0, 1.0] {
         let corrections = [[start; NODES]; 3];
         let (cost, found) = attempt(&corrections)?;
@@ -165,7 +165,7 @@ mod tests {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
         };
         close(corrected(&corrections, 0.0, [40.0, 0.5, 0.2]), [40.0, 0.5, 0.0]);
-        // Half way to the second of six nodes.
+        // Halfway to the second of six nodes.
         close(corrected(&corrections, 0.1, [40.0, 0.5, 0.2]), [45.0, 0.5, 0.0]);
         close(corrected(&corrections, 1.0, [99.0, 0.5, 0.2]), [100.0, 0.5, 0.0]);
     }

@@ -1,4 +1,4 @@
-//! What a plant can do: boost pressure at rest with its valves at their stops, and how fast they move it.
+//! What a plant can reach: boost pressure at rest with its valves at their stops, and how fast they move it.
 
 use std::sync::Arc;
 
@@ -11,9 +11,9 @@ use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};
 
-/// The reachable range ends where the high-pressure shaft turns this fast at rest (rpm), as the controller's limits do.
+/// The high-pressure shaft speed at rest (rpm) that limits the reachable range, as the controller's limits.
 pub const SHAFT_LIMIT: f64 = 205e3;
-/// A start at rest is waited for until boost pressure changes by less (Pa) in [`LOOK_BACK`].
+/// Settled when boost pressure changes by less than this (Pa) in [`LOOK_BACK`].
 const RESTS_WITHIN: f64 = 20.0;
 const LOOK_BACK: f64 = 0.5;
 /// The longest wait (s).
@@ -23,17 +23,17 @@ const SPEEDS: [f64; 8] = [2000.0, 2500.0, 3000.0, 3500.0, 4000.0, 4500.0, 5000.0
 /// Refinements of the duty at which the shaft reaches its limit: to about 100 rpm.
 const REFINEMENTS: usize = 5;
 
-/// The longest that boost and shaft go on when the valves move back, in steps: several times the actuator's time.
+/// Longest overrun of boost and shaft speed after the valves reverse, in steps: several times the actuator's time.
 pub const TURNING_STEPS: usize = 24;
 
 /// The valves: high-pressure wastegate (%), low-pressure wastegate, bypass of the high-pressure compressor.
 pub type Valves = [f64; 3];
 const SHUT: Valves = [0.0, 0.0, 0.0];
 const OPEN: Valves = [100.0, 1.0, 1.0];
-/// The wastegate of the high-pressure stage open alone: it slows the shaft down.
+/// Only the high-pressure wastegate open, which slows the shaft.
 const SLOWED: Valves = [100.0, 0.0, 0.0];
 
-/// The stops of the valves between which a control that knows the plant switches.
+/// The valve stops between which a control that knows the plant switches.
 #[derive(Clone, Copy)]
 pub struct Stops {
     drive: Valves,
@@ -44,17 +44,17 @@ pub struct Stops {
 pub const UP: Stops = Stops { drive: SHUT, back: SLOWED };
 pub const DOWN: Stops = Stops { drive: OPEN, back: SHUT };
 
-/// The names of the inputs, and the greatest value of each.
+/// The inputs' names and maximum values.
 pub const VALVES: [(&str, f64); 3] = [("hp_wastegate_pwm", 100.0), ("lp_wastegate", 1.0), ("hp_bypass", 1.0)];
 
-/// The boost pressure that can be held, over engine speed (Pa over rpm).
+/// The boost pressure range that can be held, over engine speed (Pa over rpm).
 pub struct Reach {
     highest: Vec<(f64, f64)>,
     lowest: Vec<(f64, f64)>,
 }
 
 impl Reach {
-    /// Holds a case's plant at its stops, at engine speeds between which the case moves.
+    /// Holds a case's plant at its stops, over the case's range of engine speeds.
     pub fn of(case: &Case, plant: &Arc<Fmu>, names: &Names) -> Result<Self> {
         let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
             .map(|of| case.speeds().reduce(of).unwrap_or(f64::NAN));
@@ -80,11 +80,11 @@ impl Reach {
     }
 }
 
-/// What is measured of a plant.
+/// A plant's measured state.
 #[derive(Clone, Copy)]
 pub struct Measured {
     pub boost: f64,
-    /// Of the high-pressure shaft (rpm); 0 where the plant does not tell.
+    /// The high-pressure shaft speed (rpm); 0 if the plant does not provide it.
     pub shaft: f64,
 }
 
@@ -102,14 +102,14 @@ impl Bench<'_> {
         if shut.shaft <= SHAFT_LIMIT {
             return Ok(shut.boost);
         }
-        // Regula falsi (Illinois) on the shaft's speed over the duty.
+        // Regula falsi (Illinois) on shaft speed over duty.
         let mut fast = (SHUT[0], shut);
         let mut slow = (OPEN[0], self.rest(engine_speed, SLOWED)?);
         if slow.1.shaft >= SHAFT_LIMIT {
             return Ok(slow.1.boost);
         }
         for _ in 0..REFINEMENTS {
-            // Only the range in which the wastegate moves counts: halve at first.
+            // The wastegate moves only in part of the range: bisect first.
             let share = (fast.1.shaft - SHAFT_LIMIT) / (fast.1.shaft - slow.1.shaft);
             let duty = fast.0 + share.clamp(0.2, 0.8) * (slow.0 - fast.0);
             let found = self.rest(engine_speed, [duty, 0.0, 0.0])?;
@@ -119,12 +119,12 @@ impl Bench<'_> {
         Ok(interpolate(&shafts, SHAFT_LIMIT))
     }
 
-    /// The lowest boost pressure at rest, with the high-pressure wastegate open and the shaft within its limit: opening the
-    /// bypass unloads it. Where it is beyond its limit in any way, what it has where it is slowest.
+    /// The lowest boost pressure at rest, with the high-pressure wastegate open and the shaft within its limit: opening
+    /// the bypass unloads the shaft. If it always exceeds its limit, the pressure where it is slowest.
     fn lowest(&self, engine_speed: f64) -> Result<f64> {
         let mut slowest: Option<Measured> = None;
         let mut lowest = f64::INFINITY;
-        // The two that lead to the least pressure, then the others.
+        // The two with the lowest pressure, then the others.
         for openings in [[[1.0, 1.0], [1.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]]] {
             for [low_pressure, bypass] in openings {
                 let found = self.rest(engine_speed, [OPEN[0], low_pressure, bypass])?;
@@ -142,7 +142,7 @@ impl Bench<'_> {
         Ok(slowest.map_or(f64::NAN, |slowest| slowest.boost))
     }
 
-    /// The plant at rest at an engine speed and its valves.
+    /// The plant at rest at an engine speed with given valves.
     fn rest(&self, engine_speed: f64, valves: Valves) -> Result<Measured> {
         let mut plant = self.plant.instantiate("plant")?;
         plant.set_up(0.0, None)?;
@@ -200,7 +200,7 @@ impl Sensors {
 pub struct OpenLoop<'a> {
     plant: &'a mut Instance,
     valves: Selection,
-    /// How many of [`VALVES`] the plant has, by their positions.
+    /// Which of [`VALVES`] the plant has.
     known: Vec<usize>,
     driven: Selection,
     signals: Vec<Signal>,
@@ -231,7 +231,7 @@ impl<'a> OpenLoop<'a> {
         self.sensors.read(self.plant)
     }
 
-    /// Makes the communication step of an index.
+    /// Takes the communication step of an index.
     pub fn step(&mut self, index: usize, valves: Valves) -> Result<Measured> {
         let time = index as f64 * STEP;
         let signals: Vec<_> = self.signals.iter().map(|signal| signal.at(time)).collect();
@@ -242,9 +242,9 @@ impl<'a> OpenLoop<'a> {
         self.sensors.read(self.plant)
     }
 
-    /// Boost pressure from the step of an index on, until `ends` at a row or the row `last`, of a control that knows the
-    /// plant, but not what comes: the valves are at the stop that drives towards a bound as long as the plant stays within
-    /// it if they move back in the next step; otherwise they move back. The plant is left where it was.
+    /// Boost pressure from the step of an index until `ends` at a row or the row `last`, under a control that knows the
+    /// plant but not the future: the valves stay at the stop that drives towards a bound as long as the plant would
+    /// stay within it if they reversed in the next step; otherwise they reverse. The plant's state is restored.
     pub fn fastest(
         &mut self,
         Stops { drive, back }: Stops,
@@ -270,8 +270,8 @@ impl<'a> OpenLoop<'a> {
         Ok(pressures)
     }
 
-    /// Whether the plant stays within a bound from the row `first` on when its valves move to a stop at once: until boost
-    /// and shaft move away from the bound. The plant is left where it was.
+    /// Whether the plant stays within a bound from the row `first` when its valves move to a stop, until boost and
+    /// shaft move away from the bound. The plant's state is restored.
     fn turns_back(
         &mut self,
         back: Valves,

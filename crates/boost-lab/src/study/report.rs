@@ -1,4 +1,4 @@
-//! The results of a study: a table of all cases, and a report with the distributions and the cases outside the criteria.
+//! A study's results: a table of all cases, and a report with the distributions and the cases outside the criteria.
 
 use std::io::{self, Write};
 
@@ -18,17 +18,19 @@ table { font-variant-numeric: tabular-nums; } pre { font-size: 0.8em; background
 
 /// The shares of the cases below the quantiles of the tables.
 const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
-/// The drawn quantities that are plotted: those with the strongest correlation.
+/// Number of plotted quantities: those with the strongest correlation.
 const PLOTTED: usize = 6;
 
 type Get = fn(&Measures) -> Option<f64>;
 
-/// The measures of which a distribution is shown: name, unit, factor to it, and the value.
+/// The measures with a distribution: name, unit, factor to it, and value.
 const DISTRIBUTIONS: [(&str, &str, f64, Get); 4] = [
     ("worst deviation from the reachable reference", "kPa", 1e-3, |measures| Some(measures.deviation)),
-    ("largest overshoot over a step of the reference", "kPa", 1e-3, |measures| Some(measures.overshoot)),
-    ("greatest speed of the high-pressure shaft at rest", "krpm", 1e-3, |measures| measures.shaft_at_rest),
-    ("greatest speed of that shaft in transients", "krpm", 1e-3, |measures| measures.shaft_in_transients),
+    ("largest overshoot over a reference step", "kPa", 1e-3, |measures| Some(measures.overshoot)),
+    ("maximum high-pressure shaft speed at rest", "krpm", 1e-3, |measures| measures.shaft_at_rest),
+    ("maximum high-pressure shaft speed in transients", "krpm", 1e-3, |measures| {
+        measures.shaft_in_transients
+    }),
 ];
 
 /// A study with its results.
@@ -61,12 +63,12 @@ struct JsonStrategy {
 struct JsonCase {
     case: usize,
     measures: Measures,
-    /// The deviation of the best control that was found, in the window around the worst moment (Pa).
+    /// The deviation of the best control found, in the window around the worst moment (Pa).
     optimum: Option<f64>,
     cause: Option<String>,
 }
 
-/// The values' quantile: the least value that at least the share of them does not exceed.
+/// The quantile: the smallest value not exceeded by at least this share of the values.
 fn quantile(ascending: &[f64], share: f64) -> f64 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to the number of values
     let rank = (share * ascending.len() as f64).ceil() as usize;
@@ -75,7 +77,7 @@ fn quantile(ascending: &[f64], share: f64) -> f64 {
 
 impl Report<'_> {
     fn strategy_name(&self, index: usize) -> String {
-        self.study.strategies[index].clone().unwrap_or_else(|| "the controller's own strategy".to_owned())
+        self.study.strategies[index].clone().unwrap_or_else(|| "the controller's default strategy".to_owned())
     }
 
     fn measures(&self, strategy: usize) -> Vec<Option<&Measures>> {
@@ -86,12 +88,12 @@ impl Report<'_> {
         judge(&self.measures(strategy))
     }
 
-    /// Whether the strategy that is judged meets all criteria.
+    /// Whether the judged strategy meets all criteria.
     pub fn passes(&self) -> bool {
         self.criteria(0).iter().all(|criterion| criterion.holds)
     }
 
-    /// A measure's values with a strategy, ascending, in the unit of [`DISTRIBUTIONS`].
+    /// A strategy's values of a measure, ascending, in the unit of [`DISTRIBUTIONS`].
     fn ascending(&self, strategy: usize, measure: usize) -> Vec<f64> {
         let (_, _, factor, get) = DISTRIBUTIONS[measure];
         let values = self.measures(strategy).into_iter().flatten().filter_map(get);
@@ -107,7 +109,7 @@ impl Report<'_> {
             text += &format!("{}\n", self.strategy_name(strategy));
             for criterion in self.criteria(strategy) {
                 let word = if criterion.holds { "holds" } else { "FAILS" };
-                let found = criterion.found.as_deref().unwrap_or("the FMUs do not tell");
+                let found = criterion.found.as_deref().unwrap_or("not available");
                 text += &format!("  {word}  {:48} {:14} {found}\n", criterion.name, criterion.asked);
             }
             for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
@@ -157,7 +159,7 @@ impl Report<'_> {
 
     pub fn html(&self) -> String {
         let title = format!(
-            "{} on {} random plants and days",
+            "{} on {} random plants and ambient conditions",
             self.study.rig.controller.description().attribute("modelName"),
             self.outcomes.len()
         );
@@ -176,22 +178,22 @@ impl Report<'_> {
         let notes = notes.collect::<Vec<_>>().concat();
         let passes = self.passes();
         let bound = if self.study.rig.saves_states() {
-            "No control is asked to do better than one that knows the plant, which is tried on the plant \
-             itself from its state at each step and at each ramp's begin."
+            "The benchmark is a control that knows the plant: it is tried on the plant itself, from its state at each \
+             step and at the start of each ramp, and no control has to do better."
         } else {
-            "The plant cannot save its state, so that how fast it can be is not considered."
+            "The plant cannot save its state, so its fastest possible response is not considered."
         };
         format!(
-            "<h1>{}</h1>\n<p><span class=\"{}\">{}</span></p>\n<p>Plant: {}. The cases are a Latin hypercube with the \
-             seed {} of the plant's parameters, between its own values and those of each set, of ambient pressure and \
-             temperature, supply voltage, measurement noise, and a manoeuvre of engine speed and boost reference; \
-             results.csv has every drawn value. A case is judged by its largest distance from the <em>reachable</em> \
-             reference: cut off at what the plant holds at rest with its wastegates shut, or with its shaft at 205 krpm, \
-             and above what it has with all valves open. {bound} On its way between two references the pressure may be \
-             anywhere between them, until 1.5 s after the fastest plant has arrived.</p>\n{notes}",
+            "<h1>{}</h1>\n<p><span class=\"{}\">{}</span></p>\n<p>Plant: {}. The cases are a Latin hypercube (seed {}) \
+             of plant parameters between the FMU's values and those of each set, ambient pressure and temperature, \
+             supply voltage, measurement noise, and a manoeuvre of engine speed and boost reference; results.csv has \
+             every drawn value. A case is judged by its largest deviation from the <em>reachable</em> reference, \
+             limited to what the plant holds at rest with its wastegates shut or its shaft at 205 krpm, and to no less \
+             than it has with all valves open. {bound} Between two references the pressure may be anywhere between \
+             them until 1.5 s after the fastest plant has arrived.</p>\n{notes}",
             escaped(title),
             if passes { "holds" } else { "fails" },
-            if passes { "Passed: all criteria hold." } else { "Failed: not all criteria hold." },
+            if passes { "Passed: all criteria hold." } else { "Failed: a criterion does not hold." },
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
         )
@@ -203,12 +205,12 @@ impl Report<'_> {
             strategies.clone().map(|strategy| format!("<th>{}</th>", escaped(&self.strategy_name(strategy))));
         let heads = heads.collect::<Vec<_>>().concat();
         let all: Vec<_> = strategies.clone().map(|strategy| self.criteria(strategy)).collect();
-        let mut text = format!("<h2>Criteria</h2>\n<table>\n<tr><th></th><th>asked for</th>{heads}</tr>\n");
+        let mut text = format!("<h2>Criteria</h2>\n<table>\n<tr><th></th><th>required</th>{heads}</tr>\n");
         for (index, criterion) in all[0].iter().enumerate() {
             let found = all.iter().map(|criteria| {
                 let Criterion { found, holds, .. } = &criteria[index];
                 let (class, word) = if *holds { ("holds", "holds") } else { ("fails", "fails") };
-                let found = found.as_deref().unwrap_or("the FMUs do not tell");
+                let found = found.as_deref().unwrap_or("not available");
                 format!("<td>{} <span class=\"{class}\">{word}</span></td>", escaped(found))
             });
             text += &format!(
@@ -241,8 +243,7 @@ impl Report<'_> {
     fn distributions(&self) -> String {
         let panel = |measure: usize| {
             let (name, unit, ..) = DISTRIBUTIONS[measure];
-            let mut panel =
-                Panel::new(&format!("{name} ({unit})"), "share of the cases (%)").y_range(0.0, 100.0);
+            let mut panel = Panel::new(&format!("{name} ({unit})"), "share of cases (%)").y_range(0.0, 100.0);
             for strategy in 0..self.study.strategies.len() {
                 let values = self.ascending(strategy, measure);
                 let count = values.len() as f64;
@@ -257,12 +258,12 @@ impl Report<'_> {
         let figures = (0..DISTRIBUTIONS.len()).filter(has_values).map(panel);
         let figure = figures.fold(Figure::new(), |figure, panel| figure.row([panel]));
         format!(
-            "<h2>Distributions</h2>\n<figure>\n{}<figcaption>The share of the cases up to each value.</figcaption>\n</figure>\n",
+            "<h2>Distributions</h2>\n<figure>\n{}<figcaption>Share of cases up to each value.</figcaption>\n</figure>\n",
             figure.html()
         )
     }
 
-    /// What the deviation depends on.
+    /// The influences on the deviation.
     fn influences(&self) -> String {
         let known: Vec<_> = self
             .outcomes
@@ -290,9 +291,9 @@ impl Report<'_> {
         let panels: Vec<_> = panels.collect();
         let figure = panels.chunks(3).fold(Figure::new(), |figure, row| figure.row(row.to_vec()));
         format!(
-            "<h2>What the deviation depends on</h2>\n<figure>\n{}<figcaption>The worst deviation of each case over the \
-             drawn quantities with the strongest correlation: the parameter sets by their share, from 0 (the plant's own \
-             value) to 1, the others in SI units and rpm.</figcaption>\n</figure>\n",
+            "<h2>Influences on the deviation</h2>\n<figure>\n{}<figcaption>Worst deviation of each case over the drawn \
+             quantities with the strongest correlation: parameter sets by their share, from 0 (the FMU's value) to 1, \
+             the others in SI units and rpm.</figcaption>\n</figure>\n",
             figure.html()
         )
     }
@@ -303,12 +304,12 @@ impl Report<'_> {
             .outcomes
             .iter()
             .filter_map(|outcome| Some((outcome.case, outcome.runs[0].error.as_ref()?)))
-            .map(|(case, error)| format!("<p>Case {case} could not be run: {}</p>\n", escaped(error)))
+            .map(|(case, error)| format!("<p>Case {case} failed to run: {}</p>\n", escaped(error)))
             .collect::<Vec<_>>()
             .concat();
         let mut text = format!(
-            "<h2>Outside, one by one</h2>\n{errors}<p>{} of {} cases deviate by more than {} kPa or break another bound; \
-             {:.0} % may deviate by so much, none by more than {} kPa.</p>\n",
+            "<h2>Cases outside the bounds</h2>\n{errors}<p>{} of {} cases deviate by more than {} kPa or violate \
+             another bound; {:.0} % may deviate that much, none by more than {} kPa.</p>\n",
             all.len(),
             self.outcomes.len(),
             1e-3 * NEAR,
@@ -316,7 +317,7 @@ impl Report<'_> {
             1e-3 * FAR
         );
         if all.len() > self.explained.len() {
-            text += &format!("<p>The worst {} are shown; results.csv has all.</p>\n", self.explained.len());
+            text += &format!("<p>Shown: the worst {}; results.csv has all.</p>\n", self.explained.len());
         }
         for explained in self.explained {
             text += &self.explanation(explained);
@@ -330,9 +331,9 @@ impl Report<'_> {
         let drawn: Vec<_> =
             case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
         format!(
-            "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>The closed loop, and \
-             the best control that was found from a second before boost left what can be reached on. Shaded: from a second before the worst \
-             moment to half a second after it. The plant: {4}.</figcaption>\n</figure>\n<details><summary>The scenario, for \
+            "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>Closed loop, and \
+             best control found, from a second before boost left the reachable range. Shaded: from a second before the \
+             worst moment to half a second after it. Plant: {4}.</figcaption>\n</figure>\n<details><summary>Scenario for \
              <code>boost-lab simulate</code></summary><pre>{5}</pre></details>\n",
             case.number,
             1e-3 * measures.deviation,
@@ -344,7 +345,7 @@ impl Report<'_> {
     }
 }
 
-/// Why a case is outside, as far as the numbers tell.
+/// Why a case is outside, as far as the numbers show.
 fn cause(explained: &Explained) -> String {
     let Explained { case, measures, simulated, optimum } = explained;
     let time = measures.deviation_time;
@@ -354,17 +355,17 @@ fn cause(explained: &Explained) -> String {
     let last =
         case.events.iter().filter(|event| event.begin <= time).max_by(|a, b| a.begin.total_cmp(&b.begin));
     let after = match last.or(event) {
-        Some(event) if event.is_step => format!("{:.2} s after a step of the reference", time - event.begin),
+        Some(event) if event.is_step => format!("{:.2} s after a reference step", time - event.begin),
         Some(event) if time <= event.end => {
-            format!("{:.2} s into a ramp of engine speed", time - event.begin)
+            format!("{:.2} s into an engine speed ramp", time - event.begin)
         }
-        Some(event) => format!("{:.2} s after a ramp of engine speed", time - event.end),
+        Some(event) => format!("{:.2} s after an engine speed ramp", time - event.end),
         None => "before anything moves".to_owned(),
     };
     let side = if measures.is_above { "high" } else { "low" };
     let mut text = format!(
-        "Boost is {:.2} kPa too {side} at {time:.2} s, {after}, at {:.0} rpm ({:+.0} rpm/s), with the high-pressure \
-         wastegate's duty at {duty:.1} %, the low-pressure wastegate {:.0} % and the bypass {:.0} % open. ",
+        "Boost is {:.2} kPa too {side} at {time:.2} s, {after}, at {:.0} rpm ({:+.0} rpm/s), with {duty:.1} % \
+         high-pressure wastegate duty, the low-pressure wastegate {:.0} % and the bypass {:.0} % open. ",
         1e-3 * measures.deviation,
         case.engine_speed.at(time),
         (case.engine_speed.at(time) - case.engine_speed.at(time - 0.1)) / 0.1,
@@ -374,7 +375,7 @@ fn cause(explained: &Explained) -> String {
     let aim = simulated.record.get(MODEL).ok().map(|pressures| pressures[row]);
     if let Some(aim) = aim.filter(|aim| !measures.is_above && *aim < simulated.lower[row] - NEAR) {
         text += &format!(
-            "The controller aims at {:.1} kPa only, of {:.1} kPa that can be reached. ",
+            "The controller aims at only {:.1} of {:.1} kPa reachable. ",
             1e-3 * aim,
             1e-3 * simulated.lower[row]
         );
@@ -383,15 +384,15 @@ fn cause(explained: &Explained) -> String {
         let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
         text += &if optimum.deviation > NEAR {
             format!(
-                "Not explained by the search: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa."
+                "Not explained by the search: the best valve movement found, with full knowledge, deviates by {best:.2} kPa."
             )
         } else if optimum.deviation > 0.5 * optimum.closed_loop {
             format!(
-                "Mostly the plant's limit: the best movement of all valves that was found, with all knowledge from then on, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
+                "Mostly the plant's limit: the best valve movement found, with full knowledge, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
             )
         } else {
             format!(
-                "Within the plant's reach: a control with all knowledge would have kept within {best:.2} kPa, the loop by feedback {own:.2} kPa."
+                "Within the plant's reach: a control with full knowledge stays within {best:.2} kPa, the loop within {own:.2} kPa."
             )
         };
     }
@@ -404,7 +405,7 @@ fn cause(explained: &Explained) -> String {
         }
         if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > super::criteria::FASTEST_AT_REST)
         {
-            text += &format!(" The shaft turns at {:.1} krpm at rest.", 1e-3 * speed);
+            text += &format!(" Shaft speed at rest: {:.1} krpm.", 1e-3 * speed);
         }
     }
     text

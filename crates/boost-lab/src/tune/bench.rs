@@ -25,11 +25,11 @@ const RUNNING: &str = "running";
 
 /// The interval at the end of a hold for the drift of boost pressure (s).
 const LOOK_BACK: f64 = 1.0;
-/// Samples of responses are kept for drawing: all up to this time (s), and then every so many.
+/// Samples of responses kept for drawing: all up to this time (s), then every n-th.
 const DRAWN_DENSELY: f64 = 1.0;
 const DRAWN_EACH: usize = 8;
 
-/// A sweep of the duty at an engine speed.
+/// A duty sweep at an engine speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sweep {
     /// The column of the grid, from 0.
@@ -46,7 +46,7 @@ pub struct Hold {
     pub boost_pressure: f64,
     /// Its change in the last second (Pa).
     pub drift: f64,
-    /// The speed of the high-pressure shaft at the end (rpm), if the plant has it.
+    /// The high-pressure shaft speed at the end (rpm), if the plant has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaft_speed: Option<f64>,
 }
@@ -60,7 +60,7 @@ pub struct Point {
     pub column: usize,
     /// The hold before the steps.
     pub hold: Hold,
-    /// Changes of boost pressure (Pa), up and down, at the samples that are drawn.
+    /// Changes of boost pressure (Pa), up and down, at the drawn samples.
     pub responses: [Vec<f64>; 2],
     /// Final change up over final change down, in magnitude; 1 for a linear plant.
     pub asymmetry: f64,
@@ -71,7 +71,7 @@ pub struct Point {
     pub speed_model: Option<SpeedResponse>,
 }
 
-/// The samples of a response that are kept for drawing, from 1.
+/// The samples of a response kept for drawing, from 1.
 pub fn drawn_samples(procedure: &Procedure, sample_time: f64) -> impl Iterator<Item = usize> {
     let densely = steps(DRAWN_DENSELY, sample_time);
     (1..=steps(procedure.response_duration, sample_time))
@@ -104,7 +104,6 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// Puts a plant on the bench.
     pub fn new(
         plant: &'a Arc<Fmu>,
         parameters: &'a [ParameterSet],
@@ -116,7 +115,7 @@ impl<'a> Bench<'a> {
         {
             let variable = plant.variable(name)?;
             if variable.causality != causality {
-                bail!("the plant's {name} is not an {causality}");
+                bail!("the plant's {name} must be an {causality}");
             }
             check_unit(variable, unit)?;
         }
@@ -150,13 +149,13 @@ impl<'a> Bench<'a> {
         let mut notes = vec![];
         for (name, _) in commanded {
             notes.push(format!(
-                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are those \
-                 of the other valves."
+                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are for the \
+                 other valves."
             ));
         }
         if schedule.allocation.is_some() && !has_shaft_speed {
             notes.push(format!(
-                "The plant has no output {SHAFT}: the boost reference is not limited for the speed of this shaft."
+                "The plant has no output {SHAFT}: the boost reference is not limited by this shaft's speed."
             ));
         }
         if !missing.is_empty() {
@@ -167,18 +166,17 @@ impl<'a> Bench<'a> {
             ));
         }
         if !freezes_tank {
-            notes.push(format!("The plant has no {FROZEN}: the pressure of its vacuum tank was not held."));
+            notes.push(format!("The plant has no {FROZEN}: its vacuum tank pressure was not held."));
         }
         if !starts_running {
             notes.push(format!(
-                "The plant has no {START} with {RUNNING}: it started as it does by itself, not from an engine \
-                 that was just started with its wastegate shut."
+                "The plant has no {START} with {RUNNING}: it started in its own way, not as an engine just started \
+                 with its wastegate shut."
             ));
         }
         if !saves_states {
             notes.push(
-                "The plant cannot save its state: each step began with a separate simulation, up to the same \
-                 point."
+                "The plant cannot save its state: for each step it was simulated again up to the same point."
                     .to_owned(),
             );
         }
@@ -259,7 +257,7 @@ impl<'a> Bench<'a> {
             if let Some((run, _, Some(saved))) = &mut settled {
                 run.restore(saved)?;
             } else {
-                // The plant may allow one instance only.
+                // The plant may allow only one instance.
                 drop(settled.take());
                 let mut run = self.start(column, duty)?;
                 let hold = run.hold(duty, self.procedure.settling_duration)?;
@@ -277,7 +275,7 @@ impl<'a> Bench<'a> {
         Ok((hold, responses))
     }
 
-    /// The inputs that a duty sets at the engine speed of a column, by the controller's allocation if it has one.
+    /// The inputs set by a duty at the engine speed of a column, through the controller's allocation if it has one.
     fn valves(&self, column: usize, duty: f64) -> Vec<(&'static str, f64)> {
         let Some(Allocation { parameters, largest_duty, .. }) = &self.schedule.allocation else {
             return vec![(DUTY, duty)];
@@ -301,7 +299,7 @@ impl<'a> Bench<'a> {
         }
         let frozen = self.freezes_tank.then_some((FROZEN, 1.0));
         let valves = self.valves(column, duty);
-        // The valves replace what is held.
+        // The valves override the held inputs.
         let held =
             self.held.iter().copied().filter(|(name, _)| valves.iter().all(|(valve, _)| valve != name));
         let values = held.chain(frozen).chain([(SPEED, self.schedule.engine_speeds[column])]);

@@ -1,8 +1,8 @@
 //! The model of paper eq. (10) from a step response: first order with a delay, by least squares.
 //!
-//! For a given delay, gain and time constant are found by the Levenberg-Marquardt method. The delay is searched on a
-//! grid, and on ever finer ones around the best: the sum of squares is continuous in it, but has a kink at each
-//! sample, where gradient methods fail.
+//! For a given delay, the Levenberg-Marquardt method finds gain and time constant. The delay is searched on a grid that
+//! is refined around the best value: the sum of squares is continuous in it, but has a kink at each sample, where
+//! gradient methods fail.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, Matrix3, OMatrix, OVector, Owned, RowVector3, U2, Vector2};
@@ -17,7 +17,7 @@ const LONGEST_DELAY: f64 = 0.25;
 /// The number of delays in the first grid.
 const COARSEST: u32 = 30;
 
-/// A model of first order with delay, per unit of the step, with the quality of the fit.
+/// A first-order model with delay, per unit of the step, with the quality of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FirstOrder {
     pub gain: Estimate,
@@ -25,7 +25,7 @@ pub struct FirstOrder {
     pub time_constant: Estimate,
     /// The delay (s).
     pub delay: Estimate,
-    /// The coefficient of determination R²: the fraction of the response's sum of squares that the model explains.
+    /// The coefficient of determination R²: the fraction of the response's sum of squares explained by the model.
     pub determination: f64,
     /// The root mean square of the residuals.
     pub residual: f64,
@@ -40,7 +40,7 @@ pub struct Estimate {
 }
 
 impl FirstOrder {
-    /// Fits a response that begins at time 0 with the value 0 and is sampled after each interval (s).
+    /// Fits a response that starts at time 0 with the value 0 and is sampled after each interval (s).
     ///
     /// None if no model fits: the response does not change, or no fit converges.
     pub fn fit(response: &[f64], interval: f64) -> Option<Self> {

@@ -1,10 +1,9 @@
-//! Tunes the controller to a plant, as section 6 of the paper does: linearized over a grid of engine speeds and
-//! boost references, a model of first order with delay for each point (eq. (10)), and from it the feedback by
-//! lambda tuning (eq. (12)).
+//! Tunes the controller to a plant, as in section 6 of the paper: a first-order model with delay (eq. (10)) at each
+//! point of a grid of engine speeds and boost references, and the feedback from it by lambda tuning (eq. (12)).
 //!
-//! A sweep of the duty at each engine speed gives the static map, whose inverse is the feedforward. At each
-//! reachable point of the grid, the plant settles at its feedforward, and steps up and down from one saved state
-//! give the model. The other points are filled, and marked as such.
+//! A duty sweep at each engine speed gives the static map, whose inverse is the feedforward. At each reachable grid
+//! point the plant settles at its feedforward, and steps up and down from one saved state give the model. The other
+//! points are filled and marked as such.
 
 mod bench;
 mod fit;
@@ -75,25 +74,25 @@ pub struct Cell {
     pub column: usize,
     /// The origin of the values.
     pub basis: CellOrigin,
-    /// The row and column of the identified point that gain, time constant and delay are taken from.
+    /// The row and column of the identified point that provides gain, time constant and delay.
     pub taken_from: (usize, usize),
     /// The duty at nominal voltage that holds the reference (%).
     pub feedforward: f64,
     /// The gain (Pa/%).
     pub gain: f64,
-    /// Whether the gain was raised to the least magnitude.
+    /// Whether the gain was raised to the minimum magnitude.
     pub gain_is_raised: bool,
     /// The time constant (s).
     pub time_constant: f64,
     /// The delay (s).
     pub delay: f64,
-    /// Whether the delay was raised to the least one.
+    /// Whether the delay was raised to the minimum.
     pub delay_is_raised: bool,
-    /// How far boost pressure differs from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy
+    /// Deviation of boost pressure from rest while engine speed rises by 1 rpm/s (Pa s/rpm); none for the strategy
     /// `by_speed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_sensitivity: Option<f64>,
-    /// The feedback that the controller computes from these.
+    /// The feedback computed from these by the controller.
     pub feedback: Feedback,
 }
 
@@ -140,7 +139,7 @@ impl Task {
         if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }
     }
 
-    /// All that the experiments depend on; `digest` is the plant file's.
+    /// Everything the experiments depend on; `digest` is the plant file's.
     pub fn settings(&self, digest: String) -> Result<Settings> {
         let schedule = &self.schedule;
         let mut settings: Settings = [
@@ -176,15 +175,15 @@ impl Task {
         self.procedure.range(self.schedule.is_wide(column))
     }
 
-    /// Tunes. Finished parts are taken from the journal, others are written there; several threads call `progress` with
-    /// the seconds of [`duration`](Self::duration) that each sweep or point took.
+    /// Tunes. Finished parts are read from the journal, others written to it; several threads call `progress` with the
+    /// seconds of [`duration`](Self::duration) that each sweep or point took.
     pub fn run<'a>(
         &'a self,
         journal: &TuningJournal,
         progress: &(impl Fn(f64) + Sync),
     ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
-            .context("the plant cannot be tuned to")?;
+            .context("cannot tune to this plant")?;
         let is_single = self.plant.description().has_capability(ONLY_ONCE);
         // 0: the number of cores, or RAYON_NUM_THREADS.
         let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
@@ -247,7 +246,7 @@ impl Task {
     }
 
     /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
-    /// which the low-pressure wastegate begins to open.
+    /// which the low-pressure wastegate starts to open.
     fn boost_limit(&self, sweep: &Sweep) -> Option<f64> {
         let (allocation, split) = (self.schedule.allocation.as_ref()?, self.procedure.split_range.as_ref()?);
         let holds = || sweep.holds.iter();
@@ -259,7 +258,7 @@ impl Task {
             return Some(allocation.boost_limit);
         };
         let at = |points, place: f64| Monotone::through(points).and_then(|pressure| pressure.at(place));
-        // As the duty falls boost pressure rises, and with it the shaft's speed.
+        // As the duty falls, boost pressure and shaft speed rise.
         let shut = at(
             rising(holds().map(|hold| (-hold.duty, hold.boost_pressure))),
             -allocation.parameters.low_pressure_start,
@@ -268,14 +267,14 @@ impl Task {
         Some(reached.into_iter().chain(shut).fold(0.0, f64::max).min(allocation.boost_limit))
     }
 
-    /// The duty over boost pressure, from the points of a sweep with ascending pressure.
+    /// Duty over boost pressure, from the points of a sweep with ascending pressure.
     fn static_map(&self, sweep: &Sweep) -> Result<Monotone> {
         let points = rising(sweep.holds.iter().map(|hold| (hold.boost_pressure, hold.duty)));
         Monotone::through(points).with_context(|| {
             let speed = self.schedule.engine_speeds[sweep.column];
             format!(
-                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure is for a wastegate \
-                 that more duty opens"
+                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure needs a wastegate \
+                 opened by more duty"
             )
         })
     }
@@ -312,7 +311,7 @@ impl Task {
         let cell = |index: usize| {
             let (row, column) = (index / columns, index % columns);
             let (basis, feedforward) = self.placed(&statics[column], row, column);
-            // The nearest row of the same speed, or else of the nearest speed.
+            // The nearest row at the same speed, else at the nearest speed.
             let distance = |&(known_row, known_column): &(usize, usize)| {
                 let apart = |values: &[f64], one: usize, other: usize| (values[one] - values[other]).abs();
                 (
@@ -325,8 +324,8 @@ impl Task {
                 one.0.total_cmp(&other.0).then(one.1.total_cmp(&other.1))
             });
             let &(taken_from, (model, speed_sensitivity)) = nearest.context(
-                "no point of the grid could be identified: its boost references are not within what the plant \
-                 reaches, or no model fits the responses",
+                "no grid point could be identified: the boost references are outside the plant's range, or no model \
+                 fits the responses",
             )?;
             let is_own = taken_from == (row, column);
             let gain = model.gain.value.min(-self.procedure.least_gain);
@@ -350,8 +349,8 @@ impl Task {
         (0..points.len()).map(cell).collect()
     }
 
-    /// The effect of a change of engine speed at a point: how far boost pressure falls at first, times how long the
-    /// valves take to make up for it. None if no model that the controller accepts fits.
+    /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to
+    /// compensate for it. None if no acceptable model fits.
     fn speed_sensitivity(&self, point: &Point, model: &FirstOrder) -> Option<f64> {
         let sensitivity = point.speed_model.as_ref()?.fall * model.time_constant.value;
         self.schedule.takes(ScheduleTable::SpeedSensitivity, sensitivity).then_some(sensitivity)
@@ -372,7 +371,7 @@ impl Task {
     }
 }
 
-/// The points that are beyond all before them.
+/// The points beyond all previous ones.
 fn rising(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let mut rising: Vec<(f64, f64)> = vec![];
     for point in points {
@@ -415,10 +414,10 @@ impl Tuning<'_> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
     }
 
-    /// The least useful duty of the controller (%): a smaller one raises boost pressure at no engine speed.
+    /// The controller's minimum useful duty (%): a smaller one raises boost pressure at no engine speed.
     ///
-    /// The controller's reference model assumes that every duty it may command has an effect. Below the lift-off, the
-    /// model would lead the plant near the highest pressure, and the feedback would overshoot.
+    /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the
+    /// plant near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
         self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
     }
@@ -428,8 +427,8 @@ impl Tuning<'_> {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {
             return match cell.basis {
-                CellOrigin::AboveReach => "filled: the reference is above what can be reached".to_owned(),
-                CellOrigin::BelowReach => "filled: the reference is below what can be reached".to_owned(),
+                CellOrigin::AboveReach => "filled: the reference is above the reachable range".to_owned(),
+                CellOrigin::BelowReach => "filled: the reference is below the reachable range".to_owned(),
                 _ => "inverse of the sweep".to_owned(),
             };
         }
@@ -443,14 +442,14 @@ impl Tuning<'_> {
             });
             match error.filter(|_| map != ScheduleTable::SpeedSensitivity) {
                 Some(error) => format!("identified, standard error {error:.2e} {}", map.unit()),
-                None => "identified by steps of engine speed".to_owned(),
+                None => "identified by engine speed steps".to_owned(),
             }
         } else {
             let schedule = &self.task.schedule;
             let why = match cell.basis {
-                CellOrigin::AboveReach => "the reference is above what can be reached",
-                CellOrigin::BelowReach => "the reference is below what can be reached",
-                CellOrigin::OutsideFittedDuty => "its feedforward is outside the duties that are stepped",
+                CellOrigin::AboveReach => "the reference is above the reachable range",
+                CellOrigin::BelowReach => "the reference is below the reachable range",
+                CellOrigin::OutsideFittedDuty => "its feedforward is outside the stepped duties",
                 CellOrigin::NoModel | CellOrigin::Identified => "no model fits",
             };
             format!(
@@ -460,29 +459,27 @@ impl Tuning<'_> {
         };
         match map {
             ScheduleTable::Gain if cell.gain_is_raised => {
-                text += &format!("; raised to the least magnitude, {} Pa/%", procedure.least_gain);
+                text += &format!("; raised to the minimum magnitude, {} Pa/%", procedure.least_gain);
             }
             ScheduleTable::Delay if cell.delay_is_raised => {
-                text += &format!("; raised to the least delay, {} s", procedure.least_delay);
+                text += &format!("; raised to the minimum delay, {} s", procedure.least_delay);
             }
             _ => {}
         }
         text
     }
 
-    /// The origin of a limit of the boost reference as text.
+    /// The origin of a boost reference limit as text.
     fn source_of_limit(&self, column: usize) -> String {
         let limit =
             self.task.procedure.split_range.as_ref().map_or(f64::NAN, |split| split.shaft_speed_limit);
         let fastest = self.sweeps[column].holds.iter().filter_map(|hold| hold.shaft_speed).reduce(f64::max);
         match fastest {
-            None => "the speed of the high-pressure shaft is not known".to_owned(),
+            None => "high-pressure shaft speed unknown".to_owned(),
             Some(fastest) if fastest < limit => {
-                format!("the high-pressure shaft does not exceed {fastest:.0} rpm")
+                format!("high-pressure shaft speed does not exceed {fastest:.0} rpm")
             }
-            Some(_) => format!(
-                "the high-pressure shaft is at {limit} rpm, or the low-pressure wastegate begins to open"
-            ),
+            Some(_) => format!("high-pressure shaft at {limit} rpm, or low-pressure wastegate about to open"),
         }
     }
 
@@ -493,10 +490,10 @@ impl Tuning<'_> {
             description,
             value: Value::Real(value, Some(unit.to_owned())),
         };
-        let lift_off = "lift-off of the wastegate: the largest duty of the sweeps below which boost pressure does not \
-                        rise any more";
+        let lift_off =
+            "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
-            let description = if name == schedule::LAMBDA { "as asked for" } else { "" };
+            let description = if name == schedule::LAMBDA { "as requested" } else { "" };
             parameter(name, description.to_owned(), value, unit)
         });
         let mut parameters: Vec<_> = given.collect();
@@ -508,7 +505,7 @@ impl Tuning<'_> {
         {
             parameters.push(Parameter {
                 name: schedule::STRATEGY.to_owned(),
-                description: "the strategy whose gain schedule this is".to_owned(),
+                description: "strategy of this gain schedule".to_owned(),
                 value: Value::Enumeration(strategy.get_name().to_owned()),
             });
         }

@@ -1,7 +1,7 @@
 //! The identification of the maps: sweeps, steps, fits, and the values of other cells.
 //!
-//! The paper (section 6) steps the control signal at many boost pressures and engine speeds, and prints no
-//! numbers; these are the ones that the maps of this repository's controller were made with.
+//! The paper (section 6) steps the control signal at many boost pressures and engine speeds, without numbers; these are
+//! the ones used for the maps of this repository's controller.
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -28,49 +28,49 @@ pub struct Procedure {
     pub response_duration: f64,
     /// The step of the duty (%).
     pub duty_step: f64,
-    /// The least and the largest feedforward (%) at which responses are taken: between the wastegate's lift-off
-    /// and its full stroke, with a margin for the step.
+    /// The minimum and maximum feedforward (%) at which responses are taken: between wastegate lift-off and full
+    /// stroke, with a margin for the step.
     pub fitted_duty: (f64, f64),
-    /// The wastegate counts as shut from this remaining fraction of a sweep's range of boost pressure on.
+    /// The wastegate counts as shut once this fraction of a sweep's boost pressure range remains.
     pub shut_part: f64,
-    /// The feedforward (%) above the reachable range: the wastegate is shut, just below its lift-off.
+    /// The feedforward (%) above the reachable range: wastegate shut, just below lift-off.
     pub duty_above_reach: f64,
     /// The feedforward (%) below the reachable range.
     pub duty_below_reach: f64,
-    /// The least magnitude of the gain (Pa/%): the feedback divides by it.
+    /// The minimum magnitude of the gain (Pa/%), by which the feedback divides.
     pub least_gain: f64,
-    /// The least delay (s): the derivative and the tracking time go to 0 with it.
+    /// The minimum delay (s): derivative and tracking time go to 0 with it.
     pub least_delay: f64,
-    /// What the strategy `split_range` needs in addition.
+    /// Additional numbers for the strategy `split_range`.
     pub split_range: Option<SplitRange>,
 }
 
-/// The procedure for a virtual duty, from which all three valves are set.
+/// The procedure for a virtual duty that sets all three valves.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SplitRange {
     /// The sweep where the low-pressure wastegate takes part, as virtual duties (%) with durations (s).
     pub sweep: Vec<(f64, f64)>,
-    /// The least and the largest feedforward there at which responses are taken.
+    /// The minimum and maximum feedforward there at which responses are taken.
     pub fitted_duty: (f64, f64),
     /// The feedforward there below the reachable range: the low-pressure wastegate is fully open.
     pub duty_below_reach: f64,
-    /// A model with a gain closer to 0 (Pa/%) is rejected: no loop is closed over a valve that does nothing.
+    /// Models with a gain closer to 0 (Pa/%) are rejected: a loop needs a valve with an effect.
     pub least_fitted_gain: f64,
-    /// A model with a longer time constant (s) is rejected: it is drift.
+    /// Models with a longer time constant (s) are rejected as drift.
     pub longest_time_constant: f64,
     /// The step of engine speed (rpm).
     pub speed_step: f64,
-    /// How long the response to it is recorded (s).
+    /// The recorded duration of its response (s).
     pub speed_response_duration: f64,
-    /// The largest speed of the high-pressure shaft at rest (rpm).
+    /// The maximum high-pressure shaft speed at rest (rpm).
     pub shaft_speed_limit: f64,
 }
 
-/// The largest and the least of a sweep's fine duties (%), between which boost pressure is steep; and the last one.
+/// The largest and smallest of a sweep's fine duties (%), between which boost pressure is steep; and the last duty.
 const FINE: (f64, f64) = (56.0, 27.5);
 const LAST: f64 = 20.0;
 
-/// The turbochargers settle slowly where they are fast.
+/// Fast turbochargers settle slowly.
 fn hold(duty: f64) -> (f64, f64) {
     (duty, if duty < 40.0 { 30.0 } else { 15.0 })
 }
@@ -83,8 +83,7 @@ fn down(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
 impl Default for Procedure {
     /// For the strategy `by_speed`.
     fn default() -> Self {
-        // Always down, so that friction in the actuator keeps its sign; in steps below 1 % where boost pressure
-        // is steep.
+        // Always downwards, so that actuator friction keeps its sign; in steps below 1 % where boost pressure is steep.
         let coarse = [100.0, 85.0, 75.0, 70.0, 66.0, 62.0, 59.0];
         let duties = coarse.into_iter().chain(down(FINE.0, FINE.1, 0.75)).chain([LAST]);
         Self {
@@ -106,7 +105,7 @@ impl Default for Procedure {
 impl Procedure {
     /// For the strategy `split_range`, whose low-pressure wastegate is fully open at a virtual duty (%).
     pub fn split_range(low_pressure_open: f64) -> Self {
-        // The low-pressure wastegate opens along a hyperbola: the largest duties move boost pressure least.
+        // The low-pressure wastegate opens along a hyperbola, so the largest duties move boost pressure least.
         let duties = down(low_pressure_open, 76.0, 2.0)
             .chain(down(75.0, 57.0, 1.0))
             .chain(down(FINE.0, FINE.1, 0.75))
@@ -169,7 +168,7 @@ impl Range<'_> {
 mod tests {
     use super::*;
 
-    /// As the maps of this repository's controller were made.
+    /// As for the maps of this repository's controller.
     #[test]
     fn the_sweep_of_the_virtual_duty() {
         let procedure = Procedure::split_range(102.15);

@@ -1,4 +1,4 @@
-//! The reports of a tuning: report.html for readers, which needs no other file, and report.json for programs.
+//! The reports of a tuning: a self-contained report.html for readers, and report.json for programs.
 
 use anyhow::Result;
 use serde::Serialize;
@@ -22,7 +22,7 @@ sub { line-height: 0; }
 ";
 
 const DRAWN_POINTS: usize = 6;
-/// Responses are drawn up to this many time constants; later they are constant.
+/// Responses are drawn up to this many time constants, when they have settled.
 const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 
 #[derive(Serialize)]
@@ -107,16 +107,16 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
     let point_drift = drift(&mut tuning.points.iter().map(|point| point.hold.drift));
     let rows = [
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
-        ("Parameters of the plant", task.plant_parameters_written()),
+        ("Plant parameters", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
-        ("\u{3bb}, the desired time constant of the closed loop", quantity(task.schedule.lambda, "s")),
+        ("\u{3bb}, desired closed-loop time constant", quantity(task.schedule.lambda, "s")),
         ("Supply voltage", quantity(task.schedule.nominal_voltage, "V")),
         ("Sample time", quantity(1e3 * task.schedule.sample_time, "ms")),
-        ("Step of the duty", format!("\u{b1}{} %", procedure.duty_step)),
+        ("Duty step", format!("\u{b1}{} %", procedure.duty_step)),
         (
-            "Points of the grid",
+            "Grid points",
             format!(
-                "{}: {} identified, {} above and {} below what can be reached, {} outside the stepped duties, {} \
+                "{}: {} identified, {} above and {} below the reachable range, {} outside the stepped duties, {} \
                  without a model",
                 tuning.cells.len(),
                 count(CellOrigin::Identified),
@@ -126,26 +126,23 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
                 count(CellOrigin::NoModel)
             ),
         ),
+        ("Wastegate lift-off, used as the controller's minimum duty", quantity(tuning.least_duty(), "%")),
         (
-            "Lift-off of the wastegate, which becomes the controller's least duty",
-            quantity(tuning.least_duty(), "%"),
-        ),
-        (
-            "Change of boost pressure in the last second of a hold",
+            "Boost pressure drift in the last second of a hold",
             format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
         ),
     ];
     let rows = rows.map(|(name, value)| format!("<tr><td>{name}</td><td>{}</td></tr>\n", escaped(&value)));
     let notes = tuning.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note)));
     format!(
-        "<h1>{}</h1>\n<p>The plant was held at each engine speed with the low-pressure wastegate and the bypass shut \
-         and the throttle open. A downward sweep of the duty gives the static map; its inverse, by monotone cubic \
-         interpolation, is the feedforward. At each boost reference that is reached between {} % and {} % duty, the \
-         plant settled for {} s at the feedforward, and was then stepped up and down from the same state for {} s. \
-         Gain <i>K<sub>p</sub></i>, time constant <i>T</i> and delay <i>L</i> are those of the model of first order \
-         with delay that is nearest, by least squares, to the mean of both responses. The sum of squares has a kink \
-         wherever the delay passes a sample, so the delay is sought on a grid, and on ever finer ones around the best; \
-         for each delay, gain and time constant are found by the Levenberg-Marquardt method.</p>\n\
+        "<h1>{}</h1>\n<p>The plant was held at each engine speed with low-pressure wastegate and bypass shut and \
+         throttle open. A downward duty sweep gives the static map; its inverse, by monotone cubic interpolation, is \
+         the feedforward. At each boost reference reached between {} % and {} % duty, the plant settled for {} s at \
+         the feedforward and was then stepped up and down from the same state for {} s. Gain <i>K<sub>p</sub></i>, \
+         time constant <i>T</i> and delay <i>L</i> are the least-squares fit of a first-order model with delay to the \
+         mean of both responses. The sum of squares has a kink wherever the delay crosses a sample, so the delay is \
+         searched on a grid that is refined around the best value; for each delay, the Levenberg-Marquardt method \
+         finds gain and time constant.</p>\n\
          <table class=\"settings\">\n{}</table>\n{}",
         escaped(title),
         procedure.fitted_duty.0,
@@ -177,17 +174,15 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
         ScheduleTable::Gain => map("Gain <i>K<sub>p</sub></i> (kPa/%)", shown, 1e-3, 2),
         ScheduleTable::TimeConstant => map("Time constant <i>T</i> (s)", shown, 1.0, 2),
         ScheduleTable::Delay => map("Delay <i>L</i> (ms)", shown, 1e3, 0),
-        ScheduleTable::SpeedSensitivity => {
-            map("Sensitivity to engine speed (Pa\u{2009}s/rpm)", shown, 1.0, 1)
-        }
+        ScheduleTable::SpeedSensitivity => map("Engine speed sensitivity (Pa\u{2009}s/rpm)", shown, 1.0, 1),
     });
     let procedure = &tuning.task.procedure;
     format!(
-        "<h2>The maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
-         <td>filled: not identified at this point; gain, time constant and delay are those of the nearest \
-         identified row of the same speed, the feedforward is {} % above and {} % below what can be reached</td>\
-         </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the least magnitude: {} kPa/% for the gain, {} ms \
-         for the delay</td></tr></table>\n<p class=\"caption\">Hover over a number to see its origin. \
+        "<h2>Maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
+         <td>filled, not identified here: gain, time constant and delay from the nearest identified row at the same \
+         speed; feedforward {} % above and {} % below the reachable range</td>\
+         </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the minimum magnitude: gain {} kPa/%, delay {} ms</td>\
+         </tr></table>\n<p class=\"caption\">Hover over a number for its origin. \
          Columns are engine speeds, rows boost references.</p>\n",
         maps.collect::<String>(),
         procedure.duty_above_reach,
@@ -206,15 +201,14 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
             hint: String::new(),
         })
     };
-    let quality = heat_map(tuning, "Determination <i>R</i>\u{b2} of the fit (%)", 2, |cell| {
+    let quality = heat_map(tuning, "Coefficient of determination <i>R</i>\u{b2} (%)", 2, |cell| {
         let model = tuning.point(cell.row, cell.column).and_then(|point| point.model.as_ref());
         Shown {
             value: model.map_or(f64::NAN, |model| 100.0 * model.determination),
             is_found: cell.basis == CellOrigin::Identified,
             is_raised: false,
-            hint: model.map_or_else(String::new, |model| {
-                format!("root mean square of the residuals {:.1} Pa per %", model.residual)
-            }),
+            hint: model
+                .map_or_else(String::new, |model| format!("RMS residual {:.1} Pa per %", model.residual)),
         }
     });
     let maps = [
@@ -224,8 +218,8 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
         quality,
     ];
     format!(
-        "<h2>The feedback at \u{3bb} = {} s, and how well the models fit</h2>\n<p>The controller computes gain, integral \
-         and derivative time from the maps and its parameter lambda, by eq. (12) of the paper.</p>\n\
+        "<h2>Feedback at \u{3bb} = {} s, and goodness of fit</h2>\n<p>The controller computes gain, integral and \
+         derivative time from the maps and its parameter lambda (paper, eq. (12)).</p>\n\
          <div class=\"maps\">\n{}</div>\n",
         tuning.task.schedule.lambda,
         maps.concat()
@@ -240,13 +234,13 @@ struct Shown {
     hint: String,
 }
 
-/// A map as a table whose cells are coloured by their values, the highest boost reference at the top.
+/// A map as a table with cells coloured by value, highest boost reference at the top.
 fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&Cell) -> Shown) -> String {
     let schedule = &tuning.task.schedule;
     let scale = 10_f64.powf(decimals as f64);
     let shown = |cell: &Cell| {
         let exact = shown(cell);
-        // Numbers that are shown equal have the same colour.
+        // Numbers that look equal get the same colour.
         Shown { value: (exact.value * scale).round() / scale, ..exact }
     };
     let found = tuning.cells.iter().map(&shown).filter(|shown| shown.is_found && shown.value.is_finite());
@@ -282,7 +276,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     text + "</table></div>\n"
 }
 
-/// Between the map's colours of the least and the greatest value, on which texts are legible by day and by night.
+/// A colour between those of the smallest and largest value, legible in both colour schemes.
 fn shade(strength: f64) -> String {
     format!(
         "background:color-mix(in srgb,var({}) {:.0}%,var({}))",
@@ -304,8 +298,8 @@ fn static_maps(tuning: &Tuning<'_>) -> String {
     }
     let (least, most) = tuning.task.procedure.fitted_duty;
     format!(
-        "<h2>The static map</h2>\n<figure>\n{}<figcaption>Boost pressure at the end of each hold of the sweeps. Shaded: \
-         the duties at which steps are taken.</figcaption>\n</figure>\n",
+        "<h2>Static map</h2>\n<figure>\n{}<figcaption>Boost pressure at the end of each hold of the sweeps. Shaded: \
+         stepped duties.</figcaption>\n</figure>\n",
         Figure::new().row([panel.x_band(least, most)]).html()
     )
 }
@@ -314,7 +308,7 @@ fn responses(tuning: &Tuning<'_>) -> String {
     let mut ranked: Vec<_> =
         tuning.points.iter().filter_map(|point| Some((point, point.model.as_ref()?))).collect();
     ranked.sort_by(|(_, one), (_, other)| one.determination.total_cmp(&other.determination));
-    // From the worst to the best, evenly.
+    // Evenly spaced from worst to best.
     let last = ranked.len().saturating_sub(1);
     let mut indices: Vec<_> = (0..DRAWN_POINTS).map(|index| index * last / (DRAWN_POINTS - 1)).collect();
     indices.dedup();
@@ -346,8 +340,8 @@ fn responses(tuning: &Tuning<'_>) -> String {
         .collect();
     let rows = panels.chunks(2).map(<[Panel]>::to_vec);
     format!(
-        "<h2>Responses and models</h2>\n<figure>\n{}<figcaption>Changes of boost pressure after a step of the duty, per \
-         %: from the worst fit to the best. The plant is of higher order, so it bends where the model has a \
+        "<h2>Responses and models</h2>\n<figure>\n{}<figcaption>Boost pressure change after a duty step, per %, from \
+         the worst fit to the best. The plant is of higher order, so its response bends where the model has a \
          corner.</figcaption>\n</figure>\n",
         rows.fold(Figure::new(), Figure::row).html()
     )
@@ -355,8 +349,8 @@ fn responses(tuning: &Tuning<'_>) -> String {
 
 fn points(tuning: &Tuning<'_>) -> String {
     let schedule = &tuning.task.schedule;
-    let mut text = "<h2>All identified points</h2>\n<details><summary>Each with the standard errors of its model, by the \
-        scatter of the residuals as if they were independent</summary>\n<div class=\"wide\"><table class=\"points\">\n<thead><tr><th>rpm</th>\
+    let mut text = "<h2>All identified points</h2>\n<details><summary>Models with standard errors, assuming independent \
+        residuals</summary>\n<div class=\"wide\"><table class=\"points\">\n<thead><tr><th>rpm</th>\
         <th>reference (kPa)</th><th>duty (%)</th><th>boost there (kPa)</th><th><i>K<sub>p</sub></i> (kPa/%)</th>\
         <th><i>T</i> (s)</th><th><i>L</i> (ms)</th><th><i>R</i>\u{b2} (%)</th><th>residual (Pa/%)</th>\
         <th>up over down</th></tr></thead>\n"

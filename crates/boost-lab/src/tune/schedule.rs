@@ -1,5 +1,5 @@
-//! The controller's gain schedule: its grid of engine speeds and boost references, and its other parameters for an
-//! identification.
+//! The controller's gain schedule: its grid of engine speeds and boost references, and the other parameters that an
+//! identification needs.
 
 use anyhow::{Context, Result, bail};
 use boost_fmu::controller::variables::AllocationParameters;
@@ -9,15 +9,15 @@ use fmu_package::{FmuDescription, FmuVariable, Value, like};
 
 use super::procedure::Strategy;
 
-/// The controller's parameter for the desired time constant of the closed loop.
+/// The controller's parameter for the desired closed-loop time constant.
 pub(super) const LAMBDA: &str = "lambda";
-/// The controller's parameter for the least duty, below which its reference model does not go either.
+/// The controller's parameter for the minimum duty, which also limits its reference model.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
 
 /// The controller's choice between strategies; a controller with one strategy needs none.
 pub(super) const STRATEGY: &str = "strategy";
 
-/// The controller's parameter for the largest duty of the high-pressure wastegate.
+/// The controller's parameter for the maximum duty of the high-pressure wastegate.
 const LARGEST_DUTY: &str = "pwm_max";
 /// The controller's upper limit of the boost reference, at any engine speed.
 const BOOST_LIMIT: &str = "boost_limit";
@@ -33,7 +33,7 @@ pub enum ScheduleTable {
     TimeConstant,
     /// The time delay of eq. (10) (s).
     Delay,
-    /// How far boost pressure differs from rest while engine speed rises by 1 rpm/s (Pa s/rpm).
+    /// Deviation of boost pressure from rest while engine speed rises by 1 rpm/s (Pa s/rpm).
     SpeedSensitivity,
 }
 
@@ -73,9 +73,9 @@ pub struct Schedule {
     pub nominal_voltage: f64,
     /// The controller's sample time (s).
     pub sample_time: f64,
-    /// The desired time constant of the closed loop (s).
+    /// The desired closed-loop time constant (s).
     pub lambda: f64,
-    /// How a virtual duty moves the three valves; none for the strategy `by_speed`.
+    /// The allocation of a virtual duty to the three valves; none for the strategy `by_speed`.
     pub allocation: Option<Allocation>,
     /// The ranges of the maps, in the order of [`ScheduleTable::all`].
     ranges: Vec<(f64, f64)>,
@@ -179,7 +179,7 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same controller with other values on its grid, and another time constant of the closed loop (s).
+    /// The same controller with another grid and closed-loop time constant (s).
     pub fn with(
         mut self,
         engine_speeds: Option<Vec<f64>>,
@@ -304,7 +304,7 @@ fn parameter<'a>(controller: &'a FmuDescription, name: &str, unit: &str) -> Resu
     Ok(variable)
 }
 
-/// Refuses a variable with another unit than expected.
+/// Rejects a variable with an unexpected unit.
 pub(super) fn check_unit(variable: &FmuVariable, unit: &str) -> Result<()> {
     if !variable.unit.is_empty() && variable.unit != unit {
         bail!("{} is in {}, expected is {unit}", variable.name, variable.unit);
@@ -369,7 +369,7 @@ mod tests {
         assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("do not ascend"));
     }
 
-    /// Before hours are spent on values that the controller rejects.
+    /// Checks before spending hours on values that the controller rejects.
     #[test]
     fn given_values_are_within_the_controllers_ranges() {
         let with = |speeds, references, lambda| {
@@ -377,13 +377,13 @@ mod tests {
         };
         let refusal = |speeds, references, lambda| with(speeds, references, lambda).unwrap_err().to_string();
         for lambda in [1e308, 0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let expected = format!("the value {} of lambda cannot be taken: ", number(lambda));
+            let expected = format!("the value {} of lambda cannot be used: ", number(lambda));
             let message = refusal(None, None, Some(lambda));
             assert!(message.starts_with(&expected), "{message}");
         }
         assert_eq!(
             refusal(None, None, Some(1e308)),
-            "the value 1e308 of lambda cannot be taken: 1e308 is not within 0.001..100"
+            "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100"
         );
         let speeds = (1..=7).map(|index| 1500.0 * f64::from(index)).collect();
         assert!(refusal(Some(speeds), None, None).contains("9000 of schedule.engine_speed[6]"));

@@ -1,8 +1,7 @@
-//! The response of boost pressure to a step of engine speed with its valves held, by least squares.
+//! The response of boost pressure to an engine speed step with the valves held, by least squares.
 //!
-//! At once the engine swallows more, and boost pressure falls by β, with the short time constant of the volumes; then
-//! the turbochargers speed up, and it rises to its new rest:
-//! `−β (1 − exp(−t/τ)) + (K_N + β) (1 − exp(−t/T))`.
+//! At once the engine swallows more, and boost pressure falls by β with the short time constant of the volumes; then
+//! the turbochargers speed up, and it rises to its new steady state: `−β (1 − exp(−t/τ)) + (K_N + β) (1 − exp(−t/T))`.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, OMatrix, OVector, Owned, U4, Vector4};
@@ -16,7 +15,7 @@ const LONG: [f64; 2] = [0.6, 1.5];
 /// The model, per unit of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeedResponse {
-    /// β: how far boost pressure falls at first.
+    /// β: the initial drop of boost pressure.
     pub fall: f64,
     /// τ: the time constant of the fall (s).
     pub fall_time: f64,
@@ -53,7 +52,7 @@ impl SpeedResponse {
     }
 }
 
-/// The parameters: the fall, the logarithm of its time constant, the rise from there, the logarithm of its.
+/// The parameters: the drop and the logarithm of its time constant, then the same of the rise.
 struct Fit<'a> {
     response: &'a [f64],
     interval: f64,
@@ -133,7 +132,7 @@ mod tests {
         (1..=SAMPLES).map(|sample| at(f64::from(sample) * INTERVAL)).collect()
     }
 
-    /// Parameters as on the plant model, with a gain of both signs, and a rise that lasts as long as the record.
+    /// Parameters as on the plant model, with gains of both signs, and a rise as long as the record.
     #[test]
     fn a_response_gives_its_parameters() {
         for truth in

@@ -1,4 +1,4 @@
-//! `compare`: records over each other, and their differences as numbers.
+//! `compare`: records overlaid, with their differences in numbers.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,20 +12,20 @@ use fmu_package::writing;
 use fmu_plot::PlotFormat;
 use fmu_record::Record;
 
-/// Where the plot is by default.
+/// The default plot.
 const PLOT: &str = "target/comparison.html";
 
-/// Compare records: over each other in one plot, and their differences as numbers
+/// Compare records: overlaid in one plot, with their differences in numbers
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Compare {
-    /// The records, the first of which the others are compared with
+    /// The records; the first is the reference
     #[arg(value_name = "RECORD.csv|parquet", num_args = 2.., required = true)]
     records: Vec<PathBuf>,
-    /// The variables to compare [default: all that the records have in common]
+    /// The variables to compare [default: all common ones]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     variables: Option<Vec<String>>,
-    /// Draw all records over each other, and the differences; a page has the numbers, too
+    /// Plot of the overlaid records and their differences; an HTML page includes the numbers
     #[arg(long, value_name = "FILE.svg|png|html", default_value = PLOT)]
     plot: PathBuf,
 }
@@ -59,7 +59,7 @@ impl Compare {
     }
 }
 
-/// The files' names, or their paths where two have the same name.
+/// File names, or paths if two names are equal.
 fn short(files: &[PathBuf]) -> Vec<String> {
     let of = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let is_unique = files.iter().all(|file| files.iter().filter(|other| of(file) == of(other)).count() == 1);

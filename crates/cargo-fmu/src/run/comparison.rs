@@ -1,4 +1,4 @@
-//! Compares records: the differences of each from the first, as numbers and as drawings.
+//! Compares records: each one's differences from the first, in numbers and drawings.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use fmu_plot::{Figure, Line, Panel, color, escaped};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Record};
 
-/// Points in time that are nearer to each other are the same (s), since they are rounded multiples of a step.
+/// Times closer than this are equal (s), since they are rounded multiples of a step.
 const ROUNDING: f64 = 1e-9;
 
 pub struct Comparison<'a> {
@@ -20,30 +20,30 @@ pub struct Comparison<'a> {
     pub notes: Vec<String>,
 }
 
-/// A variable that all records have.
+/// A variable common to all records.
 struct Variable<'a> {
     name: &'a str,
     unit: &'a str,
     /// In the order of the records.
     columns: Vec<&'a Column>,
-    /// Of each record after the first.
+    /// One for each record after the first.
     differences: Vec<Difference>,
 }
 
-/// The difference of a record from the first, at the times of that.
+/// A record's difference from the first, at the first's times.
 struct Difference {
     points: Vec<(f64, f64)>,
-    /// The greatest, with its time; none where they are equal.
+    /// The largest, with its time; none if they are equal.
     greatest: Option<(f64, f64)>,
     root_mean_square: f64,
-    /// The rows in which the values differ, but not by a finite number.
+    /// The number of rows without a finite difference.
     undefined: usize,
 }
 
 impl<'a> Comparison<'a> {
-    /// Compares records by their names; of all variables, or of some.
+    /// Compares named records in all variables or in some.
     pub fn new(records: &'a [(String, Record)], wanted: Option<&[String]>) -> Result<Self> {
-        let [(first_name, first), others @ ..] = records else { bail!("there is no record to compare") };
+        let [(first_name, first), others @ ..] = records else { bail!("no record to compare") };
         let mut notes = vec![];
         if let Some((name, _)) = records.iter().find(|(_, record)| record.time().is_empty()) {
             bail!("{name} has no rows");
@@ -56,14 +56,14 @@ impl<'a> Comparison<'a> {
                 (0, _) => {
                     let range = |times: &[f64]| format!("{} s to {} s", times[0], times[times.len() - 1]);
                     bail!(
-                        "{name} has none of the times of {first_name}: it is from {}, {first_name} from {}",
+                        "{name} has none of the times of {first_name}: it covers {}, {first_name} {}",
                         range(times),
                         range(first.time())
                     );
                 }
                 (common, rows) if !has_times_of(record, first) => notes.push(format!(
                     "{name} and {first_name} have different times: {common} of {rows} rows of {first_name} are \
-                     compared, with values on the line between two rows of {name}"
+                     compared, interpolating {name} linearly"
                 )),
                 _ => {}
             }
@@ -138,8 +138,7 @@ impl<'a> Comparison<'a> {
         let mut html = String::new();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             html += &format!(
-                "<h2>{} minus {}</h2>\n<table>\n<tr><th>Variable</th><th>Greatest difference</th><th>At</th><th>Root \
-                 of the mean square</th></tr>\n",
+                "<h2>{} minus {}</h2>\n<table>\n<tr><th>Variable</th><th>Largest difference</th><th>At</th><th>RMS</th></tr>\n",
                 escaped(name),
                 escaped(&self.records[0].0)
             );
@@ -156,7 +155,7 @@ impl<'a> Comparison<'a> {
         html
     }
 
-    /// Each variable of all records in a panel, and the differences beside it.
+    /// For each variable, a panel with all records next to one with the differences.
     pub fn draw(&self) -> Figure {
         let title = self.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
         let colors = || color::CYCLE.iter().cycle().copied();
@@ -188,7 +187,7 @@ impl<'a> Comparison<'a> {
 }
 
 impl Variable<'_> {
-    /// The greatest difference of a record, its time, and the rest.
+    /// A record's largest difference, its time, and the rest.
     fn row(&self, record: usize) -> [String; 3] {
         let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
         let undefined = match undefined {
@@ -199,7 +198,7 @@ impl Variable<'_> {
             Some((value, time)) => [
                 quantity(*value, self.unit),
                 format!("at {}", quantity(*time, "s")),
-                format!("{} root of mean square{undefined}", quantity(*root_mean_square, self.unit)),
+                format!("{} RMS{undefined}", quantity(*root_mean_square, self.unit)),
             ],
             None if undefined.is_empty() => ["equal".to_owned(), String::new(), String::new()],
             None => ["unequal".to_owned(), String::new(), undefined[2..].to_owned()],
@@ -223,7 +222,7 @@ impl Difference {
         let greatest = finite().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         let greatest =
             greatest.filter(|(_, difference)| *difference != 0.0).map(|&(time, value)| (value, time));
-        // The squares of the greatest numbers are infinite.
+        // Scaled, since the squares of the largest numbers overflow.
         let size = greatest.map_or(1.0, |(value, _)| value.abs());
         let squares: f64 = finite().map(|(_, difference)| (difference / size).powi(2)).sum();
         let root_mean_square = size * (squares / finite().count().max(1) as f64).sqrt();
@@ -231,8 +230,8 @@ impl Difference {
     }
 }
 
-/// A value at a time, between two rows on the line through both; none outside of the record. `place` is the row from
-/// which on to look, for ascending times.
+/// The value at a time, interpolated linearly; none outside the record. `place` is the row where the search starts, for
+/// ascending times.
 fn at(times: &[f64], values: &[f64], time: f64, place: &mut usize) -> Option<f64> {
     while times.get(*place).is_some_and(|&known| known < time - ROUNDING) {
         *place += 1;
@@ -274,7 +273,7 @@ mod tests {
         let text = comparison.text();
         assert!(text.starts_with("b minus a:\n  p  "), "{text}");
         // The root of (30000² + 4²) / 3.
-        for part in ["\u{2212}30\u{202f}kPa", "at 1\u{202f}s", "17.3\u{202f}kPa root", "in 1 rows"] {
+        for part in ["\u{2212}30\u{202f}kPa", "at 1\u{202f}s", "17.3\u{202f}kPa RMS", "in 1 rows"] {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert_eq!(comparison.notes, ["own_a is not in b", "own_b is only in b"]);
@@ -305,7 +304,7 @@ mod tests {
         let rows = [(0.0, 1.0), (1.0, 1.0)];
         assert_eq!(
             refusal(&rows, &[(2.0, 1.0), (3.5, 1.0)]),
-            "b has none of the times of a: it is from 2 s to 3.5 s, a from 0 s to 1 s"
+            "b has none of the times of a: it covers 2 s to 3.5 s, a 0 s to 1 s"
         );
         assert!(refusal(&rows, &[(0.25, 1.0), (0.75, 1.0)]).starts_with("b has none of the times of a"));
         assert_eq!(refusal(&rows, &[]), "b has no rows");
@@ -316,7 +315,7 @@ mod tests {
         assert!(notes[0].contains("1 of 2 rows of a are compared"), "{notes:?}");
     }
 
-    /// Their squares and the greatest differences are infinite.
+    /// Their squares and largest differences overflow.
     #[test]
     fn the_greatest_numbers_are_compared() {
         let text = |a: f64, b: f64| {

@@ -1,6 +1,6 @@
 //! The finished parts of a long task, line by line: an interrupted task resumes from it.
 //!
-//! The first line has the task's settings, each other one a finished part, as JSON. A truncated last line is ignored.
+//! The first line has the task's settings, each other line a finished part, as JSON. A truncated last line is ignored.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// All that the results depend on, by name.
+/// Everything the results depend on, by name.
 pub type Settings = BTreeMap<String, String>;
 
 /// The SHA-256 of a file that results depend on.
@@ -90,7 +90,7 @@ impl Journal {
             let whole = file.stream_position()?;
             // In one piece, so that only the last line can be truncated.
             file.write_all(text.as_bytes()).inspect_err(|_| {
-                // Another thread may write more; if this fails as well, the next opening reports it.
+                // Another thread may write more; if this fails too, the next opening reports it.
                 let _ = file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole)));
             })
         };
@@ -98,7 +98,7 @@ impl Journal {
     }
 }
 
-/// Refuses other settings, and names the first that differ.
+/// Rejects other settings and names the first differences.
 fn check(old: &Settings, new: &Settings) -> Result<()> {
     const MOST_NAMED: usize = 3;
     let names = old.keys().chain(new.keys().filter(|name| !old.contains_key(*name)));

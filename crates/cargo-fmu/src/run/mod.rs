@@ -60,16 +60,16 @@ fn refuse_map(path: &Path) -> Result<Arc<dyn NameMap>> {
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct FmuArguments {
-    /// The folder of the FMUs
+    /// The folder with the FMUs
     #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
     pub folder: PathBuf,
-    /// Another file for an FMU of the scenario, by its name there
+    /// Replace an FMU of the scenario, by its name there, with another file
     #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
     pub files: Vec<(String, PathBuf)>,
 }
 
 impl FmuArguments {
-    /// Puts the files in the places of a scenario's FMUs, by their names there, and gives it the maps.
+    /// Replaces a scenario's FMUs with the given files, by name, and adds the maps.
     ///
     /// # Errors
     /// When the scenario has no such FMU, or there is no file.
@@ -88,7 +88,8 @@ impl FmuArguments {
         for member in &scenario.fmus {
             if !member.file.exists() {
                 return Err(member.location.error(format!(
-                    "there is no {}: {}, --fmus DIR names another folder and --fmu {}=FILE.fmu another file",
+                    "{} does not exist: {}; or name another folder with --fmus DIR or another file with --fmu \
+                     {}=FILE.fmu",
                     member.file.display(),
                     fmu_master::remedy(&member.file),
                     member.name
@@ -101,7 +102,7 @@ impl FmuArguments {
     /// Refuses other files for FMUs.
     fn refuse_files(&self, subject: &str) -> Result<()> {
         match self.files.first() {
-            Some((name, file)) => bail!("--fmu {name}={}: {subject} has its own", file.display()),
+            Some((name, file)) => bail!("--fmu {name}={}: only for scenarios, not {subject}", file.display()),
             None => Ok(()),
         }
     }
@@ -114,15 +115,15 @@ pub fn inputs(scenario: &Scenario, maps: &Maps<'_>) -> Vec<PathBuf> {
     members.chain(scenario.files.clone()).chain(maps.files.iter().cloned()).collect()
 }
 
-/// Makes a folder for results.
+/// Creates a folder for results.
 ///
 /// # Errors
 /// When it cannot be made.
 pub fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
+    fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))
 }
 
-/// A progress bar, which is drawn only if standard error is a terminal.
+/// A progress bar, drawn only if standard error is a terminal.
 ///
 /// # Errors
 /// When the template of the progress is wrong.
@@ -131,7 +132,7 @@ pub fn progress_bar(length: u64, progress: &str) -> Result<ProgressBar> {
     Ok(ProgressBar::new(length).with_style(style.context("no progress bar")?))
 }
 
-/// Reads a number in a range, whose ends are finite.
+/// Parses a number in a finite range.
 pub fn number_in(
     range: RangeInclusive<f64>,
     expected: &'static str,
@@ -142,12 +143,12 @@ pub fn number_in(
     }
 }
 
-/// Reads a finite number.
+/// Parses a finite number.
 pub fn finite() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     number_in(f64::MIN..=f64::MAX, "a finite number")
 }
 
-/// Reads a finite number above 0.
+/// Parses a finite number above 0.
 pub fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
 }
@@ -172,7 +173,7 @@ fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
     }
 }
 
-/// Refuses results that would destroy an input. A folder that is yet to be made holds none.
+/// Refuses results that would overwrite an input. A folder that does not exist yet holds none.
 ///
 /// # Errors
 /// When one would.
@@ -183,7 +184,7 @@ pub fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) ->
     Ok(())
 }
 
-/// Writes texts into a folder by their names, and says where.
+/// Writes texts into a folder by name, and prints their paths.
 ///
 /// # Errors
 /// When one cannot be written.

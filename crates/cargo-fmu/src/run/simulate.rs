@@ -20,7 +20,7 @@ use fmu_plot::{PlotFormat, panels};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Header, Record, TableFormat};
 
-/// Steps between two updates of the progress bar.
+/// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
 
 /// Run an FMU, a system or a scenario, or the model of this folder
@@ -33,17 +33,17 @@ pub struct Simulate {
     subject: Option<PathBuf>,
     #[command(flatten)]
     fmus: FmuArguments,
-    /// A value of a variable before initialization, or of an input all the time, in its unit or with another one:
+    /// Set a variable before initialization, or an input throughout, in its own or the given unit:
     /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
     #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value)]
     values: Vec<(String, String)>,
-    /// A parameter set, for the FMU that has its parameters; may be given several times
+    /// Parameter set, for the FMU that has its parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// Another end (s)
+    /// Override the stop time (s)
     #[arg(long, value_name = "SECONDS", value_parser = finite())]
     stop_time: Option<f64>,
-    /// Another communication step of a system or an FMU alone (s)
+    /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = positive())]
     step: Option<f64>,
     /// Relative tolerance of the FMUs' integrators [default: their own]
@@ -52,16 +52,16 @@ pub struct Simulate {
     /// Inputs over time, in columns under their names after the time (s): on lines between rows, or held if discrete
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
-    /// What to record instead, as in a scenario
+    /// Override what is recorded, as in a scenario
     #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
     record: Option<Vec<String>>,
-    /// The record to write, or a folder to write it to
+    /// The record to write, or its folder
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
-    /// Write units to the header of a CSV file: `name (unit)`. A Parquet file always has them in its metadata
+    /// Write units in the CSV header: `name (unit)`. Parquet files always have them in their metadata
     #[arg(long)]
     units: bool,
-    /// Draw what is recorded, in the panels of the scenario
+    /// Plot the record in the scenario's panels
     #[arg(long, value_name = "FILE.svg|png|html")]
     plot: Option<PathBuf>,
 }
@@ -154,25 +154,25 @@ impl Simulate {
         Ok(())
     }
 
-    /// What is to be run, and the folder of a system's FMUs, which lasts until the run ends.
+    /// What to run, and the temporary folder of a system's FMUs, which must outlive the run.
     fn scenario(&self, subject: &Path, maps: &Maps<'_>) -> Result<(Scenario, Option<Folder>)> {
         let Self { fmus, stop_time, step, .. } = self;
         let times = Times { start: None, stop: *stop_time, step: *step };
         let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
         let (mut scenario, folder) = match ending.to_str() {
             Some("fmu") => {
-                fmus.refuse_files("an FMU alone")?;
+                fmus.refuse_files("single FMUs")?;
                 (system::alone(subject, times)?, None)
             }
             Some("ssp") => {
-                fmus.refuse_files("a system")?;
-                maps.refuse("a system has its own conversions")?;
+                fmus.refuse_files("systems")?;
+                maps.refuse("a system defines its own conversions")?;
                 let (scenario, folder) = system::read(subject, times)?;
                 (scenario, Some(folder))
             }
             _ => {
                 if step.is_some() {
-                    bail!("--step is for a system or an FMU alone; {} has its own", subject.display());
+                    bail!("--step is for a system or a single FMU; {} sets its own", subject.display());
                 }
                 let mut scenario = Scenario::read(subject, &fmus.folder, maps.read)?;
                 if let Some(stop_time) = stop_time {
@@ -198,7 +198,7 @@ impl Simulate {
 
 /// The FMU of the model in this folder, which is exported.
 fn model_of_this_folder() -> Result<PathBuf> {
-    let mut fmus = Export::default().plan()?.run(&[], &[])?;
+    let mut fmus = Export::of_this_folder().plan()?.run(&[], &[])?;
     match fmus.len() {
         1 => Ok(fmus.remove(0)),
         _ => {
@@ -256,7 +256,7 @@ fn take_inputs(
     Ok(())
 }
 
-/// Gives a variable another value before initialization, or an input another signal.
+/// Sets a variable before initialization, or an input's signal.
 fn set(
     scenario: &mut Scenario,
     loaded: &mut LoadedFmus,
@@ -268,7 +268,7 @@ fn set(
     for (index, member) in scenario.fmus.iter().enumerate() {
         let fmu = loaded.get(member)?;
         let own = name.strip_prefix(&format!("{}:", member.name));
-        // Of a system the inputs have the names of its connectors.
+        // A system's inputs are named after its connectors.
         let driven = scenario.inputs_of(member, &fmu, name).into_iter().next().filter(|_| own.is_none());
         let wanted = own.or(driven.map(|(input, _)| input)).unwrap_or(name);
         let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
@@ -304,7 +304,7 @@ fn set(
     }
     if !others.is_empty() {
         let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
-        return Err(location.error(format!("which one? {}", names.collect::<Vec<_>>().join(" or "))));
+        return Err(location.error(format!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))));
     }
     let member = &mut scenario.fmus[*index];
     if let (true, Some(number)) = (variable.causality == "input", number) {
@@ -336,16 +336,16 @@ fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result
         }
     }
     let like = like(name, known.iter().map(String::as_str));
-    Ok(format!("no FMU has a variable {name} that can be set{like}"))
+    Ok(format!("no FMU has a settable variable {name}{like}"))
 }
 
-/// The value of a text for a variable: a number may have a unit after a space.
+/// Parses a variable's value; a number may be followed by a space and a unit.
 fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
     let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
     Ok(match variable.value_type() {
         ValueType::Real => match text.split_once(' ') {
             Some((value, unit)) => {
-                let value = number(value).context("expected a number and its unit")?;
+                let value = number(value).context("expected a number and a unit")?;
                 Value::Real(value, Some(unit.trim().to_owned()))
             }
             None => Value::Real(number(text).context("expected a number")?, None),
@@ -363,7 +363,7 @@ fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
     })
 }
 
-/// The FMU that a parameter set is for: the one that has its parameters.
+/// The FMU that has most of a set's parameters.
 fn owner<'a>(
     scenario: &'a mut Scenario,
     loaded: &mut LoadedFmus,
@@ -381,7 +381,9 @@ fn owner<'a>(
     let [(index, _)] = owners[..] else {
         let names = owners.iter().map(|(index, _)| scenario.fmus[*index].name.as_str());
         let names = names.collect::<Vec<_>>().join(" and ");
-        bail!("{names} have its parameters: give it to one of them in a scenario, by the key parameters");
+        bail!(
+            "{names} both have its parameters: assign it in a scenario, by the key parameters of one of them"
+        );
     };
     Ok(&mut scenario.fmus[index])
 }

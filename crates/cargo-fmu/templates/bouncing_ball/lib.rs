@@ -4,7 +4,7 @@ use fmu_export::{Context, Equations, Error, Event, Number, Persistent};
 
 fmu_export::fmu!(equations {Type});
 
-/// What the model remembers from event to event.
+/// What the model remembers between events.
 #[derive(Clone, Debug, Default, Persistent)]
 struct {Type} {
     rests: bool,
@@ -20,7 +20,7 @@ impl Equations for {Type} {
     }
 
     /// The depth, not the height: after a bounce it is 0, then negative, so that leaving the ground
-    /// is no event.
+    /// is not an event.
     fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
         indicators[0] = -variables.states.h;
     }
@@ -33,7 +33,7 @@ impl Equations for {Type} {
     ) -> Result<(), Error> {
         let states = &mut variables.states;
         if states.h <= 0.0 {
-            // Even while rising: a ball left below the ground by rounding would fall on from there.
+            // Even while rising: a ball left below the ground by rounding would keep falling.
             states.h = 0.0;
             let v = states.v.max(-variables.parameters.e * states.v);
             self.rests = v < variables.locals.v_min;

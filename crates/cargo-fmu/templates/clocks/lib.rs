@@ -1,4 +1,4 @@
-//! Clocks: a periodic one, a triggered one, one that the model winds up, and one by which it triggers others.
+//! Clocks: periodic, triggered, countdown set by the model, and an output that the model ticks.
 
 use fmu_export::{Clocked, Context, Error};
 

@@ -1,4 +1,4 @@
-//! Outputs that are the inputs: variables of each type, continuous and discrete.
+//! Outputs equal to inputs: variables of each type, continuous and discrete.
 
 use fmu_export::{Equations, Number};
 

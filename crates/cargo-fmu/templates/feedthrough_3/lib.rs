@@ -1,4 +1,4 @@
-//! Outputs that are the inputs: variables of each type of FMI 3.0, continuous and discrete.
+//! Outputs equal to inputs: variables of each FMI 3.0 type, continuous and discrete.
 
 use fmu_export::{Equations, Number};
 

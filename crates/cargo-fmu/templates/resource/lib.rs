@@ -1,4 +1,4 @@
-//! A number from a file of the FMU, which is read when the model starts.
+//! A number read from a file in the FMU when the model starts.
 
 use fmu_export::{Context, Equations, Error, Number};
 

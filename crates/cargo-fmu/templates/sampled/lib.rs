@@ -1,13 +1,13 @@
-//! A PI controller: a model that computes at its samples, and remembers from one to the next.
+//! A PI controller: a model that computes at its samples, and remembers values between them.
 
 use fmu_export::{Context, Error, Persistent, Sample, Sampled};
 
 fmu_export::fmu!(sampled {Type});
 
-/// What the actuator takes, in V.
+/// The actuator's limits, in V.
 const LIMITS: [f64; 2] = [-10.0, 10.0];
 
-/// What the controller remembers from sample to sample: the integral term in V.
+/// The controller's memory between samples: the integral term in V.
 #[derive(Clone, Debug, Default, Persistent)]
 struct {Type} {
     integral: f64,
@@ -32,7 +32,7 @@ impl Sampled for {Type} {
         let command = self.integral + proportional;
         variables.outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
         let rise = proportional * parameters.sample_time / parameters.integral_time;
-        // At a limit the integral term stays there.
+        // Anti-windup: the integral term stays within the limits.
         self.integral = (self.integral + rise).clamp(LIMITS[0], LIMITS[1]);
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! A stair: an event at each whole second, and the end of the simulation when ten steps are reached.
+//! A stair: an event at each full second, and the end of the simulation after ten steps.
 
 use fmu_export::{Context, Equations, Error, Event, Number};
 
@@ -10,7 +10,7 @@ const TOP: i32 = 10;
 impl Equations for {Type} {
     type Variables = Variables;
 
-    /// The counter changes at events alone.
+    /// The counter changes only at events.
     fn evaluate<T: Number>(&self, _time: T, _variables: Evaluation<'_>) {}
 
     fn next_event(&self, time: f64, _variables: &Variables) -> Option<f64> {

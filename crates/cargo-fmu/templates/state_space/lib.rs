@@ -4,7 +4,7 @@ use fmu_export::{Equations, Number};
 
 fmu_export::fmu!(equations struct {Type});
 
-/// The product of a matrix and a vector, with another such product.
+/// The sum of two matrix-vector products.
 fn sum<T: Number, const R: usize, const N: usize, const M: usize>(
     (a, x): (&[[T; N]; R], &[T; N]),
     (b, u): (&[[T; M]; R], &[T; M]),

@@ -4,7 +4,7 @@ use fmu_export::{Context, Equations, Error, Event, Number, Persistent};
 
 fmu_export::fmu!(equations {Type});
 
-/// What the model remembers from event to event.
+/// What the model remembers between events.
 #[derive(Clone, Debug, Default, Persistent)]
 struct {Type} {
     mode: Mode,

@@ -6,8 +6,8 @@ use crate::error::Refusals;
 use crate::interfaces::Fmi;
 use crate::model::{DataType, Part, Place, Scalar};
 
-/// The clocks. Scheduled Execution needs one that is an input; a package may declare further models, without a clock, that
-/// are not exported.
+/// The clocks. Scheduled Execution needs an input clock; a package may declare further models without one, which are
+/// not exported.
 pub(crate) fn all(
     declaration: &Declaration,
     fmi: Fmi,
@@ -19,7 +19,7 @@ pub(crate) fn all(
         if let Err(reason) = mixed_name(&clock.name, "letters, digits and underscores") {
             refusals.add("clock.name", reason);
         } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
-            refusals.add("clock.name", format!("{}: there is another variable of this name", clock.name));
+            refusals.add("clock.name", format!("{}: another variable has this name", clock.name));
         }
         if let Some(Err(reason)) = clock.description.as_deref().map(one_line) {
             refusals.add("clock.description", reason);
@@ -44,14 +44,13 @@ pub(crate) fn all(
             let reason = format!("{name}: Scheduled Execution has no local clocks");
             refusals.add(format!("{key}.causality"), reason);
         } else if declaration.causality == Causality::Input && declaration.priority.is_none() {
-            let reason =
-                format!("{name}: in Scheduled Execution a clock that is an input needs a 'priority'");
+            let reason = format!("{name}: in Scheduled Execution an input clock needs a 'priority'");
             refusals.add(key, reason);
         }
     }
 }
 
-/// The keys of clocks, as far as a kind of clock has them.
+/// The keys of clocks, by kind of clock.
 pub(super) fn keys(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
     let refuse = |key, reason: &str| Err((key, reason.to_owned()));
     let timing = [
@@ -78,26 +77,26 @@ pub(super) fn keys(variable: &VariableDeclaration, data_type: DataType) -> Resul
         };
     }
     if !variable.sizes.is_empty() {
-        return refuse("dimensions", "a Clock is no array");
+        return refuse("dimensions", "a Clock cannot be an array");
     }
     if !is_input {
         let others = [of_inputs[1], of_inputs[2], of_inputs[3]];
         return match first(&others).or(first(&timing)) {
-            Some(key) => refuse(key, "it is for a Clock that is an input"),
+            Some(key) => refuse(key, "it is for an input Clock"),
             None if variable.interval_variability.is_some() && !triggered => {
-                refuse("interval_variability", "a Clock that is no input is 'triggered'")
+                refuse("interval_variability", "a Clock that is not an input is 'triggered'")
             }
             None => Ok(()),
         };
     }
     let Some(kind) = variable.interval_variability else {
-        return refuse("interval_variability", "a Clock that is an input needs one");
+        return refuse("interval_variability", "an input Clock needs one");
     };
     if let Some(key) = first(&timing).filter(|_| !kind.is_periodic()) {
-        return refuse(key, "it is for a Clock that is 'constant', 'fixed' or 'tunable'");
+        return refuse(key, "it is for a 'constant', 'fixed' or 'tunable' Clock");
     }
     if triggered && variable.supports_fraction {
-        return refuse("supports_fraction", "a Clock that is 'triggered' has no interval");
+        return refuse("supports_fraction", "a 'triggered' Clock has no interval");
     }
     if variable.resolution == Some(0) {
         return refuse("resolution", "it is 0");
@@ -109,7 +108,7 @@ pub(super) fn keys(variable: &VariableDeclaration, data_type: DataType) -> Resul
         return match first(&timing) {
             Some(key) => refuse(key, "it needs an interval, 'interval_decimal' or 'interval_counter'"),
             None if kind == IntervalVariability::Constant => {
-                refuse("interval_decimal", "a Clock that is 'constant' needs it, or 'interval_counter'")
+                refuse("interval_decimal", "a 'constant' Clock needs it, or 'interval_counter'")
             }
             None => Ok(()),
         };
@@ -127,15 +126,15 @@ pub(super) fn keys(variable: &VariableDeclaration, data_type: DataType) -> Resul
     if variable.shift_counter.is_some() && variable.interval_counter.is_none() {
         refuse("shift_counter", "it needs an 'interval_counter'")
     } else if differs(variable.interval_counter, interval) {
-        refuse("interval_decimal", "it is another interval than that of 'interval_counter'")
+        refuse("interval_decimal", "it differs from the interval of 'interval_counter'")
     } else if differs(variable.shift_counter, shift) {
-        refuse("shift_decimal", "it is another shift than that of 'shift_counter'")
+        refuse("shift_decimal", "it differs from the shift of 'shift_counter'")
     } else {
         Ok(())
     }
 }
 
-/// Whether two times differ by more than their rounding.
+/// Whether two times differ by more than rounding.
 fn differ(one: f64, other: f64) -> bool {
     (one - other).abs() > 4.0 * f64::EPSILON * one.max(other)
 }

@@ -1,4 +1,4 @@
-// Shows the rows that hold all words of the field. The field itself is shown here: it does nothing else.
+// Shows the rows that contain all words in the field, which is hidden without this script.
 const filter = document.getElementById("page-filter");
 const field = filter.querySelector("input");
 const rows = [...document.querySelectorAll("table.variables tr[id]")];
@@ -7,7 +7,7 @@ field.addEventListener("input", () => {
   const wanted = field.value.toLowerCase().split(/\s+/);
   for (const row of rows) {
     row.hidden = !wanted.every((word) => words.get(row).includes(word));
-    // A matrix has its start values in a row of their own.
+    // A matrix has its start values in a separate row.
     const next = row.nextElementSibling;
     if (next?.querySelector("details")) next.hidden = row.hidden;
   }
@@ -15,6 +15,6 @@ field.addEventListener("input", () => {
     group.hidden = !group.querySelector("tr[id]:not([hidden])");
   const count = rows.filter((row) => !row.hidden).length;
   filter.querySelector("output").value =
-    count ? `${count} of ${rows.length}` : `None of the ${rows.length} variables has “${field.value}”.`;
+    count ? `${count} of ${rows.length}` : `None of the ${rows.length} variables matches “${field.value}”.`;
 });
 filter.hidden = false;

@@ -1,5 +1,5 @@
-//! The part of the typed interface that the runtime sees: access by value reference, and the tables that
-//! say what each value reference is.
+//! The runtime's part of the typed interface: access by value reference, and the tables that describe each value
+//! reference.
 
 use std::fmt::Write as _;
 
@@ -40,7 +40,7 @@ impl ::fmu_export::Inputs for Inputs {{
     }
 
     pub(crate) fn variables_impl(&self) -> String {
-        // What goes wrong first is a state; derivatives and outputs follow from it.
+        // States fail first; derivatives and outputs follow from them.
         let (mut sums, mut reals, mut count) = ([const { String::new() }; 4], String::new(), 0);
         for place in [Place::States, Place::Derivatives, Place::Outputs] {
             for position in self.model.in_place(place) {
@@ -92,7 +92,7 @@ impl ::fmu_export::Variables for Variables {{
     }}
 
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
-        // Quickly, where their sum is finite; in four parts, which do not wait for each other.
+        // Fast if their sum is finite; in four parts that do not wait for each other.
         let sums: [f64; 4] = [
 {sums}        ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
@@ -128,7 +128,7 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// The positions of the clocks: first inputs by their priority, then others.
+    /// The positions of the clocks: inputs first, by priority, then the others.
     fn clocks_by_priority(&self) -> Vec<usize> {
         let mut clocks: Vec<_> = self.model.in_place(Place::Clocks).collect();
         clocks.sort_by_key(|&clock| {
@@ -138,7 +138,7 @@ impl ::fmu_export::Variables for Variables {{
         clocks
     }
 
-    /// What the clocks are, and the variables that belong to some, where there are any.
+    /// The clocks, and the variables that belong to them, if any.
     fn clock_tables(&self) -> String {
         let reference = |&position: &usize| self.model.scalars[position].value_reference;
         let (mut clocks, mut clocked) = (String::new(), String::new());
@@ -174,7 +174,7 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// The clocks by their positions among them.
+    /// The clocks by position.
     fn clocks(&self) -> String {
         let clocks = self.clocks_by_priority();
         if clocks.is_empty() {
@@ -215,7 +215,7 @@ impl ::fmu_export::Variables for Variables {{
         nominals.collect::<Vec<_>>().join(", ")
     }
 
-    /// The bounds of states beyond which the equations have no meaning, where there are any.
+    /// The state bounds beyond which the equations are invalid, if any.
     fn strict_states(&self) -> String {
         let fields = self.model.parts.iter().flat_map(|part| Place::States.fields(part));
         let positions = fields.flat_map(|field| field.positions.iter().copied());
@@ -238,7 +238,7 @@ impl ::fmu_export::Variables for Variables {{
         format!("    const STRICT_STATES: &'static [(usize, f64, f64)] = &[{}];\n", strict.join(", "))
     }
 
-    /// The names of the event indicators, where there are any.
+    /// The event indicators' names, if any.
     fn event_indicators(&self) -> String {
         let Declaration { event_indicators: names, limits, .. } = self.model.declaration;
         if names.is_empty() {
@@ -256,7 +256,7 @@ impl ::fmu_export::Variables for Variables {{
         text
     }
 
-    /// The arrays that are one variable each, where there are any.
+    /// The arrays that are one variable each, if any.
     fn arrays_of_fmi3(&self) -> String {
         let reference = |&position: &usize| self.model.scalars[position].value_reference;
         let arrays = self.model.arrays();
@@ -274,7 +274,7 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// What Real outputs and derivatives depend on, where that is declared.
+    /// The declared dependencies of Real outputs and derivatives.
     fn dependencies(&self) -> String {
         let reference = |&position: &usize| self.model.scalars[position].value_reference;
         let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
@@ -368,7 +368,7 @@ impl ::fmu_export::Variables for Variables {{
         [of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
     }
 
-    /// The variables of a place without changes, from its default, which bears the place's name.
+    /// A place's variables without changes, from its default, named after the place.
     fn zero(&self, place: Place) -> String {
         let name = place.type_name().to_lowercase();
         if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name }
@@ -388,7 +388,7 @@ impl ::fmu_export::Variables for Variables {{
         .into_iter()
         .map(|(name, value_type, argument_type, default)| {
             let (getters, setters) = self.accessors(name);
-            // The types of FMI 3.0 alone have defaults in the trait.
+            // Types of FMI 3.0 only have defaults in the trait.
             if getters.is_empty() && matches!(name, "float32" | "whole" | "binary") {
                 return String::new();
             }
@@ -413,7 +413,7 @@ impl ::fmu_export::Variables for Variables {{
         accessors.concat()
     }
 
-    /// How what is calculated takes one of two values, where there is any.
+    /// How calculated variables take one of two values, if there are any.
     fn marks(&self) -> String {
         let mut marks = String::new();
         for scalar in self.model.scalars.iter().filter(|scalar| is_evaluated(scalar)) {
@@ -440,7 +440,7 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// The arms of the getter and the setter of a type.
+    /// A type's getter and setter arms.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
         let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
@@ -563,7 +563,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         )
     }
 
-    /// The positions of the variables, in the order of their value references.
+    /// The variables' positions, ordered by value reference.
     fn by_value_reference(&self) -> Vec<usize> {
         let mut positions: Vec<_> = (0..self.model.scalars.len()).collect();
         positions.sort_by_key(|&position| self.model.scalars[position].value_reference);
@@ -587,7 +587,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             .filter(|&position| self.model.scalars[position].data_type == DataType::Real)
     }
 
-    /// The bounds of a variable, as Rust's text.
+    /// A variable's bounds, as Rust text.
     fn bounds(&self, scalar: &Scalar) -> (String, String) {
         let text = |bound: Option<f64>, open: &str| match bound {
             Some(bound) => format!("{bound:?}"),
@@ -603,14 +603,14 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     }
 }
 
-/// Where a variable is in `Variables`.
-/// Whether a variable is calculated at each evaluation: not by events alone, nor once.
+/// Whether every evaluation computes a variable: not just events, nor just once.
 fn is_evaluated(scalar: &Scalar) -> bool {
     matches!(scalar.place, Place::Derivatives | Place::Locals | Place::Outputs)
         && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
         && scalar.initial == Some(Initial::Calculated)
 }
 
+/// A variable's path in `Variables`.
 fn full_path(scalar: &Scalar) -> String {
     let place = match scalar.place {
         Place::Parameters => "parameters",

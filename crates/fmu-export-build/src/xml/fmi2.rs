@@ -38,13 +38,13 @@ pub(super) fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> Str
     })
 }
 
-/// What the interfaces have in common is declared alike in both.
+/// What the interfaces share is declared alike in both.
 fn write_model_exchange(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     let capabilities = &model.declaration.capabilities;
     let attributes = vec![
         ("modelIdentifier", model.identifier.clone()),
         ("needsExecutionTool", false.to_string()),
-        // The runtime finds nothing out in it.
+        // The runtime does nothing in it.
         ("completedIntegratorStepNotNeeded", true.to_string()),
         ("canBeInstantiatedOnlyOncePerProcess", false.to_string()),
         ("canNotUseMemoryManagementFunctions", true.to_string()),
@@ -105,7 +105,7 @@ fn write_variable(writer: &mut XmlWriter, model: &Model<'_>, position: usize) ->
     })
 }
 
-/// The element that names a variable's type, with its attributes in the order of the schema.
+/// The element named after a variable's type, with its attributes in the order of the schema.
 fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes) {
     let mut attributes = Vec::new();
     let name = match scalar.data_type {
@@ -118,7 +118,7 @@ fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes
             "Real"
         }
         DataType::Integer => {
-            // The checks let whole numbers through only, and `Display` prints them without a fraction.
+            // The checks allow only integers here, and `Display` prints them without a fraction.
             attributes.extend(scalar.min.map(|min| ("min", min.to_string())));
             attributes.extend(scalar.max.map(|max| ("max", max.to_string())));
             "Integer"
@@ -135,7 +135,7 @@ fn type_element(model: &Model<'_>, scalar: &Scalar) -> (&'static str, Attributes
     };
     attributes.extend(scalar.start.as_ref().map(|value| ("start", start(value))));
     attributes.extend(scalar.state.map(|state| ("derivative", index(state).to_string())));
-    // The standard has it for Model Exchange alone (section 2.2.7).
+    // The standard has it for Model Exchange only (section 2.2.7).
     if scalar.reinit && model.fmi.interfaces.model_exchange() {
         attributes.push(("reinit", true.to_string()));
     }
@@ -149,7 +149,7 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
         ("InitialUnknowns", &structure.initial_unknowns),
     ];
     element(writer, "ModelStructure", vec![], |writer| {
-        // The schema knows no empty list.
+        // The schema has no empty lists.
         lists.into_iter().filter(|(_, unknowns)| !unknowns.is_empty()).try_for_each(|(name, unknowns)| {
             element(writer, name, vec![], |writer| {
                 unknowns.iter().try_for_each(|unknown| write_unknown(writer, unknown))
@@ -158,7 +158,7 @@ fn write_structure(writer: &mut XmlWriter, structure: &Structure) -> io::Result<
     })
 }
 
-/// An empty list of dependencies is written as well: without one the variable depends on all.
+/// An empty dependency list is written, too: without one the variable depends on everything.
 fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
     let indices = |positions: &[usize]| {
         let indices: Vec<_> = positions.iter().map(|&position| index(position).to_string()).collect();
@@ -171,7 +171,7 @@ fn write_unknown(writer: &mut XmlWriter, unknown: &Unknown) -> io::Result<()> {
     empty(writer, "Unknown", given(attributes))
 }
 
-/// FMI counts variables from 1 in `ModelStructure`, whatever their value references.
+/// FMI numbers variables from 1 in `ModelStructure`, whatever their value references.
 fn index(position: usize) -> usize {
     position + 1
 }

@@ -44,7 +44,7 @@ fn write_interfaces(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
     ];
     let with = |own: Attributes| [common.clone(), own].concat();
     if model.fmi.interfaces.model_exchange() {
-        // The runtime finds nothing out in a completed step.
+        // The runtime does nothing when a step is completed.
         let own = vec![("needsCompletedIntegratorStep", false.to_string())];
         empty(writer, "ModelExchange", with(own))?;
     }
@@ -81,12 +81,12 @@ fn write_types(writer: &mut XmlWriter, declaration: &Declaration) -> io::Result<
     })
 }
 
-/// The variables of the standard, of which some are arrays.
+/// The standard's variables, some of which are arrays.
 struct Variables<'m, 'a> {
     model: &'m Model<'a>,
-    /// The elements of each array, by the position of the first.
+    /// Each array's elements, by the position of the first.
     arrays: BTreeMap<usize, Vec<usize>>,
-    /// The first element of the array that a position belongs to.
+    /// The first element of a position's array.
     first: BTreeMap<usize, usize>,
 }
 
@@ -99,7 +99,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         Self { model, arrays, first }
     }
 
-    /// The position of the variable that a scalar belongs to.
+    /// The position of a scalar's variable.
     fn variable_of(&self, position: usize) -> usize {
         self.first.get(&position).copied().unwrap_or(position)
     }
@@ -174,13 +174,13 @@ impl<'m, 'a> Variables<'m, 'a> {
         })
     }
 
-    /// The sizes of an array, from the position of its first element; a derivative has those of its state.
+    /// An array's sizes, from its first element's position; a derivative has its state's.
     fn dimensions(&self, position: usize) -> &'m [Dimension] {
         let position = self.model.scalars[position].state.unwrap_or(position);
         &self.model.field(position).declaration.dimensions
     }
 
-    /// The element that names a variable's type, with its attributes but the start value.
+    /// The element named after a variable's type, with all attributes but the start value.
     fn type_element(&self, scalar: &Scalar, position: usize) -> (&'static str, Attributes) {
         let whole = |bound: f64| bound.to_string();
         match scalar.data_type {
@@ -213,8 +213,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         }
     }
 
-    /// Whether a variable can be exchanged between two internal steps of co-simulation, as
-    /// `fmu_export`'s runtime has it.
+    /// Whether a variable can be exchanged between two internal steps of co-simulation, as in `fmu_export`'s runtime.
     fn has_intermediate_update(&self, scalar: &Scalar) -> bool {
         self.model.declaration.capabilities.event_mode
             && self.model.fmi.interfaces.co_simulation()
@@ -233,14 +232,14 @@ impl<'m, 'a> Variables<'m, 'a> {
         for (name, unknowns) in lists {
             self.write_unknowns(writer, name, unknowns)?;
         }
-        // Their dependencies are for debugging only, and left out.
+        // Their dependencies are for debugging only, and omitted.
         self.model.in_place(Place::EventIndicators).try_for_each(|position| {
             empty(writer, "EventIndicator", vec![("valueReference", self.reference(position))])
         })
     }
 
-    /// Unknowns with the variables that they, or any elements of them, depend on. An empty list is written as well:
-    /// without one the variable depends on all.
+    /// Unknowns with the variables on which they, or any of their elements, depend. An empty list is written, too:
+    /// without one the variable depends on everything.
     fn write_unknowns(
         &self,
         writer: &mut XmlWriter,
@@ -275,8 +274,8 @@ impl<'m, 'a> Variables<'m, 'a> {
     }
 }
 
-/// The attributes that clocks alone have. Where an interval is declared in one way, it is written in the other, too:
-/// importers read the decimal number.
+/// The attributes of clocks only. An interval declared in one form is also written in the other: importers read the
+/// decimal number.
 fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
     let [interval, shift] = clock.timing().map_or([None; 2], |timing| timing.map(Some));
     given([
@@ -292,7 +291,7 @@ fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
     ])
 }
 
-/// The name of an array, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
+/// An array's name, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
 fn without_subscripts(name: &str) -> String {
     match (name.rfind('['), name.rfind(']')) {
         (Some(open), Some(close)) => format!("{}{}", &name[..open], &name[close + 1..]),

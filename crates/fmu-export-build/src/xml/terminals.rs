@@ -1,7 +1,7 @@
 //! The terminalsAndIcons.xml (FMI 3.0.2, section 2.4.9; in FMI 2.0 since 2.0.4).
 //!
-//! An importer takes the root's first element for that of the terminals. So the place of the icon, which the schema puts first,
-//! is written where there are no terminals; it is the default one anyway.
+//! Importers take the root's first element for the terminals. So the icon's location, first in the schema, is written
+//! only without terminals; it is the default anyway.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ use fmu_xml::{document, element, empty};
 
 pub(crate) fn write(model: &Model<'_>) -> String {
     let terminals = &model.declaration.terminals;
-    // An array is one member where it is one variable.
+    // An array that is one variable is one member.
     let arrays: BTreeSet<_> = model.arrays().iter().map(|array| array[0]).collect();
     let members = |name: &String| {
         let positions = &model.names[name];
@@ -21,7 +21,7 @@ pub(crate) fn write(model: &Model<'_>) -> String {
         }
         positions.iter().map(|&position| model.scalars[position].name.clone()).collect()
     };
-    // Of the format, in FMUs of earlier versions, too (FMI 3.0.2, section 2.4.9).
+    // The format's version, even in FMUs of earlier FMI versions (FMI 3.0.2, section 2.4.9).
     let version = vec![("fmiVersion", "3.0".to_owned())];
     document(|writer| {
         element(writer, "fmiTerminalsAndIcons", version, |writer| {

@@ -86,8 +86,10 @@ fn the_page_says_what_the_json_says() {
     text("<a href=\"#FillMode\">Fill<wbr/>Mode</a>");
     text("Half &quot;full&quot;");
     text("<tr><th scope=\"row\">2</th><td>3</td><td>4</td></tr>");
-    text("depends at once on <a href=\"#enabled\"><code>enabled</code></a>, <a href=\"#second.mass\">");
-    text("depends at once on no input or state");
+    text(
+        "depends instantaneously on <a href=\"#enabled\"><code>enabled</code></a>, <a href=\"#second.mass\">",
+    );
+    text("depends instantaneously on no input or state");
     text("\"time\",\"inflow\",\"enabled\"\n0,0.5,1</pre>");
     text("fmpy simulate Vessels.fmu --start-values first.area 0.5 --output-file result.csv");
     text("<li><a href=\"#balance\">Balance of first.<wbr/>mass</a></li>");
@@ -240,7 +242,7 @@ fn a_fragment_names_existing_variables() {
         "vessels.html:1: the model has no variable 'settings.table[3,1]'; the nearest is 'settings.table[1,1]'"
     );
     for nameless in ["<var/>", "<var></var>", "<var><b>level</b></var>"] {
-        assert_eq!(refusal(nameless), "vessels.html:1: <var> is for the name of a variable");
+        assert_eq!(refusal(nameless), "vessels.html:1: <var> must contain a variable's name");
     }
     assert_eq!(
         refusal("<a href=\"#balance\">there</a>"),
@@ -267,15 +269,15 @@ fn a_fragment_refers_to_no_other_file() {
     ] {
         assert_eq!(
             refusal(&format!("<{element}></{element}>")),
-            format!("vessels.html:1: <{element}> is not among the elements of a fragment")
+            format!("vessels.html:1: <{element}> is not allowed in a fragment")
         );
     }
     for (markup, within) in [
-        ("<math><script/></math>", "<script> is not among the elements of <math>"),
-        ("<math><mtext><b/></mtext></math>", "<b> is not among the elements of <math>"),
-        ("<svg><g><foreignObject/></g></svg>", "<foreignObject> is not among the elements of <svg>"),
+        ("<math><script/></math>", "<script> is not allowed in <math>"),
+        ("<math><mtext><b/></mtext></math>", "<b> is not allowed in <math>"),
+        ("<svg><g><foreignObject/></g></svg>", "<foreignObject> is not allowed in <svg>"),
         // A picture in a picture might be in itself.
-        ("<svg><img src=\"vessels.svg\" alt=\"\"/></svg>", "<img> is not among the elements of <svg>"),
+        ("<svg><img src=\"vessels.svg\" alt=\"\"/></svg>", "<img> is not allowed in <svg>"),
     ] {
         assert_eq!(refusal(markup), format!("vessels.html:1: {within}"));
     }
@@ -299,7 +301,7 @@ fn a_fragment_refers_to_no_other_file() {
         });
         let begins = format!("vessels.html:1: {attribute} does not begin with ");
         assert!(
-            refused.starts_with(&begins) && refused.ends_with(&format!("as that of <{element}> does")),
+            refused.starts_with(&begins) && refused.ends_with(&format!("as that of <{element}> must")),
             "{refused}"
         );
     }
@@ -310,11 +312,11 @@ fn a_fragment_refers_to_no_other_file() {
         "style=\"background: image-set('https://example.org' 1x)\"",
         "fill=\"url('https://example.org/#a')\"",
     ] {
-        let refused = format!("vessels.html:1: {attribute} may be loaded from elsewhere");
+        let refused = format!("vessels.html:1: {attribute} may load from elsewhere");
         assert_eq!(refusal(&format!("<p {attribute}></p>")), refused);
     }
     for attribute in ["onclick", "ONERROR", "srcset", "action", "background", "HREF"] {
-        let refused = format!("vessels.html:1: {attribute} of <p> is not among the attributes of a fragment");
+        let refused = format!("vessels.html:1: {attribute} of <p> is not allowed in a fragment");
         assert_eq!(refusal(&format!("<p {attribute}=\"f\"></p>")), refused);
     }
     assert_eq!(refusal("<p title=\"</p><script>\">a</p>"), "vessels.html:1: write &lt; in an attribute");

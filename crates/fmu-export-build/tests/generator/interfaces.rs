@@ -3,11 +3,10 @@
 use std::env;
 use std::fs;
 
-use fmu_export::Variables as _;
 use fmu_export::description::Interfaces as Described;
 use fmu_export_build::{Fmi, Generated, Interfaces, Version, generate_into};
 
-use super::{Variables, folder, folder_with_model, package, read, sources};
+use super::{folder, folder_with_model, package, read, sources};
 
 fn generate(interfaces: Interfaces) -> Generated {
     let out_dir = folder(&format!("interfaces {interfaces}"));
@@ -57,8 +56,8 @@ fn scheduled(version: Version, clock: Option<&str>) -> Result<Generated, String>
 fn scheduled_execution_is_for_clocks_of_fmi_3_without_states() {
     const CLOCK: &str = r#"{"name": "ticks"}"#;
     for (version, clock, reason) in [
-        (Version::Two, CLOCK, "Scheduled Execution is an interface of FMI 3.0"),
-        (Version::Three, r#"{"name": "time"}"#, "clock.name: time: there is another variable of this name"),
+        (Version::Two, CLOCK, "Scheduled Execution exists in FMI 3.0 only"),
+        (Version::Three, r#"{"name": "time"}"#, "clock.name: time: another variable has this name"),
         (Version::Three, r#"{"name": "a b"}"#, "clock.name: 'a b'"),
         (Version::Three, r#"{"name": "ticks", "description": "two\nlines"}"#, "clock.description: "),
         (Version::Three, CLOCK, "Scheduled Execution is for models without continuous states"),
@@ -209,7 +208,7 @@ fn an_event_indicator_has_no_name_of_another_variable() {
     generate(Interfaces::ModelExchange.into()).expect("FMI 2.0 has no such variables");
     let fmi = Fmi { version: Version::Three, interfaces: Interfaces::ModelExchange };
     let refused = generate(fmi).expect_err("there are two variables of a name");
-    let expected = "event_indicators[0]: event_indicators.empty: there is another variable of this name";
+    let expected = "event_indicators[0]: event_indicators.empty: another variable has this name";
     assert!(refused.contains(expected), "{refused}");
 }
 
@@ -273,13 +272,9 @@ fn clocks_are_described_and_typed() {
         (
             of_local,
             Interfaces::Both,
-            "bad: the clock 'own' is local, so that only local variables belong to it",
+            "bad: the clock 'own' is local, so only local variables can belong to it",
         ),
-        (
-            aimless,
-            Interfaces::ScheduledExecution,
-            "aimless: in Scheduled Execution a clock that is an input needs a",
-        ),
+        (aimless, Interfaces::ScheduledExecution, "aimless: in Scheduled Execution an input clock needs a"),
         (both, Interfaces::ScheduledExecution, "sample: there is another clock, 'slow'"),
     ] {
         let refused = generate(more, interfaces).expect_err(reason);
@@ -294,7 +289,7 @@ fn clocks_are_described_and_typed() {
 
 #[test]
 fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
-    let of_co_simulation = read(&sources().join("Vessels/variables.rs"));
+    let of_co_simulation = read(&generate(Interfaces::CoSimulation).variables);
     for (interfaces, functions, co_simulation, model_exchange) in [
         (Interfaces::CoSimulation, "fmi2_co_simulation", true, false),
         (Interfaces::ModelExchange, "fmi2_model_exchange", false, true),
@@ -313,17 +308,6 @@ fn the_typed_interface_has_the_functions_and_the_table_of_the_interfaces() {
         // The macro, the GUID and the interfaces.
         assert_eq!(different, if interfaces == Interfaces::CoSimulation { 0 } else { 3 });
     }
-}
-
-#[test]
-fn the_runtime_is_told_event_indicators_and_states() {
-    assert_eq!(Variables::EVENT_INDICATORS, ["first_is_empty", "second.is_empty"]);
-    let variables = Variables::DESCRIPTION.variables.iter();
-    let mut states: Vec<_> =
-        variables.filter_map(|variable| Some((variable.state?, variable.name))).collect();
-    states.sort_unstable();
-    assert!(states.iter().map(|(position, _)| usize::from(*position)).eq(0..Variables::STATE_NAMES.len()));
-    assert!(states.iter().map(|(_, name)| *name).eq(Variables::STATE_NAMES.iter().copied()));
 }
 
 #[test]

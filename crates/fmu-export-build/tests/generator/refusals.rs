@@ -123,7 +123,9 @@ fn characters_that_xml_does_not_keep_are_refused() {
         for (pointer, key) in [("/variables/0", "description"), ("/components/2/variables/1", "start")] {
             let edit = format!("at {pointer} {{\"{key}\": {text}}}");
             let (findings, _) = refusal("characters", &[&edit]);
-            assert!(findings.ends_with("contains a character that XML does not keep, such as a line break"));
+            assert!(
+                findings.ends_with("contains a character that XML does not preserve, such as a line break")
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
-//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings define
-//! their symbols in the exported library.
+//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings define their symbols in
+//! the exported library.
 //!
 //! [`fmi2_co_simulation!`]: crate::fmi2_co_simulation
 
@@ -49,8 +49,8 @@ impl Recipient for Callback {
     #[cfg(not(target_family = "wasm"))]
     fn receive(&self, status: Status, category: &CStr, text: &CStr) {
         // SAFETY: the importer passed the callback for this purpose (section 2.1.5); every pointer is to a
-        // NUL-terminated string that outlives the call, and the variadic argument is the one that "%s" reads.
-        // No reference to an instance exists during the call.
+        // NUL-terminated string that outlives the call, and "%s" reads the variadic argument. No reference to an
+        // instance exists during the call.
         unsafe {
             (self.function)(
                 self.environment,
@@ -64,7 +64,7 @@ impl Recipient for Callback {
     }
 }
 
-/// `fmi2Instantiate`: null, and a message, when an argument is wrong.
+/// `fmi2Instantiate`: null and a message if an argument is wrong.
 #[must_use]
 pub unsafe fn instantiate<M: Model>(
     instance_name: *const c_char,
@@ -121,7 +121,7 @@ pub unsafe fn instantiate<M: Model>(
     })
 }
 
-/// `fmi2FreeInstance`; the states that were not freed are freed too.
+/// `fmi2FreeInstance`; frees the remaining states, too.
 pub unsafe fn free_instance<M: Model>(component: Component) {
     // SAFETY: the component is the importer's (see the module).
     unsafe { c_boundary::free::<M>(component) }
@@ -180,7 +180,7 @@ transitions! {
     Model: reset: Reset;
 }
 
-/// Defines functions that get or set arrays of types that C and Rust share.
+/// Defines functions that get or set arrays of types shared by C and Rust.
 macro_rules! accessors {
     ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($get_function), "`.")]
@@ -214,7 +214,7 @@ accessors! {
     get_boolean: GetBoolean, set_boolean: SetBoolean, Boolean;
 }
 
-/// The types that the functions for Integers access.
+/// The types accessed by the Integer functions.
 const INTEGERS: &[DataType] = &[DataType::Integer, DataType::Enumeration];
 
 /// `fmi2GetInteger`.
@@ -281,7 +281,7 @@ pub unsafe fn set_string<M: Model>(
     unsafe { c_boundary::set_strings::<M, _>(component, Function::SetString, references, values) }
 }
 
-/// `fmi2GetFMUstate`: into a new state where `*state` is null, otherwise over the one that is there.
+/// `fmi2GetFMUstate`: into a new state if `*state` is null, otherwise over the existing one.
 pub unsafe fn get_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
     // SAFETY: the component and the state are the importer's (see the module).
     unsafe { c_boundary::get_state::<M>(component, Function::GetFMUstate, state) }
@@ -293,7 +293,7 @@ pub unsafe fn set_fmu_state<M: Model>(component: Component, state: FmuState) -> 
     unsafe { c_boundary::set_state::<M>(component, Function::SetFMUstate, state) }
 }
 
-/// `fmi2FreeFMUstate`: a null state is freed already.
+/// `fmi2FreeFMUstate`: null is a no-op.
 pub unsafe fn free_fmu_state<M: Model>(component: Component, state: *mut FmuState) -> Status {
     // SAFETY: the component and the state are the importer's (see the module).
     unsafe { c_boundary::free_state::<M>(component, Function::FreeFMUstate, state) }
@@ -309,7 +309,7 @@ pub unsafe fn serialized_fmu_state_size<M: Model>(
     unsafe { c_boundary::serialized_size::<M>(component, Function::SerializedFMUstateSize, state, size) }
 }
 
-/// `fmi2SerializeFMUstate`: into as many bytes as `fmi2SerializedFMUstateSize` says.
+/// `fmi2SerializeFMUstate`: into as many bytes as `fmi2SerializedFMUstateSize` reports.
 pub unsafe fn serialize_fmu_state<M: Model>(
     component: Component,
     state: FmuState,
@@ -333,7 +333,7 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
     unsafe { c_boundary::deserialize::<M>(component, Function::DeSerializeFMUstate, bytes, state) }
 }
 
-/// Defines functions of capabilities that this crate's FMUs do not have.
+/// Defines functions of capabilities that this crate's FMUs lack.
 macro_rules! not_supported {
     ($($name:ident($($argument:ty),*): $function:ident, $capability:literal;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`: an error, as `", $capability, "` says.")]
@@ -430,8 +430,8 @@ pub unsafe fn do_step<M: Model>(
     }
 }
 
-/// Returns the status of a step. Status information of asynchronous steps is discarded, as section 2.1.3 requires
-/// of information that is not available.
+/// Returns the status of a step. Status information of asynchronous steps is discarded, as section 2.1.3 requires of
+/// unavailable information.
 ///
 /// # Safety
 /// As for [`call`]; `value` is null or may be written to.
@@ -449,7 +449,7 @@ unsafe fn status<M: Model, T>(
                 value.write_unaligned(known);
                 return Ok(Status::Ok);
             }
-            instance.log_discarded(format_args!("there is no such status of a step"));
+            instance.log_discarded(format_args!("a step has no such status"));
             Ok(Status::Discard)
         })
     }
@@ -481,7 +481,7 @@ pub unsafe fn get_integer_status<M: Model>(
     unsafe { status::<M, _>(component, Function::GetIntegerStatus, value, |_| None) }
 }
 
-/// `fmi2GetBooleanStatus`: whether the model asks for the end of the simulation.
+/// `fmi2GetBooleanStatus`: whether the model requests the end of the simulation.
 pub unsafe fn get_boolean_status<M: Model>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
     // SAFETY: the component and the value are the importer's (see the module).
     unsafe {
@@ -521,7 +521,7 @@ pub unsafe fn new_discrete_states<M: ModelExchange>(component: Component, info: 
     }
 }
 
-/// `fmi2CompletedIntegratorStep`: of no consequence, as `completedIntegratorStepNotNeeded` says.
+/// `fmi2CompletedIntegratorStep`: does nothing, as `completedIntegratorStepNotNeeded` says.
 pub unsafe fn completed_integrator_step<M: ModelExchange>(
     component: Component,
     _no_set_fmu_state_prior_to_current_point: Boolean,
@@ -563,7 +563,7 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
     }
 }
 
-/// Defines functions that get an array for all states or event indicators.
+/// Defines functions that get an array of all states or event indicators.
 macro_rules! arrays {
     ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi2", stringify!($function), "`.")]
@@ -582,7 +582,7 @@ arrays! {
     get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NAMES;
 }
 
-/// Makes the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of the crate type `cdylib`.
+/// Defines the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of crate type `cdylib`.
 #[macro_export]
 macro_rules! fmi2_co_simulation {
     ($model:ty) => {
@@ -590,7 +590,7 @@ macro_rules! fmi2_co_simulation {
     };
 }
 
-/// Makes the 35 C functions of FMI 2.0 Model Exchange for a model that implements [`ModelExchange`].
+/// Defines the 35 C functions of FMI 2.0 Model Exchange for a model that implements [`ModelExchange`].
 ///
 /// [`ModelExchange`]: crate::ModelExchange
 #[macro_export]
@@ -600,7 +600,7 @@ macro_rules! fmi2_model_exchange {
     };
 }
 
-/// Makes the 44 C functions of FMI 2.0 with both interfaces for a model that implements [`ModelExchange`].
+/// Defines the 44 C functions of FMI 2.0 with both interfaces for a model that implements [`ModelExchange`].
 ///
 /// [`ModelExchange`]: crate::ModelExchange
 #[macro_export]
@@ -610,7 +610,7 @@ macro_rules! fmi2_both {
     };
 }
 
-/// Makes the C functions of FMI 2.0: those that all FMUs have, and those of interfaces.
+/// Defines the C functions of FMI 2.0: those of all FMUs, and those of interfaces.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi2_functions {

@@ -1,5 +1,5 @@
-//! The C types of FMI 2.0.5 (fmi2TypesPlatform.h, fmi2FunctionTypes.h), declared by hand from the
-//! standard: they are few, and a binding generator would need libclang wherever a model is built.
+//! The C types of FMI 2.0.5 (fmi2TypesPlatform.h, fmi2FunctionTypes.h), hand-written from the standard: they are few,
+//! and a binding generator would need libclang wherever a model is built.
 
 use core::ffi::{c_char, c_int, c_uint, c_void};
 
@@ -41,18 +41,17 @@ pub mod status_kind {
 pub type CallbackLogger =
     unsafe extern "C" fn(*mut c_void, *const c_char, Status, *const c_char, *const c_char, ...);
 
-/// `fmi2CallbackFunctions`. Only the logger and its environment are used; the other fields are there for
-/// the layout.
+/// `fmi2CallbackFunctions`. Only the logger and its environment are used; the other fields complete the layout.
 #[derive(Debug)]
 #[repr(C)]
 pub struct CallbackFunctions {
     /// Receives messages.
     pub logger: Option<CallbackLogger>,
-    /// Not used: memory comes from Rust's allocator.
+    /// Unused: memory comes from Rust's allocator.
     pub allocate_memory: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
-    /// Not used.
+    /// Unused.
     pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Not used: steps are synchronous.
+    /// Unused: steps are synchronous.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, Status)>,
     /// Passed to the logger.
     pub component_environment: *mut c_void,

@@ -1,6 +1,6 @@
-//! The order in which an importer may call: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
+//! The allowed order of calls: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
 //!
-//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are not asynchronous, and neither
+//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are never asynchronous; nor
 //! does `fatal`, since an error never affects another instance.
 
 use std::borrow::Cow;
@@ -30,9 +30,9 @@ const READABLE: Phases = Phases::of(&[
 /// The states in which values can be set; the standard restricts the variables further.
 const WRITABLE: Phases =
     Phases::of(&[Instantiated, InitializationMode, StepComplete, EventMode, ContinuousTimeMode]);
-/// The states in which the status of a step can be asked for.
+/// The states in which a step's status can be read.
 const STEPPED: Phases = Phases::of(&[StepComplete, StepFailed, Terminated]);
-/// The states in which what a solver needs can be read.
+/// The states in which a solver can read what it needs.
 const SOLVABLE: Phases = Phases::of(&[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error]);
 
 functions! {
@@ -76,7 +76,7 @@ functions! {
         NewDiscreteStates: [EventMode],
         EnterContinuousTimeMode: [EventMode],
         CompletedIntegratorStep: [ContinuousTimeMode],
-        // In Event Mode that of a model without states, which need not leave it.
+        // In Event Mode for a model without states, which need not leave it.
         SetTime: [EventMode, ContinuousTimeMode],
         SetContinuousStates: [ContinuousTimeMode],
         GetDerivatives: SOLVABLE,

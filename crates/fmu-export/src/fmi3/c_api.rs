@@ -52,7 +52,7 @@ impl Recipient for Callback {
     }
 }
 
-/// What only instances for some interfaces are given.
+/// What only instances of some interfaces receive.
 #[derive(Clone, Debug, Default)]
 struct Options {
     early_return_allowed: bool,
@@ -61,7 +61,7 @@ struct Options {
     clock_update: Option<ClockUpdateCallback>,
 }
 
-/// Instantiates for an interface: null, and a message, when an argument is wrong or `refusal` says why not.
+/// Instantiates for an interface: null and a message if an argument is wrong, or with `refusal` as the reason.
 ///
 /// # Safety
 /// The strings are null or end in NUL.
@@ -119,7 +119,7 @@ unsafe fn instantiate<M: Model>(
     })
 }
 
-/// `fmi3InstantiateCoSimulation`: null, and a message, when an argument is wrong.
+/// `fmi3InstantiateCoSimulation`: null and a message if an argument is wrong.
 #[must_use]
 pub unsafe fn instantiate_co_simulation<M: Model>(
     instance_name: String,
@@ -204,7 +204,7 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
     Ok(scalars.into())
 }
 
-/// `fmi3InstantiateModelExchange`: null, and a message, when an argument is wrong.
+/// `fmi3InstantiateModelExchange`: null and a message if an argument is wrong.
 #[must_use]
 pub unsafe fn instantiate_model_exchange<M: Model>(
     instance_name: String,
@@ -230,7 +230,7 @@ pub unsafe fn instantiate_model_exchange<M: Model>(
     }
 }
 
-/// `fmi3FreeInstance`; the states that were not freed are freed too.
+/// `fmi3FreeInstance`; frees the remaining states, too.
 pub unsafe fn free_instance<M: Model>(instance: Instance) {
     // SAFETY: the instance is the importer's (see the module).
     unsafe { c_boundary::free::<M>(instance) }
@@ -293,7 +293,7 @@ transitions! {
     EventMode: enter_step_mode: EnterStepMode;
 }
 
-/// `fmi3EnterEventMode`: in co-simulation an error, unless Event Mode is used.
+/// `fmi3EnterEventMode`: an error in co-simulation without Event Mode.
 pub unsafe fn enter_event_mode<M: ModelExchange>(instance: Instance) -> Status {
     // SAFETY: the instance is the importer's (see the module).
     unsafe {
@@ -306,12 +306,12 @@ pub unsafe fn enter_event_mode<M: ModelExchange>(instance: Instance) -> Status {
     }
 }
 
-/// What a function answers that needs a capability which the FMU does not have.
+/// The error of a function whose capability the FMU lacks.
 fn without(capability: &str) -> Error {
     Error::new(format!("not supported by this FMU ({capability} is false)"))
 }
 
-/// Defines functions that get or set arrays of types that C and Rust share.
+/// Defines functions that get or set arrays of types shared by C and Rust.
 macro_rules! accessors {
     ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty,
         $get_values:expr, $set_values:expr;)*) => {$(
@@ -355,7 +355,7 @@ accessors! {
         instance::Instance::get_float32, instance::Instance::set_float32;
 }
 
-/// Defines functions for types of whole numbers, from the data types that each accesses.
+/// Defines functions for integer types, from the data types that each accesses.
 macro_rules! wholes {
     ($($get:ident: $get_function:ident, $set:ident: $set_function:ident, $type:ty, [$($data_type:ident),*];)*) => {
         accessors! { $(
@@ -376,7 +376,7 @@ wholes! {
     get_uint64: GetUInt64, set_uint64: SetUInt64, u64, [UInt64];
 }
 
-/// `fmi3GetFloat64` of an FMU that has Model Exchange, where event indicators are variables.
+/// `fmi3GetFloat64` of an FMU with Model Exchange, where event indicators are variables.
 pub unsafe fn get_float64_with_indicators<M: ModelExchange>(
     instance: Instance,
     references: *const ValueReference,
@@ -393,7 +393,7 @@ pub unsafe fn get_float64_with_indicators<M: ModelExchange>(
     }
 }
 
-/// `fmi3GetFloat64` of an FMU that has Event Mode, and so intermediate updates.
+/// `fmi3GetFloat64` of an FMU with Event Mode, and so intermediate updates.
 pub unsafe fn get_float64_with_updates<M: EventMode>(
     instance: Instance,
     references: *const ValueReference,
@@ -509,7 +509,7 @@ pub unsafe fn set_string<M: Model>(
     unsafe { c_boundary::set_strings::<M, _>(instance, Function::SetString, references, values) }
 }
 
-/// `fmi3GetFMUState`: into a new state where `*state` is null, otherwise over the one that is there.
+/// `fmi3GetFMUState`: into a new state if `*state` is null, otherwise over the existing one.
 pub unsafe fn get_fmu_state<M: Model>(instance: Instance, state: *mut FmuState) -> Status {
     // SAFETY: the instance and the state are the importer's (see the module).
     unsafe { c_boundary::get_state::<M>(instance, Function::GetFMUState, state) }
@@ -521,7 +521,7 @@ pub unsafe fn set_fmu_state<M: Model>(instance: Instance, state: FmuState) -> St
     unsafe { c_boundary::set_state::<M>(instance, Function::SetFMUState, state) }
 }
 
-/// `fmi3FreeFMUState`: a null state is freed already.
+/// `fmi3FreeFMUState`: null is a no-op.
 pub unsafe fn free_fmu_state<M: Model>(instance: Instance, state: *mut FmuState) -> Status {
     // SAFETY: the instance and the state are the importer's (see the module).
     unsafe { c_boundary::free_state::<M>(instance, Function::FreeFMUState, state) }
@@ -537,7 +537,7 @@ pub unsafe fn serialized_fmu_state_size<M: Model>(
     unsafe { c_boundary::serialized_size::<M>(instance, Function::SerializedFMUStateSize, state, size) }
 }
 
-/// `fmi3SerializeFMUState`: into as many bytes as `fmi3SerializedFMUStateSize` says.
+/// `fmi3SerializeFMUState`: into as many bytes as `fmi3SerializedFMUStateSize` reports.
 pub unsafe fn serialize_fmu_state<M: Model>(
     instance: Instance,
     state: FmuState,
@@ -561,8 +561,8 @@ pub unsafe fn deserialize_fmu_state<M: Model>(
     unsafe { c_boundary::deserialize::<M>(instance, Function::DeserializeFMUState, bytes, state) }
 }
 
-/// Defines functions of derivatives of unknowns with respect to knowns: one of the two has as many values as the seed, the
-/// other as many as the sensitivity.
+/// Defines functions of derivatives of unknowns with respect to knowns: the seed has as many values as one of them,
+/// the sensitivity as the other.
 macro_rules! derivatives {
     ($($name:ident: $function:ident, $seeds_unknowns:literal;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($function), "`.")]
@@ -618,8 +618,8 @@ pub unsafe fn get_output_derivatives<M: Model>(
         call::<M>(instance, Function::GetOutputDerivatives, |instance| {
             let references = elements("valueReferences", references, count)?;
             let orders = elements("orders", orders, count)?;
-            let mut spread = Vec::with_capacity(value_count);
-            let mut spread_orders = Vec::with_capacity(value_count);
+            // Not as many as the importer says, which may be any number.
+            let (mut spread, mut spread_orders) = (vec![], vec![]);
             for (&reference, &order) in references.iter().zip(orders.iter()) {
                 let elements = Function::elements::<M::Variables>(reference)?;
                 spread_orders.resize(spread_orders.len() + elements.len(), order);
@@ -634,7 +634,7 @@ pub unsafe fn get_output_derivatives<M: Model>(
     }
 }
 
-/// `fmi3DoStep`. Where the model asks for the end, the step ends there.
+/// `fmi3DoStep`. If the model requests the end, the step ends there.
 pub unsafe fn do_step<M: Model>(
     instance: Instance,
     current_communication_point: f64,
@@ -655,8 +655,8 @@ pub unsafe fn do_step<M: Model>(
     }
 }
 
-/// `fmi3DoStep` of an FMU that has Event Mode: the step may also end at an event, and at the end of each internal step but
-/// the last one the importer exchanges values, and may ask for early return.
+/// `fmi3DoStep` of an FMU with Event Mode: the step may also end at an event, and at the end of each internal step but
+/// the last the importer exchanges values and may request early return.
 pub unsafe fn do_step_to_event<M: EventMode>(
     instance: Instance,
     current_communication_point: f64,
@@ -682,14 +682,14 @@ pub unsafe fn do_step_to_event<M: EventMode>(
             .and_then(|instance| Some((instance.interruption()?, instance.early_return_allowed)));
         let Some(((time, callback), can_return_early)) = interrupted else {
             if end < asked_end && status <= Status::Warning {
-                // SAFETY: the results were checked by the step.
+                // SAFETY: the step checked the results.
                 unsafe { early_return.write_unaligned(TRUE) };
             }
             return status;
         };
         let (mut is_asked, mut return_time) = (FALSE, end);
-        // SAFETY: the importer passed the callback for this purpose (section 4.2.2); the results outlive the call. No reference
-        // to an instance exists during the call.
+        // SAFETY: the importer passed the callback for this purpose (section 4.2.2); the results outlive the call. No
+        // reference to an instance exists during the call.
         unsafe {
             (callback.function)(
                 callback.environment,
@@ -711,7 +711,7 @@ pub unsafe fn do_step_to_event<M: EventMode>(
                 end = return_time;
             }
             if end <= time {
-                // SAFETY: the results were checked by the step.
+                // SAFETY: the step checked the results.
                 unsafe { early_return.write_unaligned(TRUE) };
                 return status;
             }
@@ -720,7 +720,7 @@ pub unsafe fn do_step_to_event<M: EventMode>(
     }
 }
 
-/// A communication step by a function that also tells whether there is an event for the importer.
+/// A communication step by a function that also returns whether the importer has an event to handle.
 ///
 /// # Safety
 /// As for [`call`]; the results are null or may be written to.
@@ -788,7 +788,7 @@ pub unsafe fn update_discrete_states<M: ModelExchange>(
     }
 }
 
-/// `fmi3CompletedIntegratorStep`: of no consequence, as `needsCompletedIntegratorStep` says.
+/// `fmi3CompletedIntegratorStep`: does nothing, as `needsCompletedIntegratorStep` says.
 pub unsafe fn completed_integrator_step<M: ModelExchange>(
     instance: Instance,
     _no_set_fmu_state_prior_to_current_point: Boolean,
@@ -831,7 +831,7 @@ pub unsafe fn set_continuous_states<M: ModelExchange>(
     }
 }
 
-/// Defines functions that get an array for all states or event indicators.
+/// Defines functions that get an array of all states or event indicators.
 macro_rules! arrays {
     ($($name:ident: $function:ident, $get:ident, $arguments:expr, $elements:ident;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($function), "`.")]
@@ -872,7 +872,7 @@ counts! {
     get_number_of_continuous_states: GetNumberOfContinuousStates, "nContinuousStates", STATE_NAMES;
 }
 
-/// Defines functions of capabilities that an FMU does not have.
+/// Defines functions of capabilities that an FMU lacks.
 macro_rules! not_supported {
     ($($name:ident($($argument:ty),*): $function:ident, $capability:literal;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($function), "`: an error, as `", $capability, "` is false.")]
@@ -893,14 +893,14 @@ not_supported! {
     enter_event_mode_of_co_simulation(): EnterEventMode, "hasEventMode";
 }
 
-/// `fmi3EvaluateDiscreteStates`: ignored, as section 2.3.5 says where `providesEvaluateDiscreteStates` is false. Ticks are
-/// computed when values are asked for.
+/// `fmi3EvaluateDiscreteStates`: ignored, as section 2.3.5 says where `providesEvaluateDiscreteStates` is false. Ticks
+/// are computed when values are requested.
 pub unsafe fn evaluate_discrete_states<M: Model>(instance: Instance) -> Status {
     // SAFETY: the instance is the importer's (see the module).
     unsafe { call::<M>(instance, Function::EvaluateDiscreteStates, |_| Ok(Status::Ok)) }
 }
 
-/// Defines functions of which the FMU has nothing that they are for.
+/// Defines functions that apply to nothing in the FMU.
 macro_rules! of_nothing {
     ($($name:ident($($argument:ty),*): $function:ident, $reason:literal;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($function), "`: an error: ", $reason, ".")]
@@ -911,7 +911,7 @@ macro_rules! of_nothing {
     )*};
 }
 
-/// The functions of Model Exchange of an FMU that does not offer it; the calling sequence refuses them.
+/// The Model Exchange functions of an FMU without it; the calling sequence rejects them.
 pub mod without_model_exchange {
     use super::{Boolean, Error, Function, Instance, Model, Status, call};
 
@@ -934,14 +934,14 @@ pub mod without_model_exchange {
     }
 }
 
-/// The functions of Scheduled Execution of an FMU that does not offer it.
+/// The Scheduled Execution functions of an FMU without it.
 pub mod without_scheduled_execution {
     use super::{
         Boolean, ClockUpdateCallback, Error, Function, Instance, InstanceEnvironment, LogMessageCallback,
         Model, Options, PreemptionCallback, Status, String, ValueReference, call, instantiate,
     };
 
-    /// `fmi3InstantiateScheduledExecution`: null, and a message.
+    /// `fmi3InstantiateScheduledExecution`: null and a message.
     #[must_use]
     pub unsafe fn instantiate_scheduled_execution<M: Model>(
         instance_name: String,

@@ -1,4 +1,4 @@
-//! The C types of FMI 3.0.2 (fmi3PlatformTypes.h, fmi3FunctionTypes.h), declared by hand from the standard.
+//! The C types of FMI 3.0.2 (fmi3PlatformTypes.h, fmi3FunctionTypes.h), hand-written from the standard.
 
 use core::ffi::{c_char, c_int, c_void};
 
@@ -11,7 +11,7 @@ pub type Instance = *mut c_void;
 pub type InstanceEnvironment = *mut c_void;
 /// `fmi3FMUState`: a saved state.
 pub type FmuState = *mut c_void;
-/// `fmi3Boolean`, a `bool` of C. Not Rust's: the importer's memory may hold any byte, of which 0 is false.
+/// `fmi3Boolean`, a C `bool`. Not Rust's: the importer's memory may hold any byte; 0 is false.
 pub type Boolean = u8;
 /// `fmi3Clock`, likewise.
 pub type Clock = u8;
@@ -21,7 +21,7 @@ pub type Byte = u8;
 pub type String = *const c_char;
 /// `fmi3Binary`.
 pub type Binary = *const u8;
-/// `fmi3IntervalQualifier` and `fmi3DependencyKind`, as importers' memory holds them.
+/// `fmi3IntervalQualifier` and `fmi3DependencyKind`, as stored in importers' memory.
 pub type Enumeration = c_int;
 
 /// `fmi3False`.

@@ -1,6 +1,6 @@
-//! The order in which an importer may call: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
+//! The allowed order of calls: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
 //!
-//! Reconfiguration Mode does not occur, as there are no tunable structural parameters.
+//! Reconfiguration Mode does not occur: there are no tunable structural parameters.
 
 use core::ops::Deref;
 use std::borrow::Cow;
@@ -15,11 +15,11 @@ use Phase::{
     Instantiated, IntermediateUpdateMode, StepComplete, StepEventMode, StepFailed, Terminated,
 };
 
-/// Any state but Intermediate Update Mode, which lasts for a call of the importer's.
+/// Any state but Intermediate Update Mode, which lasts for one callback of the importer.
 const ANY: Phases = Phases::ALL.without(IntermediateUpdateMode);
 /// The states in which values can be read; in the first one, start values.
 const READABLE: Phases = ANY;
-/// The same for continuous variables.
+/// Likewise for continuous variables.
 const READABLE_NUMBERS: Phases = Phases::ALL;
 /// The states in which values can be set; the standard restricts the variables further.
 const WRITABLE: Phases = Phases::of(&[
@@ -31,9 +31,9 @@ const WRITABLE: Phases = Phases::of(&[
     StepEventMode,
     ClockActivationMode,
 ]);
-/// The same for continuous variables.
+/// Likewise for continuous variables.
 const WRITABLE_NUMBERS: Phases = WRITABLE.and(IntermediateUpdateMode);
-/// The same for the type that structural parameters have.
+/// Likewise for the type of structural parameters.
 const CONFIGURABLE: Phases = WRITABLE.and(ConfigurationMode);
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: Phases = Phases::of(&[
@@ -47,11 +47,11 @@ const DIFFERENTIABLE: Phases = Phases::of(&[
     StepEventMode,
     ClockActivationMode,
 ]);
-/// The states in which what a solver needs can be read.
+/// The states in which a solver can read what it needs.
 const SOLVABLE: Phases = Phases::of(&[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error]);
-/// The states in which the sizes of what a solver needs can be read.
+/// The states in which the sizes of solver data can be read.
 const COUNTABLE: Phases = Phases::of(&[Instantiated, EventMode]);
-/// The states in which intervals of clocks can be read and set.
+/// The states in which clock intervals can be read and set.
 const TIMED: Phases = Phases::of(&[InitializationMode, EventMode, StepEventMode, ClockActivationMode]);
 /// Event Mode of all interfaces.
 const AT_EVENTS: Phases = Phases::of(&[EventMode, StepEventMode]);
@@ -78,7 +78,8 @@ functions! {
         GetBoolean: READABLE,
         GetString: READABLE,
         GetBinary: READABLE,
-        // In Scheduled Execution it belongs into Clock Update Mode. Reference-FMUs' scs_synchronous.c calls it afterwards.
+        // In Scheduled Execution it belongs in Clock Update Mode, but Reference-FMUs' scs_synchronous.c calls it
+        // afterwards.
         GetClock: [EventMode, StepEventMode, ClockActivationMode],
         SetFloat32: WRITABLE,
         SetFloat64: WRITABLE_NUMBERS,
@@ -153,7 +154,8 @@ functions! {
         let spread = if is_scalar {
             references
         } else {
-            let mut spread = Vec::with_capacity(values);
+            // Not as many as the importer says, which may be any number.
+            let mut spread = vec![];
             for &reference in &*references {
                 spread.extend_from_slice(&Self::elements::<V>(reference)?);
             }
@@ -165,7 +167,7 @@ functions! {
 }
 
 impl Function {
-    /// The value references of the elements of an array, or that of a scalar.
+    /// The value references of an array's elements, or that of a scalar.
     pub(super) fn elements<V: Variables>(reference: ValueReference) -> Result<Elements, error::Error> {
         if V::INNER_ELEMENTS.binary_search(&reference).is_ok() {
             return Err(error::Error::new(format!(
@@ -176,7 +178,7 @@ impl Function {
         Ok(array.map_or(Elements::Scalar([reference]), |array| Elements::Array(V::ARRAYS[array])))
     }
 
-    /// Checks the number of values that come with variables.
+    /// Checks the number of values passed for variables.
     pub(super) fn check_values(expected: usize, values: usize) -> Result<(), error::Error> {
         if expected == values {
             Ok(())
@@ -214,7 +216,7 @@ mod tests {
 
     #[test]
     fn there_are_75_functions() {
-        // GetVersion, three that instantiate, and FreeInstance take no part in the calling sequence.
+        // GetVersion, three instantiation functions and FreeInstance take no part in the calling sequence.
         assert_eq!(Function::ALL.len() + 5, 75);
     }
 }

@@ -1,6 +1,6 @@
-//! The macros that make the C functions of a library, for the interfaces that an FMU offers.
+//! The macros that define a library's C functions, for the interfaces that an FMU offers.
 
-/// Makes the 75 C functions of FMI 3.0 for a [`Model`] that offers Co-Simulation, in a library of the crate type `cdylib`.
+/// Defines the 75 C functions of FMI 3.0 for a [`Model`] with Co-Simulation, in a library of crate type `cdylib`.
 ///
 /// [`Model`]: crate::Model
 #[macro_export]
@@ -13,7 +13,7 @@ macro_rules! fmi3_co_simulation {
     };
 }
 
-/// Makes the 75 C functions of FMI 3.0 for a model that implements [`ModelExchange`].
+/// Defines the 75 C functions of FMI 3.0 for a model that implements [`ModelExchange`].
 ///
 /// [`ModelExchange`]: crate::ModelExchange
 #[macro_export]
@@ -26,8 +26,8 @@ macro_rules! fmi3_model_exchange {
     };
 }
 
-/// Makes the 75 C functions of FMI 3.0 for a model that has [`EventMode`] in Co-Simulation, and Model Exchange where the FMU
-/// offers that.
+/// Defines the 75 C functions of FMI 3.0 for a model with [`EventMode`] in Co-Simulation, and Model Exchange if the
+/// FMU offers it.
 ///
 /// [`EventMode`]: crate::EventMode
 #[macro_export]
@@ -40,7 +40,7 @@ macro_rules! fmi3_event_mode {
     };
 }
 
-/// Makes the 75 C functions of FMI 3.0 for a model that implements [`ScheduledExecution`] and offers that alone.
+/// Defines the 75 C functions of FMI 3.0 for a model that implements [`ScheduledExecution`] and offers nothing else.
 ///
 /// [`ScheduledExecution`]: crate::ScheduledExecution
 #[macro_export]
@@ -53,7 +53,7 @@ macro_rules! fmi3_scheduled_execution {
     };
 }
 
-/// Says why there is no library for Scheduled Execution of a model that declares no clock.
+/// Explains why a model without a clock has no library for Scheduled Execution.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi3_without_clock {
@@ -65,7 +65,7 @@ macro_rules! fmi3_without_clock {
     };
 }
 
-/// Makes the C functions of FMI 3.0.
+/// Defines the C functions of FMI 3.0.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi3_functions {
@@ -189,7 +189,7 @@ macro_rules! fmi3_functions {
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
             }
-            // It locks by itself, but for the time in which the importer is told of clocks.
+            // It locks by itself, except while notifying the importer of clocks.
             $crate::exported_function! {
                 fmi3ActivateModelPartition(instance: Instance, clock: ValueReference, time: f64) -> Status,
                 |F| $crate::fmi3::c_api::$scheduled::activate_model_partition::<F::Model>(instance, clock, time)

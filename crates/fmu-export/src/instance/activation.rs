@@ -1,4 +1,4 @@
-//! Scheduled Execution: the clocks' model partitions (FMI 3.0.2, section 5.2).
+//! Scheduled Execution: the model partitions of clocks (FMI 3.0.2, section 5.2).
 
 use core::mem;
 
@@ -10,13 +10,13 @@ use crate::model::{Variables, time_rounding};
 use crate::scheduled_execution::ScheduledExecution;
 
 impl<M: ScheduledExecution> Instance<M> {
-    /// Computes the model partition of a clock at a time in s.
+    /// Computes a clock's model partition at a time in s.
     pub(crate) fn activate(&mut self, clock: ValueReference, time: f64) -> Answer {
         let (position, description) = Self::clock(clock)?;
         if !description.is_input {
             let name = Self::clock_name(description);
             return Err(Error::new(format!(
-                "the clock {name} is no input, so that it has no model partition"
+                "the clock {name} is not an input, so it has no model partition"
             )));
         }
         self.check_activation(position, time)?;
@@ -26,14 +26,14 @@ impl<M: ScheduledExecution> Instance<M> {
         if memory.stale {
             memory.model.refresh(time, &mut memory.variables, memory.inputs.latest());
         }
-        // If an error or a panic interrupts the partition, the instance remains in this state.
+        // If an error or a panic interrupts the partition, the instance stays in this state.
         let phase = mem::replace(&mut memory.phase, Phase::Error);
         let status = self.compute_tick(position, time)?;
         let memory = &mut self.memory;
         if let Some(end) = memory.end {
-            // There is no other way to tell.
+            // There is no other way to report it.
             return Err(Error::new(format!(
-                "the model asks for the end of the simulation, at {} s",
+                "the model requests the end of the simulation at {} s",
                 Shown(end)
             )));
         }
@@ -44,7 +44,7 @@ impl<M: ScheduledExecution> Instance<M> {
         Ok(status)
     }
 
-    /// Whether clocks of the model tick, or there are new intervals, and whom to tell. Clock Update Mode begins.
+    /// Whom to notify if clocks tick or intervals are new. Begins Clock Update Mode.
     pub(crate) fn begin_clock_update(&mut self) -> Option<ClockUpdate> {
         let is_told = |(position, description): (usize, &ClockDescription)| {
             let is_countdown = description.interval_variability == IntervalVariability::Countdown;
@@ -57,12 +57,12 @@ impl<M: ScheduledExecution> Instance<M> {
         Some(update)
     }
 
-    /// Clock Update Mode ends.
+    /// Ends Clock Update Mode.
     pub(crate) fn end_clock_update(&mut self) {
         self.clock_updates -= 1;
     }
 
-    /// Refuses a time that is not after that of the clock's last activation, or not in the experiment.
+    /// Rejects a time not after the clock's last activation, or outside the experiment.
     fn check_activation(&self, position: usize, time: f64) -> Result<(), Error> {
         let start = self.memory.experiment.start_time;
         let last = self.memory.variables.clock(position).and_then(|clock| clock.activated);
@@ -82,7 +82,7 @@ impl<M: ScheduledExecution> Instance<M> {
     }
 }
 
-/// The simplest fraction that is a number above 0: numerator and denominator.
+/// The simplest fraction equal to a positive number: numerator and denominator.
 pub(crate) fn fraction(number: f64) -> Option<[u64; 2]> {
     const FRACTION_BITS: u32 = f64::MANTISSA_DIGITS - 1;
     let bits = number.to_bits();
@@ -91,7 +91,7 @@ pub(crate) fn fraction(number: f64) -> Option<[u64; 2]> {
     let (exponent, bias) = (u32::try_from(bits >> FRACTION_BITS).ok()?, 1023 + FRACTION_BITS);
     let mut divided = u128::from(mantissa).checked_mul(1_u128.checked_shl(exponent.saturating_sub(bias))?)?;
     let mut divisor = 1_u128.checked_shl(bias.saturating_sub(exponent))?;
-    // Its convergents, each closer than all fractions with a smaller denominator.
+    // Its convergents, each closer than any fraction with a smaller denominator.
     let (mut before, mut last) = ([0, 1], [1, 0]);
     while divisor > 0 {
         let whole = divided / divisor;

@@ -1,7 +1,7 @@
-//! Clocks: their activation, their intervals, and what their ticks compute (FMI 3.0.2, sections 2.2.8 and 2.3.5).
+//! Clocks: their activation, intervals and ticks (FMI 3.0.2, sections 2.2.8 and 2.3.5).
 //!
-//! In Event Mode a tick is computed when a value is asked for, from the state before, which is kept until
-//! `fmi3UpdateDiscreteStates`: whatever the importer sets or takes back until then, the tick is computed anew.
+//! In Event Mode ticks are computed when values are requested, from the state before, which is kept until
+//! `fmi3UpdateDiscreteStates`: they are recomputed whatever the importer sets or revokes.
 
 use core::mem;
 
@@ -14,11 +14,11 @@ use crate::logger::RecentMessages;
 use crate::model::{Context, Model, Variables};
 use crate::status::Status;
 
-/// The ticks under way.
+/// The pending ticks.
 #[derive(Clone)]
 pub(super) struct Ticks<M: Model> {
     are_computed: bool,
-    /// What the last ones that were computed began from. It is kept, so that only the first ones take memory.
+    /// The state before the last ticks. It is kept, so that only the first ticks allocate.
     before: Option<Box<BeforeTicks<M>>>,
 }
 
@@ -42,7 +42,7 @@ impl<M: Model> Memory<M> {
         self.variables.clock_mut(position).expect("each position has a clock")
     }
 
-    /// Takes back ticks that were computed; they are computed anew when a value is asked for.
+    /// Rewinds computed ticks; they are recomputed when a value is requested.
     pub(super) fn rewind(&mut self) {
         if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
             let before = self.ticks.before.as_ref().expect("it is kept when ticks are computed");
@@ -53,7 +53,7 @@ impl<M: Model> Memory<M> {
         }
     }
 
-    /// Keeps what the ticks begin from.
+    /// Keeps the state before the ticks.
     fn keep_before_ticks(&mut self) {
         let Self { model, variables, end, ticks, .. } = self;
         match &mut ticks.before {
@@ -70,12 +70,12 @@ impl<M: Model> Memory<M> {
         ticks.are_computed = true;
     }
 
-    /// Whether a clock of the importer ticked where the ticks that are computed began.
+    /// Whether an input clock was active when the computed ticks began.
     fn ticked(&self, position: usize) -> bool {
         self.ticks.before.as_ref().is_some_and(|before| is_activated::<M>(&before.variables, position))
     }
 
-    /// Ends the ticks: what they computed is the state from now on.
+    /// Ends the ticks: their results become the state.
     pub(super) fn end_ticks(&mut self) {
         if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
             self.recent_messages = RecentMessages::default();
@@ -94,12 +94,12 @@ impl<M: Model> Memory<M> {
     }
 }
 
-/// Whether a clock ticks that is the importer's.
+/// Whether an input clock ticks.
 fn is_activated<M: Model>(variables: &M::Variables, position: usize) -> bool {
     M::Variables::CLOCKS[position].is_input && variables.clock(position).is_some_and(|clock| clock.ticks)
 }
 
-/// Refuses times of clocks that are no such times.
+/// Rejects invalid clock times.
 fn check_time(what: &str, name: &str, time: f64, is_allowed: bool) -> Result<(), Error> {
     if is_allowed && time.is_finite() {
         Ok(())
@@ -109,20 +109,20 @@ fn check_time(what: &str, name: &str, time: f64, is_allowed: bool) -> Result<(),
 }
 
 impl<M: Model> Instance<M> {
-    /// The clock of a value reference, with its position among them.
+    /// The clock of a value reference, with its position among the clocks.
     pub(super) fn clock(reference: ValueReference) -> Result<(usize, &'static ClockDescription), Error> {
         let variable = Self::variable(reference, &[DataType::Clock])?;
         let mut clocks = M::Variables::CLOCKS.iter().enumerate();
         clocks
             .find(|(_, clock)| clock.value_reference == reference)
-            .ok_or_else(|| Error::new(format!("{} is no clock", variable.name)))
+            .ok_or_else(|| Error::new(format!("{} is not a clock", variable.name)))
     }
 
     pub(super) fn clock_name(clock: &ClockDescription) -> &'static str {
         Self::checked(clock.value_reference).name
     }
 
-    /// Computes the ticks of the clocks that the importer has activated, unless that is done.
+    /// Computes the ticks of the clocks activated by the importer, unless done.
     pub(super) fn compute_ticks(&mut self) -> Answer {
         let memory = &mut self.memory;
         let positions = || 0..M::Variables::CLOCKS.len();
@@ -134,7 +134,7 @@ impl<M: Model> Instance<M> {
             let clock = memory.clock_mut(position);
             clock.ticks &= !M::Variables::CLOCKS[position].is_input;
         }
-        // If an error or a panic interrupts a tick, the instance remains in this state.
+        // If an error or a panic interrupts a tick, the instance stays in this state.
         let phase = mem::replace(&mut memory.phase, Phase::Error);
         let mut status = Status::Ok;
         for position in positions() {
@@ -160,7 +160,7 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
         let mut log = |category, message: core::fmt::Arguments<'_>| {
-            // A tick that is computed anew says it once.
+            // A recomputed tick logs it once.
             if recent_messages.is_new(&format!("{time:?} {position} {message}")) {
                 status = status.max(logger.message(category, message));
             }
@@ -173,7 +173,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Refuses variables of clocks none of which ticks: they are set where one does.
+    /// Rejects variables none of whose clocks ticks.
     pub(super) fn check_ticking(&self, references: &[ValueReference]) -> Result<(), Error> {
         if !matches!(
             self.memory.phase,
@@ -191,7 +191,7 @@ impl<M: Model> Instance<M> {
             };
             if !clocks.any(ticks) {
                 return Err(Error::new(format!(
-                    "the variable {} is set while its clock ticks, which it does not now",
+                    "the variable {} can be set only while its clock ticks",
                     M::Variables::description(reference).map_or("", |variable| variable.name)
                 )));
             }
@@ -199,7 +199,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Which clocks tick. In Scheduled Execution an output that ticks says so once.
+    /// Which clocks tick. In Scheduled Execution an output clock reports each tick once.
     pub(crate) fn get_clock(&mut self, references: &[ValueReference], values: &mut [u8]) -> Answer {
         let is_scheduled = self.memory.phase == Phase::ClockActivationMode;
         for &reference in references {
@@ -207,7 +207,7 @@ impl<M: Model> Instance<M> {
             if is_scheduled && clock.is_input {
                 let name = Self::clock_name(clock);
                 return Err(Error::new(format!(
-                    "the clock {name} is an input, whose ticks the importer knows"
+                    "the clock {name} is an input: the importer knows its ticks"
                 )));
             }
         }
@@ -220,7 +220,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Activates clocks, or takes that back.
+    /// Activates clocks, or revokes that.
     pub(crate) fn set_clock(&mut self, references: &[ValueReference], values: &[u8]) -> Answer {
         for (&reference, &value) in references.iter().zip(values) {
             let (position, clock) = Self::clock(reference)?;
@@ -228,7 +228,7 @@ impl<M: Model> Instance<M> {
             let state = self.memory.clock_mut(position);
             let refuse = |reason: &str| Err(Error::new(format!("the clock {name} {reason}")));
             if !clock.is_input {
-                return refuse("is no input, so that it ticks by itself");
+                return refuse("is not an input: it ticks by itself");
             } else if value == 0 && state.ticks && !clock.can_be_deactivated {
                 return refuse("cannot be deactivated (canBeDeactivated is false)");
             } else if value != 0 && state.has_ticked && clock.interval_variability.is_periodic() {
@@ -243,7 +243,8 @@ impl<M: Model> Instance<M> {
         Ok(Status::Ok)
     }
 
-    /// Gets the intervals of time-based clocks in s. `write` is given each with its place; none where it is not known yet.
+    /// Gets the intervals of time-based clocks in s. Passes each to `write` with its position; `None` if not known
+    /// yet.
     pub(crate) fn get_intervals(
         &mut self,
         references: &[ValueReference],
@@ -257,7 +258,7 @@ impl<M: Model> Instance<M> {
             if is_scheduled && is_countdown && self.clock_updates == 0 {
                 let name = Self::clock_name(clock);
                 return Err(Error::new(format!(
-                    "the interval of the countdown clock {name} is told in Clock Update Mode"
+                    "the interval of the countdown clock {name} is available in Clock Update Mode"
                 )));
             }
         }
@@ -330,7 +331,7 @@ impl<M: Model> Instance<M> {
             let clock = Self::time_based_clock(reference, is_fraction)?;
             if !clock.interval_variability.is_periodic() {
                 let name = Self::clock_name(clock);
-                return Err(Error::new(format!("the clock {name} is aperiodic, so that it has no shift")));
+                return Err(Error::new(format!("the clock {name} is aperiodic, so it has no shift")));
             }
         }
         let status = self.compute_values()?;
@@ -343,7 +344,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// A clock that has intervals, and, where they are exchanged so, as fractions.
+    /// A clock with intervals, if required as fractions.
     fn time_based_clock(
         reference: ValueReference,
         is_fraction: bool,
@@ -351,7 +352,7 @@ impl<M: Model> Instance<M> {
         let (_, clock) = Self::clock(reference)?;
         let name = Self::clock_name(clock);
         if clock.interval_variability == IntervalVariability::Triggered {
-            return Err(Error::new(format!("the clock {name} is triggered, so that it has no interval")));
+            return Err(Error::new(format!("the clock {name} is triggered, so it has no interval")));
         }
         if is_fraction && !clock.supports_fraction {
             return Err(Error::new(format!("the clock {name} has no fractions (supportsFraction is false)")));
@@ -360,7 +361,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// A fraction as a number of seconds.
+/// A fraction in seconds.
 #[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
 pub(crate) fn seconds(counter: u64, resolution: u64) -> f64 {
     counter as f64 / resolution as f64

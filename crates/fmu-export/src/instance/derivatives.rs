@@ -1,5 +1,5 @@
-//! Derivatives: directional ones (FMI 2.0.5, section 2.1.9), adjoint ones (FMI 3.0.2, section 2.2.11), and those of outputs
-//! over time (FMI 2.0.5, section 4.2.1).
+//! Derivatives: directional (FMI 2.0.5, section 2.1.9), adjoint (FMI 3.0.2, section 2.2.11), and of outputs over time
+//! (FMI 2.0.5, section 4.2.1).
 
 use super::values::REALS;
 use super::{Answer, Instance};
@@ -156,7 +156,7 @@ impl<M: Model> Instance<M> {
         knowns.iter().try_for_each(|&known| self.check_known(Self::variable(known, REALS)?))
     }
 
-    /// Checks the seeds of variables, of which each may occur once.
+    /// Checks the seeds of variables, each of which may occur once.
     fn check_seeds(role: &str, references: &[ValueReference], seeds: &[f64]) -> Result<(), Error> {
         for (position, (reference, &seed)) in references.iter().zip(seeds).enumerate() {
             let name = Self::checked(*reference).name;
@@ -170,7 +170,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Whether a change of a known has an effect: an input that is held at a bound stays there.
+    /// Whether changing a known has an effect: an input held at a bound stays there.
     fn can_change(&self, known: ValueReference) -> bool {
         Self::checked(known).real_input.is_none_or(|input| self.memory.inputs.is_free(input))
     }
@@ -197,8 +197,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Checks a known: an input, or time where something depends on it; in initialization mode also a parameter or exact
-    /// start value; later a state, and in FMI 3.0 a parameter that may be set (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
+    /// Checks a known: an input, or time if anything depends on it; in initialization mode also a parameter or exact
+    /// start value; later a state, and in FMI 3.0 a settable parameter (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
     /// 2.4.8).
     fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
         let is_state = variable.state.is_some();
@@ -219,7 +219,7 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// The derivatives along a direction, and as time changes at a rate, after a refresh of the values.
+    /// The derivatives along a direction, with time changing at a rate, after refreshing the values.
     fn differentiate(
         &mut self,
         rate_of_time: f64,
@@ -237,7 +237,7 @@ impl<M: Model> Instance<M> {
         Ok((status, derivatives?))
     }
 
-    /// Returns the derivatives of variables, if they are finite. Between steps that of a state is its seed.
+    /// Returns the derivatives of variables, if finite. Between steps that of a state is its seed.
     fn copy_derivatives(
         &self,
         derivatives: &M::Variables,

@@ -9,8 +9,8 @@ use crate::model::{Model, Variables};
 use crate::status::Status;
 
 impl<M: EventMode> Instance<M> {
-    /// A communication step, which may end at an event, or be interrupted at the end of an internal step for an
-    /// intermediate update. Whether the importer is to handle an event.
+    /// A communication step, which may end at an event, or pause at the end of an internal step for an intermediate
+    /// update. Returns whether the importer has an event to handle.
     pub(crate) fn do_step_to_event(&mut self, start: f64, size: f64) -> Result<(Status, bool), Error> {
         let internal_steps = self.intermediate_update.is_some();
         let has_event_mode = self.memory.interface == Interface::CoSimulationWithEvents;
@@ -36,13 +36,13 @@ impl<M: EventMode> Instance<M> {
         Ok((status, matches!(stop, Some(Stop::Event(_)))))
     }
 
-    /// The time in s at which the communication step is interrupted for an intermediate update, if it is, and whom to call.
+    /// The time in s of the intermediate update at which the communication step pauses, if any, and whom to call.
     pub(crate) fn interruption(&self) -> Option<(f64, IntermediateCallback)> {
         let update = self.intermediate_update.as_ref().filter(|_| self.is_interrupted())?;
         Some((self.memory.time, update.callback))
     }
 
-    /// Ends an intermediate update. Whether the step can go on: not after an error in it.
+    /// Ends an intermediate update. Returns whether the step can continue: not after an error in it.
     pub(crate) fn resume(&mut self) -> bool {
         let goes_on = self.is_interrupted();
         if goes_on {
@@ -66,7 +66,7 @@ impl<M: Model> Instance<M> {
         self.memory.phase == Phase::IntermediateUpdateMode
     }
 
-    /// Refuses, in an intermediate update, variables that the importer did not register for it.
+    /// Rejects, in an intermediate update, variables that the importer did not register for it.
     pub(crate) fn check_registered(&self, references: &[ValueReference]) -> Result<(), Error> {
         let registered = self.intermediate_update.as_ref().map_or(&[][..], |update| &update.registered);
         match references.iter().find(|reference| !registered.contains(reference)) {
@@ -79,7 +79,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// Whether a variable can be exchanged in intermediate updates: `intermediateUpdate`.
+/// Whether intermediate updates can exchange a variable: `intermediateUpdate`.
 pub(crate) fn has_intermediate_update(variable: &VariableDescription) -> bool {
     variable.data_type == DataType::Real
         && variable.variability == Variability::Continuous

@@ -12,15 +12,15 @@ use crate::model::{Context, Variables, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::status::Status;
 
-/// What an event has brought about: `fmi2EventInfo`.
+/// The outcome of an event: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct EventInfo {
-    /// Whether there is another event at once.
+    /// Whether another event follows at once.
     pub(crate) again: bool,
-    /// Whether the model asks for the end of the simulation.
+    /// Whether the model requests the end of the simulation.
     pub(crate) terminate: bool,
-    /// Whether a state has changed, in this iteration or an earlier one of the event: the standard's own example of an
-    /// importer (section 3.2.4) looks at the last one alone.
+    /// Whether a state changed, in this iteration or an earlier one of the event: the standard's own example importer
+    /// (section 3.2.4) checks only the last one.
     pub(crate) states_changed: bool,
     /// When the next time event is due, in s.
     pub(crate) next: Option<f64>,
@@ -48,12 +48,12 @@ impl<M: ModelExchange> Memory<M> {
         })
     }
 
-    /// When the time event that is reached was due. Importers compute their times with rounding.
+    /// When the reached time event was due. Importers' times are subject to rounding.
     fn due(&self) -> Option<f64> {
         self.events.next.filter(|next| *next <= self.time + time_rounding(self.time))
     }
 
-    /// Asks the model for the next event after a time (s).
+    /// Requests the next event after a time (s) from the model.
     fn announce_next(&mut self, time: f64, is_initial: bool) -> Result<(), Error> {
         let next = self.model.next_event(time, &mut self.variables, self.inputs.latest());
         self.events.set_next(next, time, is_initial)
@@ -61,13 +61,13 @@ impl<M: ModelExchange> Memory<M> {
 }
 
 impl<M: ModelExchange> Instance<M> {
-    /// `fmi2ExitInitializationMode` of an FMU that has Model Exchange or Event Mode.
+    /// `fmi2ExitInitializationMode` of an FMU with Model Exchange or Event Mode.
     pub(crate) fn exit_initialization_mode_with_events(&mut self) -> Answer {
         let status = self.exit_initialization_mode()?;
         let memory = &mut self.memory;
         let event_mode = memory.phase;
         if memory.interface != Interface::CoSimulation {
-            // After an error it can be repeated.
+            // It can be repeated after an error.
             memory.phase = Phase::InitializationMode;
             let Memory { model, variables, inputs, time, events, .. } = memory;
             events.begin(*time, M::Variables::EVENT_INDICATORS, |indicators| {
@@ -121,7 +121,7 @@ impl<M: ModelExchange> Instance<M> {
                     .first_changed()
                     .map_or("time events", |at| M::Variables::EVENT_INDICATORS[at]);
                 logger.warning(format_args!(
-                    "{MOST_ITERATIONS} events in a row hardly leave the time {} s, the last one of {cause}: they come \
+                    "{MOST_ITERATIONS} events in a row barely advance beyond {} s, the last caused by {cause}: they come \
                      ever faster",
                     Shown(time)
                 ));
@@ -131,7 +131,7 @@ impl<M: ModelExchange> Instance<M> {
                 status = status.max(logger.message(category, message));
             };
             let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-            // If an error or a panic interrupts the event, the instance remains in this state.
+            // If an error or a panic interrupts the event, the instance stays in this state.
             let phase = mem::replace(&mut memory.phase, Phase::Error);
             let event =
                 Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
@@ -150,14 +150,14 @@ impl<M: ModelExchange> Instance<M> {
             memory.event.states_changed &= info.again;
             memory.phase = phase;
         } else {
-            // Inputs and parameters that were set may have moved it.
+            // Newly set inputs and parameters may have moved it.
             memory.announce_next(time, false)?;
         }
         if let Some(end) = self.memory.end {
             info.terminate = true;
             self.logger.event(
                 Status::Ok,
-                format_args!("the model asks for the end of the simulation, at {} s", Shown(end)),
+                format_args!("the model requests the end of the simulation at {} s", Shown(end)),
             );
         }
         info.next = self.memory.events.next;
@@ -195,7 +195,7 @@ impl<M: ModelExchange> Instance<M> {
     pub(crate) fn get_continuous_states(&mut self, states: &mut [f64]) -> Answer {
         let status = self.compute_values()?;
         M::Variables::each_state(&self.memory.variables, |state, value| states[state] = value);
-        // After an event that failed they may be anything.
+        // After a failed event they may be anything.
         if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
             let name = M::Variables::STATE_NAMES[wrong];
             return Err(Error::new(format!("the state {name} is {}", Shown(states[wrong]))));
@@ -209,7 +209,7 @@ impl<M: ModelExchange> Instance<M> {
         Ok(Status::Ok)
     }
 
-    /// Derivatives that are not finite are discarded, so that the solver tries a shorter step.
+    /// Non-finite derivatives are discarded, so that the solver tries a shorter step.
     pub(crate) fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Answer {
         if self.is_beyond() {
             return Ok(Status::Discard);
@@ -225,7 +225,7 @@ impl<M: ModelExchange> Instance<M> {
         });
         if let Some((state, value)) = wrong {
             self.log_discarded(format_args!(
-                "the derivative of {} is {} at the time {} s",
+                "the derivative of {} is {} at {} s",
                 M::Variables::STATE_NAMES[state],
                 Shown(value),
                 Shown(self.memory.time)
@@ -235,13 +235,13 @@ impl<M: ModelExchange> Instance<M> {
         Ok(status)
     }
 
-    /// Whether a solver tries a state beyond a bound beyond which the equations have no meaning. It is logged.
+    /// Whether a solver tries a state outside the equations' validity; if so, it is logged.
     fn is_beyond(&self) -> bool {
         let is_trial = self.memory.phase == Phase::ContinuousTimeMode;
         let beyond = self.memory.variables.first_beyond().filter(|_| is_trial);
         if let Some((state, value)) = beyond {
             self.log_discarded(format_args!(
-                "the state {} is {} at the time {} s, beyond a bound up to which the equations have a meaning",
+                "the state {} is {} at {} s, outside the range in which the equations are valid",
                 M::Variables::STATE_NAMES[state],
                 Shown(value),
                 Shown(self.memory.time)
@@ -250,7 +250,7 @@ impl<M: ModelExchange> Instance<M> {
         beyond.is_some()
     }
 
-    /// Gets Reals, among which event indicators may be.
+    /// Gets Reals, possibly including event indicators.
     pub(crate) fn get_real_with_indicators(
         &mut self,
         references: &[ValueReference],
@@ -283,7 +283,7 @@ impl<M: ModelExchange> Instance<M> {
         self.memory.compute_indicators(indicators);
         if let Some(wrong) = indicators.iter().position(|indicator| !indicator.is_finite()) {
             self.log_discarded(format_args!(
-                "the indicator {} is {} at the time {} s",
+                "the indicator {} is {} at {} s",
                 M::Variables::EVENT_INDICATORS[wrong],
                 Shown(indicators[wrong]),
                 Shown(self.memory.time)

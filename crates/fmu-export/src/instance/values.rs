@@ -16,17 +16,17 @@ const BOOLEANS: &[DataType] = &[DataType::Boolean];
 const STRINGS: &[DataType] = &[DataType::String];
 const BINARIES: &[DataType] = &[DataType::Binary];
 
-/// How values of a type are set.
+/// How to set values of a type.
 struct Setter<V, T> {
     /// The number to compare with the range.
     as_number: fn(T) -> f64,
-    /// Whether a value is the present one.
+    /// Whether a value equals the present one.
     is_set: fn(&V, ValueReference, T) -> bool,
     write: fn(&mut V, ValueReference, T),
 }
 
 impl<M: Model> Instance<M> {
-    /// The variable of a value reference, if it has one of some types.
+    /// The variable of a value reference, if its type is one of `types`.
     pub(super) fn variable(
         reference: ValueReference,
         types: &[DataType],
@@ -37,7 +37,7 @@ impl<M: Model> Instance<M> {
         if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
     }
 
-    /// That a variable has another type.
+    /// The error that a variable has another type.
     #[cold]
     fn type_error(variable: &VariableDescription) -> Error {
         let data_type = variable.data_type.name(Self::DESCRIPTION.version);
@@ -77,7 +77,7 @@ impl<M: Model> Instance<M> {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
-            // The other values are returned nevertheless: after a failed step they help debugging.
+            // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
                 values[index] = value;
             } else if no_number.is_ok() {
@@ -88,7 +88,7 @@ impl<M: Model> Instance<M> {
         })?;
         match no_number {
             Ok(()) => Ok(status),
-            // A solver has tried states of which there is no such value; it can try others.
+            // A solver has tried states without such a value; it can try others.
             Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
                 self.log_discarded(format_args!("{error}"));
                 Ok(Status::Discard)
@@ -133,7 +133,7 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Gets variables of a type of whole numbers that FMI 3.0 has beside Int32; enumerations are among those of Int64.
+    /// Gets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
     pub(crate) fn get_wholes<T: TryFrom<i128>>(
         &mut self,
         references: &[ValueReference],
@@ -181,19 +181,19 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Whether there is such a variable, and it may be set. Apart from where Real inputs are set, which is fast without.
+    /// Whether the variable exists and may be set. Separate from setting Real inputs, which is faster without.
     #[inline(never)]
     fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
         self.check_settable(Self::variable(reference, types)?, value)
     }
 
-    /// Whether a variable may be set in the present state, and to this value (as a number).
+    /// Whether a variable may be set now, and to this value (as a number).
     fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
         let settable = match variable.causality {
             Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
             _ => self.is_settable_now(variable),
         };
-        // A solver tries states beyond their bounds, which are the model's to bear, as in fmi2SetContinuousStates.
+        // A solver tries states beyond their bounds; the model copes, as with fmi2SetContinuousStates.
         let within =
             self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
         if settable && value.is_finite() && within {
@@ -203,12 +203,12 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Whether an input may be set in the present state: between events of Model Exchange a continuous one alone.
+    /// Whether an input may be set now: between events of Model Exchange, continuous ones only.
     fn takes_input(&self, variable: &VariableDescription) -> bool {
         self.memory.phase != Phase::ContinuousTimeMode || variable.variability == Variability::Continuous
     }
 
-    /// Whether a variable that is not an input may be set in the present state (sections 3.2.3 and 4.2.4).
+    /// Whether a variable that is not an input may be set now (sections 3.2.3 and 4.2.4).
     pub(super) fn is_settable_now(&self, variable: &VariableDescription) -> bool {
         let phase = self.memory.phase;
         if variable.causality == Causality::StructuralParameter || phase == Phase::ConfigurationMode {
@@ -243,7 +243,7 @@ impl<M: Model> Instance<M> {
             format!("{} for the variable {}", Shown(value), variable.name)
         } else if variable.causality == Causality::StructuralParameter {
             format!(
-                "{} for the size {}, which the build of this FMU has fixed at {}",
+                "{} for the size {}, fixed at {} when this FMU was built",
                 Shown(value),
                 variable.name,
                 Shown(variable.min)
@@ -259,9 +259,9 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Tells that the nearest bound is used. Where the importer tries values, in Continuous-Time Mode and in steps that it
-    /// may roll back, the status is no warning, which solvers take for a failed evaluation, and each input is logged once,
-    /// as differences leave the range over and over.
+    /// Reports that the nearest bound is used. When the importer tries values, in Continuous-Time Mode and in steps
+    /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
+    /// once, since finite differences leave the range repeatedly.
     #[cold]
     fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
         let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
@@ -297,7 +297,7 @@ impl<M: Model> Instance<M> {
         }
         let &Setter { as_number, write, .. } = setter;
         for (&reference, &value) in references.iter().zip(values) {
-            // Real inputs may be set to any finite value: they are limited to their bounds later.
+            // Real inputs accept any finite value: bounds are applied later.
             if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
                 in_default_environment(|| self.check(reference, types, as_number(value)))?;
             }
@@ -321,8 +321,8 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// The same in Continuous-Time Mode, of states and continuous inputs. Setting discrete inputs (FMPy) and tunable
-    /// parameters (CasADi) to the values that they have is not an error.
+    /// Likewise in Continuous-Time Mode, for states and continuous inputs. Setting discrete inputs (FMPy) and tunable
+    /// parameters (CasADi) to their present values is not an error.
     #[cold]
     fn set_between_events<T: Copy>(
         &mut self,
@@ -408,7 +408,7 @@ impl<M: Model> Instance<M> {
         self.set(references, values, &[DataType::Float32], setter)
     }
 
-    /// Sets variables of a type of whole numbers that FMI 3.0 has beside Int32; enumerations are among those of Int64.
+    /// Sets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
     pub(crate) fn set_wholes<T: Copy + Into<i128>>(
         &mut self,
         references: &[ValueReference],
@@ -508,7 +508,7 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// The Real input and order of a derivative, if it may be set.
+    /// The Real input and order of a derivative, if settable.
     fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
         let variable = Self::variable(reference, REALS)?;
         let name = variable.name;

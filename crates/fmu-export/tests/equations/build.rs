@@ -17,7 +17,7 @@ fn main() {
         "undeclared",
         "draining",
         "falling",
-        "../test-model/model",
+        "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from fmi2 import Fmu, Instance, Library, Status
-from life import Life, Record, differences
+from fmi2 import Fmu, Instance, Library
 
 ROOT = Path(__file__).resolve().parents[4]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
@@ -55,53 +54,6 @@ def make(fmu: Fmu, library: Library, capfd: pytest.CaptureFixture[str]) -> Itera
     for instance in made:
         instance.free()
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.fixture
-def live(make: Callable[..., Instance]) -> Callable[..., Life]:
-    """Makes an instance in a state."""
-    return lambda state="instantiated", **arguments: make(Life, **arguments).reach(state)
-
-
-@pytest.fixture(scope="session")
-def records() -> dict[tuple, Record]:
-    """Records of instances without refused calls, by state and experiment."""
-    return {}
-
-
-@pytest.fixture
-def like_a_new_one(make: Callable[..., Instance], records: dict[tuple, Record]) -> Callable[[Life], None]:
-    """Checks that an instance behaves like a new one after fmi2Reset: each value bit for bit, each status and
-    each message."""
-
-    def check(life: Life) -> None:
-        key = (life.fmu_type,)
-        if key not in records:
-            records[key] = make(Life, fmu_type=life.fmu_type).live_anew()
-        assert life.call("fmi2Reset") == Status.OK
-        assert differences(life.live_anew(), records[key]) == []
-
-    return check
-
-
-@pytest.fixture
-def unharmed(
-    live: Callable[..., Life], like_a_new_one: Callable[[Life], None], records: dict[tuple, Record]
-) -> Callable[[Life], None]:
-    """Checks that an instance continues like one without the refused call, bit for bit, and can be reset."""
-
-    def check(life: Life) -> None:
-        key = (life.fmu_type, life.state, life.is_set_up, life.start_time, life.stop_time)
-        if key not in records:
-            experiment = {"start_time": life.start_time, "stop_time": life.stop_time}
-            untouched = live(life.state, fmu_type=life.fmu_type, **experiment)
-            if life.is_set_up and not untouched.is_set_up:
-                untouched.set_up()
-            records[key] = untouched.go_on()
-        assert differences(life.go_on(), records[key]) == []
-        like_a_new_one(life)
-
-    return check
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -171,7 +171,7 @@ def test_an_output_ticks_until_the_update(new: Callable[..., Instance], interfac
         assert get_clock(instance, THIRD) == get_clock(instance, THIRD) == (count % 3 == 0)
         instance.update()
         assert not get_clock(instance, THIRD)
-    assert refused(instance, set_clock(instance, THIRD), "third is no input")
+    assert refused(instance, set_clock(instance, THIRD), "third is not an input")
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_what_belongs_to_a_clock_is_set_while_it_ticks(
         assert instance.get(kind, [reference]) == [0.0 if kind == "Float64" else 1]
         status = instance.set(kind, [reference], [value])
         name = "amount" if kind == "Int32" else "level"
-        assert refused(instance, status, f"the variable {name} is set while its clock ticks")
+        assert refused(instance, status, f"the variable {name} can be set only while its clock ticks")
     instance = new(interface, "event")
     assert set_clock(instance, ALARM) == Status.OK
     assert instance.set("Float64", [LEVEL], [3.0]) == Status.OK
@@ -467,11 +467,11 @@ def test_partitions_and_times_that_are_refused(new: Callable[..., Instance]) -> 
     assert refused(instance, status, "the last activation was at 1")
     instance = new(SCHEDULED_EXECUTION, "activation")
     status = instance.call("fmi3ActivateModelPartition", THIRD, 1.0)
-    assert refused(instance, status, "the clock third is no input")
+    assert refused(instance, status, "the clock third is not an input")
     instance = new(SCHEDULED_EXECUTION, "activation")
     intervals, qualifiers = array(c_double, [0.0]), array(c_int, [0])
     status = instance.call("fmi3GetIntervalDecimal", array(c_uint32, [ALARM]), 1, intervals, qualifiers)
-    assert refused(instance, status, "is told in Clock Update Mode")
+    assert refused(instance, status, "is available in Clock Update Mode")
     instance = new(SCHEDULED_EXECUTION, "activation")
     assert set_clock(instance, CONSTANT) == Status.ERROR
     instance = new(SCHEDULED_EXECUTION, "activation")

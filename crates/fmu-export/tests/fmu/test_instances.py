@@ -157,6 +157,11 @@ def test_an_interface_that_is_not_there_is_refused(
     assert instance.messages == []
 
 
+def test_what_is_asked_without_an_instance(library: Library) -> None:
+    """Section 2.1.4."""
+    assert (library.fmi2GetTypesPlatform(), library.fmi2GetVersion()) == (b"default", b"2.0")
+
+
 def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
     """The struct is required (section 2.1.5). Without a logger, the only result is NULL."""
     guid = fmu.guid.encode()

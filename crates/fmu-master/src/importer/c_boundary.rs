@@ -1,10 +1,9 @@
-//! The C side: the functions of an FMU's library, and the calls that go through it. All of the laboratory's
-//! `unsafe` is here.
+//! The C side: the functions of an FMU's library and the calls to it, with all of the laboratory's `unsafe`.
 //!
-//! A library is foreign code, and cannot be verified. This module keeps the importer's side of FMI: signatures
-//! as the standard declares them in each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep
-//! the pointer to them), no call after a fatal error, and no instance in two threads. A status is a plain number,
-//! since a careless FMU returns any.
+//! A library is foreign code and cannot be verified. This module keeps the importer's side of FMI: signatures as
+//! declared by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep pointers
+//! to them), no call after a fatal error, and no instance in two threads. A status is a plain number, since a careless
+//! FMU may return any.
 #![allow(unsafe_code)]
 
 use std::cell::Cell;
@@ -99,7 +98,7 @@ unsafe fn text_at(text: *const c_char) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// Why a library was not loaded. That of an FMU from `PythonFMU` expects Python in the process.
+/// Why a library was not loaded. One from `PythonFMU` expects Python in the process.
 fn not_loaded(error: libloading::Error) -> anyhow::Error {
     // The loader's text is the source of the error.
     let text = format!("{:#}", anyhow::Error::new(error));
@@ -385,7 +384,7 @@ impl Functions {
         }
     }
 
-    /// The functions for a variable's type, if its values are numbers: which they are, and the memory for values.
+    /// The functions for a variable's type, if numeric, and the memory for its values.
     pub fn number_type(&self, data_type: &str) -> Option<(NumberType, Numbers)> {
         let wanted = match (data_type, self.prefix()) {
             ("Enumeration", "fmi2") => "Integer",
@@ -471,12 +470,12 @@ pub struct Handle {
     _texts: [CString; 3],
 }
 
-/// What a step of FMI 3.0 returns beside its status.
+/// The results of an FMI 3.0 step besides its status.
 #[derive(Clone, Copy, Default)]
 struct LastStep {
     /// The time that it has reached (s).
     time: f64,
-    /// Whether the FMU asks for the end.
+    /// Whether the FMU requests termination.
     terminates: bool,
 }
 
@@ -613,12 +612,12 @@ impl Handle {
         status
     }
 
-    /// After a step: whether the FMU asks for the end. In FMI 2.0 it discards the step instead.
+    /// After a step: whether the FMU requests termination. In FMI 2.0 it discards the step instead.
     pub fn terminates(&self) -> bool {
         self.last_step.get().terminates
     }
 
-    /// After a step that was discarded or asks for the end: the time that was reached, if the FMU tells.
+    /// After a discarded step or a request for termination: the time reached, if the FMU provides it.
     pub fn last_successful_time(&self) -> Option<f64> {
         let mut time = self.last_step.get().time;
         if let OfVersion::Two { get_real_status, .. } = self.functions.of_version {
@@ -642,8 +641,8 @@ impl Handle {
     ) -> Status {
         self.refuse_other_memory(number_type, references, values);
         let (count, size, address) = (references.len(), values.len(), values.address_to_write());
-        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI 3.0
-        // the array's, by whose number an FMU tells whether they are all.
+        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI
+        // 3.0 the array's, by whose number an FMU tells whether they are all.
         self.call(|component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two { numbers, .. } => {

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use fmu_package::archive;
 use fmu_package::temporary::Folder;
 
-/// No other folder begins with it: those that killed processes left are removed.
+/// A unique prefix: leftovers of killed processes with it are removed.
 const PREFIX: &str = ".unpacked-by-boost-lab-";
 
 /// The extracted archive, which is removed when dropped.

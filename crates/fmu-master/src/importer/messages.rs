@@ -46,7 +46,7 @@ pub struct Message {
     pub text: String,
 }
 
-/// The messages that explain a failed call: warnings and errors, or else the last messages.
+/// The messages that explain a failed call: warnings and errors, else the last messages.
 pub(super) fn telling(mut messages: Vec<Message>, description: &FmuDescription) -> Vec<Message> {
     const LAST: usize = 3;
     if messages.iter().any(|message| message.status.0 > Status::WARNING.0) {
@@ -106,7 +106,7 @@ pub struct CallFailed {
     pub function: String,
     /// The variables in the call, if they are few.
     pub variables: Vec<String>,
-    /// The time that the instance had reached (s); none before the experiment is set up.
+    /// The time reached by the instance (s); none before the experiment is set up.
     pub time: Option<f64>,
     /// None if the function to instantiate returned null.
     pub status: Option<Status>,

@@ -1,12 +1,13 @@
 //! Imports FMUs for co-simulation, FMI 2.0 and 3.0, from any tool.
 //!
-//! An [`Fmu`] is extracted and loaded; it makes [`Instance`]s in any thread, and each of them stays in its thread.
-//! Variables are addressed by names, which are resolved once: a [`Selection`] gets or sets numbers of any type at
-//! once and allocates nothing. Elements of arrays are variables. A failed call is a [`CallFailed`]: the function, the time, and the FMU's messages.
+//! An [`Fmu`] is extracted and loaded; it creates [`Instance`]s in any thread, each of which stays in its thread.
+//! Variables are addressed by names, resolved once: a [`Selection`] gets or sets numbers of any type together without
+//! allocating. Array elements are variables. A failed call is a [`CallFailed`]: the function, the time, and the FMU's
+//! messages.
 //!
-//! Only this module calls FMUs. Of the crates that import FMI, `fmi` needs libclang to be built and crashes on
-//! messages without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as
-//! many do, and with a status that the standard does not define.
+//! Only this module calls FMUs. Of the crates that import FMI, `fmi` needs libclang to build and crashes on messages
+//! without a category, and `fmi-rs` (0.3.4) crashes with FMUs that keep the pointer to the callbacks, as many do, and
+//! on undefined statuses.
 
 mod c_boundary;
 mod folder;
@@ -291,7 +292,7 @@ impl Group {
         self.slots.push(Slot { value, position, conversion });
     }
 
-    /// Takes the values to set. A Boolean is true from 0.5 on.
+    /// Takes the values to set. A Boolean is true from 0.5.
     fn gather(&mut self, values: &[f64]) {
         for Slot { value, position, conversion } in &self.slots {
             let given = values[*position];
@@ -379,7 +380,7 @@ impl Instance {
         self.warnings.extend(warnings.map(|message| messages::with_names(message, &self.fmu.description)));
     }
 
-    /// Turns the status of a call into a result; the function's name is without its version.
+    /// Turns a call's status into a result; the function name is without its version.
     fn check(&mut self, function: fmt::Arguments<'_>, variables: &[String], status: Status) -> Result<()> {
         if status == Status::OK {
             return Ok(());
@@ -483,7 +484,7 @@ impl Instance {
     /// When there are fewer values than names.
     pub fn set(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         for group in &mut selection.groups {
-            // The elements that are not selected stay.
+            // Elements not selected keep their values.
             if !group.arrays.is_empty() {
                 self.read(group, &selection.names)?;
             }
@@ -531,7 +532,7 @@ impl Instance {
             .try_for_each(|parameter| self.set_fitted(fmu.variable(&parameter.name)?, &parameter.value))
     }
 
-    /// Sets a variable to a value that fits it.
+    /// Sets a variable to a fitting value.
     fn set_fitted(&mut self, variable: &FmuVariable, value: &Value) -> Result<()> {
         let name = &variable.name;
         let number = match value {

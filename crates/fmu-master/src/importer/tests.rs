@@ -99,15 +99,15 @@ fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
     assert_eq!(
         refusal("flag", Value::Integer(1)),
-        "the value 1 of flag cannot be taken: it is of the type Integer, not Boolean"
+        "the value 1 of flag cannot be used: it is of the type Integer, not Boolean"
     );
     assert_eq!(
         refusal("fail", Value::String("eror".to_owned())),
-        "the value eror of fail cannot be taken: it is not one of no, discard, error, no_status, fatal"
+        "the value eror of fail cannot be used: it is not one of no, discard, error, no_status, fatal"
     );
     assert_eq!(
         refusal("level", Value::Real(1.0, Some("furlong".to_owned()))),
-        "the value 1 furlong of level cannot be taken: the unit furlong is not defined"
+        "the value 1 furlong of level cannot be used: the unit furlong is not defined"
     );
     let texts = fmu.select(["note"]).err().expect("a text is not a number").to_string();
     assert_eq!(texts, "note is of the type String, which is not a number");

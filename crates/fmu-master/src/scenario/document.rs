@@ -118,7 +118,7 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Whether a key is another one but for its separators and capitals, and a letter or two.
+/// Whether two keys are equal except for separators, capitals and a letter or two.
 fn is_misspelt(key: &str, meant: &str) -> bool {
     let [key, meant] = [key, meant].map(|key| key.to_lowercase().replace(['_', '-', ' '], ""));
     strsim::osa_distance(&key, &meant) <= meant.chars().count() / 4

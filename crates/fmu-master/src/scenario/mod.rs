@@ -51,9 +51,9 @@ pub use self::signal::{Signal, read_signals};
 /// An experiment with coupled FMUs. Its methods keep dependent fields consistent, such as `stop_time` and `steps`.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What the scenario is about.
+    /// The scenario's title.
     pub title: Option<String>,
-    /// More about it, below the title on a page.
+    /// A description, below the title on a page.
     pub description: Option<String>,
     /// The communication step (s).
     pub step: f64,
@@ -71,9 +71,9 @@ pub struct Scenario {
     pub fmus: Vec<Member>,
     /// Signals for the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
-    /// The connections; none where outputs are connected to the inputs of their names.
+    /// The connections; none if outputs connect to inputs of the same name.
     pub connections: Option<Vec<Connection>>,
-    /// Whether an FMU was replaced by another one, which may not have all its inputs.
+    /// Whether an FMU was replaced by another that may lack some of its inputs.
     pub has_replaced_fmus: bool,
     /// Noise on connections.
     pub noise: Vec<Noise>,
@@ -90,9 +90,9 @@ pub struct Scenario {
 /// The order in a communication step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stepping {
-    /// One after the other, each with the new outputs of those before it.
+    /// In sequence, each with the new outputs of those before it.
     InTurn,
-    /// All with the outputs of the step before.
+    /// All with the outputs of the previous step.
     AtOnce,
 }
 
@@ -111,7 +111,7 @@ pub struct Member {
     pub parameters: Vec<(ParameterSet, Location)>,
     /// Values, set before initialization, after the parameter sets.
     pub values: Vec<Assignment>,
-    /// A run alone before the experiment.
+    /// A run of this FMU alone before the experiment.
     pub run_in: Option<RunIn>,
     /// Signals that replace connections to its inputs.
     pub inputs: Vec<Input>,

@@ -11,7 +11,7 @@ use toml::de::DeValue;
 use super::document::{Node, TomlTable};
 use fmu_record::{Record, expect_seconds, name_and_unit};
 
-/// A time may be before an instant by so much (s), since communication points are rounded multiples of the step.
+/// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING: f64 = 1e-9;
 
 /// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one.
@@ -19,7 +19,7 @@ const ROUNDING: f64 = 1e-9;
 pub enum Signal {
     /// The same value at any time.
     Constant(f64),
-    /// Each value from its time on; the first also before.
+    /// Each value holds from its time; the first also before.
     Steps(Vec<(f64, f64)>),
     /// Straight lines between points; the outermost values before and after.
     Lines(Vec<(f64, f64)>),
@@ -73,7 +73,7 @@ impl Signal {
         }
     }
 
-    /// Reads a signal; CSV files are looked for in `folder`.
+    /// Reads a signal; CSV paths are relative to `folder`.
     pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
         const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
         if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
@@ -166,11 +166,14 @@ fn read_csv(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Sig
     Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
 }
 
+/// Points in time (s), each with its value.
+pub type Points = Vec<(f64, f64)>;
+
 /// The columns of a CSV file after its first one, the time (s), each over that. Two rows of one time are a jump.
 ///
 /// # Errors
 /// When it cannot be read, or has other things than numbers.
-pub fn read_signals(path: &Path) -> Result<Vec<(String, Vec<(f64, f64)>)>> {
+pub fn read_signals(path: &Path) -> Result<Vec<(String, Points)>> {
     let record = Record::read(path)?;
     let columns = record.columns().iter().map(|column| {
         let points = record.time().iter().copied().zip(column.values.iter().copied());
@@ -227,7 +230,7 @@ mod tests {
     #[test]
     fn steps_hold_from_their_time_on() {
         let signal = Signal::Steps(vec![(0.0, 1.0), (2.0, 5.0)]);
-        // The last one falls short of 2 s as a sum of steps does.
+        // The last one falls short of 2 s, as a sum of steps does.
         let values = [-1.0, 0.0, 1.999, 2.0, 9.0, 2.0 - 4e-16].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 1.0, 5.0, 5.0, 5.0].map(f64::to_bits));
     }

@@ -36,7 +36,7 @@ pub fn library() -> &'static [u8] {
     LIBRARY.get_or_init(|| compiled("careless.c"))
 }
 
-/// A library, compiled from a source beside this file.
+/// A library, compiled from a source next to this file.
 pub fn compiled(source: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let library = folder.path().join("careless");

@@ -1,4 +1,4 @@
-//! The archive: a ZIP file by the standard, with nothing in it that harms whoever extracts it.
+//! The archive: a ZIP file that follows the standard and is safe to extract.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,7 +15,7 @@ use super::{Place, Report};
 use crate::archive::is_inside;
 use crate::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 
-/// What the standard has at the top of the archive; the last two since FMI 2.0.4 and 3.0.
+/// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
     "modelDescription.xml",
     "model.png",
@@ -28,15 +28,15 @@ const TOP: &[&str] = &[
     "terminalsAndIcons",
 ];
 
-/// The files of an FMU that can be read.
+/// The readable files of an FMU.
 pub(crate) struct Files<R = BufReader<File>> {
     archive: ZipArchive<R>,
-    /// By their paths, with `/` even where the archive has backslashes; none where it cannot be unpacked.
+    /// By path, with `/` even if the archive has backslashes; none if an entry cannot be unpacked.
     entries: BTreeMap<String, Option<usize>>,
 }
 
 impl<R: Read + Seek> Files<R> {
-    /// Opens an archive and reports what is wrong with its entries; none where nothing can be read.
+    /// Opens an archive and reports problems with its entries; none if nothing can be read.
     pub fn open(mut reader: R, report: &mut Report) -> Option<Self> {
         if reader.seek(SeekFrom::End(0)).is_ok_and(|length| length > LARGEST_CONTENT) {
             report.add(&LIMIT, Place::default(), "the archive is larger than 1 GiB");
@@ -63,7 +63,7 @@ impl<R: Read + Seek> Files<R> {
         let mut paths = BTreeMap::new();
         for index in 0..files.archive.len() {
             if !files.add(index, &mut paths, &mut left, report) {
-                report.add(&LIMIT, Place::default(), "its entries hold more than 1 GiB");
+                report.add(&LIMIT, Place::default(), "its entries exceed 1 GiB");
                 return None;
             }
         }
@@ -71,7 +71,7 @@ impl<R: Read + Seek> Files<R> {
             let folder = format!("{lower}/");
             let next = paths.range(folder.clone()..).next();
             if let Some((_, below)) = next.filter(|(path, _)| path.starts_with(&folder)) {
-                report.add(&ARCHIVE_FILE_AND_FOLDER, Place::file(below), format!("{file} is a file, too"));
+                report.add(&ARCHIVE_FILE_AND_FOLDER, Place::file(below), format!("{file} is also a file"));
             }
         }
         let mut tops: Vec<_> = files.paths().map(|path| path.split('/').next().unwrap_or_default()).collect();
@@ -82,7 +82,7 @@ impl<R: Read + Seek> Files<R> {
         Some(files)
     }
 
-    /// Checks an entry and keeps it if it can be read. Whether the limit is kept.
+    /// Checks an entry and keeps it if readable. Returns whether the limit is met.
     fn add(
         &mut self,
         index: usize,
@@ -149,7 +149,7 @@ impl<R: Read + Seek> Files<R> {
         true
     }
 
-    /// How many bytes an entry has, at most some; a checksum that differs is an error.
+    /// The size of an entry in bytes, up to a maximum; a wrong checksum is an error.
     fn unpacked_size(&mut self, index: usize, most: u64) -> io::Result<u64> {
         let entry = self.archive.by_index(index).map_err(io::Error::other)?;
         io::copy(&mut entry.take(most), &mut io::sink())
@@ -167,13 +167,13 @@ impl<R: Read + Seek> Files<R> {
         self.entries.contains_key(path)
     }
 
-    /// What a file holds; none where it is not there or cannot be unpacked.
+    /// A file's content; none if missing or not unpackable.
     pub fn bytes(&mut self, path: &str) -> Option<Vec<u8>> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
-    /// The text of a file that is there, or none, and a report why.
+    /// The text of an existing file, or none and a report why.
     pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {
@@ -190,8 +190,8 @@ impl<R: Read + Seek> Files<R> {
     }
 }
 
-/// Reports the names that occur twice, of which an index of the archive keeps the last: reads the headers of the
-/// central directory (APPNOTE.TXT of ZIP, section 4.3.12).
+/// Reports duplicate names, of which an index of the archive keeps the last: reads the headers of the central
+/// directory (APPNOTE.TXT of ZIP, section 4.3.12).
 fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut Report) {
     let mut headers = vec![];
     if reader.seek(SeekFrom::Start(start)).and_then(|_| reader.read_to_end(&mut headers)).is_err() {

@@ -25,7 +25,7 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     unique(model, report, &LOG_CATEGORY, categories, "name");
 }
 
-/// Reports elements that have the same value of an attribute as one before.
+/// Reports elements whose attribute has the same value as an earlier one's.
 pub(super) fn unique<'d>(
     model: &Model<'d>,
     report: &mut Report,

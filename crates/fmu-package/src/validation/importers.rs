@@ -1,4 +1,4 @@
-//! What known importers refuse of what the standard allows: one table, which `docs/validation.md` shows.
+//! What the standard allows but known importers reject: one table, shown in `docs/validation.md`.
 
 use super::model::{Model, named};
 use super::rules::{ARRAY, Rule, STRUCTURAL_PARAMETER, TYPE_DESCRIPTION};
@@ -9,15 +9,15 @@ use super::{Place, Report, Version};
 pub struct Importer {
     /// Its name.
     pub name: &'static str,
-    /// The versions of which this is known.
+    /// The versions for which this is known.
     pub versions: &'static str,
-    /// How it is known.
+    /// The evidence.
     pub evidence: &'static str,
-    /// The rules that it asks for beyond the standard, and what it does otherwise.
+    /// The rules it requires beyond the standard, and its behaviour otherwise.
     pub refuses: &'static [(&'static Rule, &'static str)],
 }
 
-/// All importers of which something is known.
+/// All importers with known restrictions.
 pub static ALL: &[Importer] = &[
     Importer {
         name: "CasADi",
@@ -65,7 +65,7 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
         }
     };
     for (declared, _) in &model.types {
-        // FMPy passes over types of Clocks.
+        // FMPy ignores types of Clocks.
         if declared.has_attribute("description") && declared.tag_name().name() != "ClockType" {
             let name = declared.attribute("name").unwrap_or_default();
             note(&TYPE_DESCRIPTION, model.xml.at(*declared), &format!("the type {name} has a description"));

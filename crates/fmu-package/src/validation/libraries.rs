@@ -1,4 +1,4 @@
-//! Rules on the libraries of an FMU. They are read, never loaded.
+//! Rules on an FMU's libraries. They are read, never loaded.
 
 use std::collections::BTreeSet;
 
@@ -44,7 +44,7 @@ const FMI3: &str = "GetVersion SetDebugLogging InstantiateModelExchange Instanti
     GetNominalsOfContinuousStates GetNumberOfEventIndicators GetNumberOfContinuousStates EnterStepMode
     GetOutputDerivatives DoStep ActivateModelPartition";
 
-/// The libraries that Linux systems have: those of glibc and GCC.
+/// The libraries of Linux systems: those of glibc and GCC.
 const OF_LINUX: &[&str] = &[
     "ld-linux",
     "libc.so",
@@ -80,7 +80,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
             continue;
         };
         let inside: Vec<_> = paths.iter().filter_map(|path| path.strip_prefix(&below)).collect();
-        // Libraries that are to be linked statically have names of their own.
+        // Libraries for static linking have other names.
         if !inside.iter().any(|name| name.ends_with(format.suffix()))
             && inside.iter().any(|name| is_library(name))
         {
@@ -99,7 +99,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     }
 }
 
-/// What belongs into a folder for a platform: a format, and a processor, where it is one of those known here.
+/// A platform folder's format, and its processor, if known here.
 fn platform(folder: &str, version: Version) -> Option<(Format, Option<&'static [Architecture]>)> {
     let of_fmi2 =
         Platform::of_folder(folder, false).filter(|_| version < Version::Three || folder.contains('-'));
@@ -185,7 +185,7 @@ fn library(
     }
 }
 
-/// The functions that a library exports for the interfaces that have this model identifier.
+/// The functions exported by a library for the interfaces with this model identifier.
 fn functions(model: &Model<'_>, identifier: &str) -> Vec<String> {
     let has = |name: &str| {
         model.interface(name).is_some_and(|element| element.attribute("modelIdentifier") == Some(identifier))
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn the_lists_of_functions_are_complete() {
-        // As many as the headers of the standard declare.
+        // As many as the standard's headers declare.
         let counts = [
             (FMI1_MODEL_EXCHANGE, 24),
             (FMI1_CO_SIMULATION, 25),

@@ -1,6 +1,6 @@
-//! What is wrong in an FMU of any maker, FMI 1.0, 2.0 and 3.0, by the published [`rules`].
+//! Finds problems in FMUs from any tool, FMI 1.0, 2.0 and 3.0, by the published [`rules`].
 //!
-//! The library is not loaded, nothing is extracted, and time and memory are bounded by the sizes that are read.
+//! Libraries are not loaded, nothing is extracted, and the sizes read bound time and memory.
 
 pub(crate) mod archive;
 mod description;
@@ -25,15 +25,15 @@ use xml::Xml;
 use crate::fmu::MODEL_DESCRIPTION;
 use crate::reading;
 
-/// How many findings are kept: after that many, more of them help nobody.
+/// The most findings kept: more of them help nobody.
 const MOST_FINDINGS: usize = 1000;
-/// How long what is said may be in characters: it quotes the FMU.
+/// The longest message in characters: it quotes the FMU.
 const LONGEST_MESSAGE: usize = 500;
 
-/// Where something is wrong.
+/// The location of a problem.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// The file in the archive; the archive itself where there is none.
+    /// The file in the archive; none for the archive itself.
     pub file: Option<String>,
     /// The line in this file.
     pub line: Option<usize>,
@@ -47,25 +47,25 @@ impl Place {
     }
 }
 
-/// Something that is wrong in an FMU.
+/// A problem in an FMU.
 #[derive(Debug)]
 pub struct Finding {
-    /// The rule that is broken.
+    /// The broken rule.
     pub rule: &'static Rule,
-    /// Where.
+    /// Its location.
     pub place: Place,
-    /// What is wrong there.
+    /// Its description.
     pub message: String,
 }
 
-/// All that is wrong in an FMU.
+/// All problems in an FMU.
 #[derive(Debug, Default)]
 pub struct Report {
-    /// The `fmiVersion`, where it can be read.
+    /// The `fmiVersion`, if readable.
     pub fmi_version: Option<String>,
-    /// What is wrong, at most 1000 findings.
+    /// At most 1000 findings.
     pub findings: Vec<Finding>,
-    /// How many more there are.
+    /// The number of further ones.
     pub omitted: usize,
 }
 
@@ -80,17 +80,17 @@ impl Report {
         }
     }
 
-    /// How many findings are of a severity.
+    /// The number of findings of a severity.
     #[must_use]
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|finding| finding.rule.severity == severity).count()
     }
 }
 
-/// Reports what is wrong at a place that is known already.
+/// Reports a problem at a known place.
 type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
 
-/// The versions of the standard.
+/// The FMI versions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Version {
     One,
@@ -98,7 +98,7 @@ enum Version {
     Three,
 }
 
-/// Finds what is wrong in an FMU, and what some importers refuse.
+/// Finds an FMU's problems, and what some importers reject.
 ///
 /// # Errors
 /// When the file cannot be read.

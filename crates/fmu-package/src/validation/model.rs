@@ -1,4 +1,4 @@
-//! What a description says, with the differences between the versions of FMI evened out.
+//! The content of a description, abstracting from differences between FMI versions.
 
 use std::collections::HashMap;
 
@@ -11,21 +11,21 @@ use super::{Place, Report, Version};
 /// An element of the description.
 pub(super) type Element<'d> = Node<'d, 'd>;
 
-/// A description. Where it does not follow the schema, which is reported already, something may be missing here.
+/// A description. Parts may be missing where it violates the schema, which is reported separately.
 pub(super) struct Model<'d> {
     pub xml: &'d Xml<'d>,
     pub version: Version,
     pub root: Element<'d>,
     /// `ModelExchange`, `CoSimulation` and `ScheduledExecution`.
     pub interfaces: Vec<Element<'d>>,
-    /// The declared types: the element that has the name, and the one that has `min`, `unit` and so on.
+    /// The declared types: the element with the name, and the one with `min`, `unit` and so on.
     pub types: Vec<(Element<'d>, Element<'d>)>,
     pub units: Vec<Element<'d>>,
     pub variables: Vec<Variable<'d>>,
     pub entries: Vec<Entry<'d>>,
     type_by_name: HashMap<&'d str, Element<'d>>,
     unit_by_name: HashMap<&'d str, Element<'d>>,
-    /// What indices (FMI 2) and value references (FMI 3) refer to.
+    /// The targets of indices (FMI 2) and value references (FMI 3).
     references: HashMap<u32, usize>,
 }
 
@@ -38,26 +38,26 @@ pub(super) struct Variable<'d> {
     pub name: &'d str,
     pub causality: &'d str,
     pub variability: &'d str,
-    /// As declared, or the default of the standard.
+    /// As declared, or the standard's default.
     pub initial: Option<&'d str>,
     /// The attribute `derivative`.
     pub derivative: Option<&'d str>,
 }
 
-/// An entry of the model structure, in a list that has the name of FMI 3: `Output` and so on.
+/// An entry of the model structure, in a list with FMI 3's name: `Output` and so on.
 pub(super) struct Entry<'d> {
     pub list: &'static str,
     pub element: Element<'d>,
     /// The text that refers to its variable.
     pub reference: &'d str,
-    /// The variable, if there is one.
+    /// The variable, if it exists.
     pub variable: Option<usize>,
-    /// Those that it depends on, as far as they exist; none where it depends on all.
+    /// The existing ones on which it depends; none if it depends on all.
     pub dependencies: Option<Vec<usize>>,
 }
 
-/// The values that `initial` may have with a combination of causality and variability, the default first (FMI 2.0.5,
-/// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none where the combination is not allowed.
+/// The values allowed for `initial` with a combination of causality and variability, the default first (FMI 2.0.5,
+/// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none if the combination is not allowed.
 pub(super) fn initials(
     version: Version,
     causality: &str,
@@ -77,17 +77,17 @@ pub(super) fn initials(
     })
 }
 
-/// Whether a type is one of floating-point numbers.
+/// Whether a type is floating-point.
 pub(super) fn is_float(kind: &str) -> bool {
     matches!(kind, "Real" | "Float32" | "Float64")
 }
 
-/// The elements in an element.
+/// An element's children.
 pub(super) fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
     element.children().filter(Node::is_element)
 }
 
-/// The elements of a name in an element.
+/// An element's children of a name.
 pub(super) fn named<'d>(element: Element<'d>, name: &'static str) -> impl Iterator<Item = Element<'d>> {
     children(element).filter(move |child| child.tag_name().name() == name)
 }
@@ -199,7 +199,7 @@ impl<'d> Model<'d> {
         elements.into_iter().filter_map(entry).collect()
     }
 
-    /// The variable that an index (FMI 2) or value reference (FMI 3) refers to.
+    /// The variable of an index (FMI 2) or value reference (FMI 3).
     pub fn resolve(&self, reference: &str) -> Option<usize> {
         self.references.get(&reference.trim().parse().ok()?).copied()
     }
@@ -217,7 +217,7 @@ impl<'d> Model<'d> {
         self.interfaces.iter().find(|interface| interface.tag_name().name() == name).copied()
     }
 
-    /// The model identifiers, each once.
+    /// The distinct model identifiers.
     pub fn identifiers(&self) -> Vec<&'d str> {
         let of_root = (self.version == Version::One).then_some(self.root);
         let mut all: Vec<_> = of_root
@@ -230,12 +230,12 @@ impl<'d> Model<'d> {
         all
     }
 
-    /// The entries of a list of the model structure.
+    /// The entries of a model structure list.
     pub fn list(&self, name: &str) -> impl Iterator<Item = &Entry<'d>> {
         self.entries.iter().filter(move |entry| entry.list == name)
     }
 
-    /// The continuous states: what the entries of the list of derivatives are derivatives of.
+    /// The continuous states, whose derivatives are in the list of derivatives.
     pub fn states(&self) -> impl Iterator<Item = usize> {
         let derivatives = self.list("ContinuousStateDerivative").filter_map(|entry| entry.variable);
         derivatives
@@ -243,12 +243,12 @@ impl<'d> Model<'d> {
             .filter_map(|state| self.resolve(state))
     }
 
-    /// Where a variable is declared.
+    /// The location of a variable's declaration.
     pub fn at(&self, variable: &Variable<'d>) -> Place {
         Place { variable: Some(variable.name.to_owned()), ..self.xml.at(variable.element) }
     }
 
-    /// Reports what is wrong with an element.
+    /// Reports a problem with an element.
     pub fn wrong(
         &self,
         report: &mut Report,
@@ -274,12 +274,12 @@ impl<'d> Variable<'d> {
         self.element.has_attribute("clocks")
     }
 
-    /// An attribute of the variable or else of its declared type.
+    /// An attribute of the variable, or of its declared type.
     pub fn inherited(&self, name: &str) -> Option<&'d str> {
         self.typed.attribute(name).or_else(|| self.declared.and_then(|declared| declared.attribute(name)))
     }
 
-    /// The start values, if there are any. FMI 3 has elements for texts, which are not parsed here.
+    /// The start values, if any. FMI 3 has elements for texts, which are not parsed here.
     pub fn start(&self) -> Option<&'d str> {
         let element = || named(self.element, "Start").next().map(|_| "");
         self.typed.attribute("start").or_else(element)

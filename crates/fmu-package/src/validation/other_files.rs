@@ -1,4 +1,4 @@
-//! Rules on what else the standard has in an FMU: sources, build descriptions, terminals and icons.
+//! Rules on an FMU's other standard files: sources, build descriptions, terminals and icons.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +25,7 @@ pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     });
 }
 
-/// Reads a file that need not be there, and checks it by its schema, which is one of FMI 3 in FMI 2, too.
+/// Reads an optional file and checks it against its schema, that of FMI 3 even in FMI 2.
 fn with_xml(
     files: &mut Files,
     path: &'static str,

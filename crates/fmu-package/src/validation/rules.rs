@@ -1,15 +1,15 @@
-//! The rules: what is published of each, in one table.
+//! The published rules, in one table.
 //!
 //! `docs/validation.md` shows the same table; a test compares them.
 
-/// What a broken rule means.
+/// The consequence of a broken rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     /// The FMU violates the standard, or cannot be used.
     Error,
     /// The FMU is allowed, but some importers fail on it.
     Warning,
-    /// Nothing is wrong, but one of the [`importers`](super::importers) that were named refuses it.
+    /// Nothing is wrong, but one of the named [`importers`](super::importers) rejects it.
     Note,
 }
 
@@ -25,18 +25,18 @@ impl Severity {
     }
 }
 
-/// A rule that FMUs are checked by.
+/// A rule for FMUs.
 #[derive(Debug)]
 pub struct Rule {
-    /// Its identifier, which never changes.
+    /// Its permanent identifier.
     pub id: &'static str,
-    /// What it means when the rule is broken.
+    /// The consequence of breaking it.
     pub severity: Severity,
-    /// Where it comes from: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` or `FMI 1` for what the schemas say.
+    /// Its source: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` or `FMI 1` for requirements of the schemas.
     pub source: &'static str,
-    /// What it says.
+    /// Its text.
     pub text: &'static str,
-    /// What the maker of a broken FMU should do.
+    /// The remedy for a broken FMU.
     pub remedy: &'static str,
 }
 
@@ -235,7 +235,7 @@ rules! {
     TERMINALS: Error "terminals" ("3.0.2: 2.4.9")
         "Terminal names are unique, members refer to variables, and named icons exist." => "Correct the name, or add the file.";
 
-    // What importers refuse.
+    // What importers reject.
     TYPE_DESCRIPTION: Note "type-description" ("importers")
         "Types have no `description` in FMI 3." => "Use a newer version of the importer, or remove the description.";
     ARRAY: Note "array" ("importers")

@@ -1,8 +1,8 @@
-//! The schemas of the standard, read as far as they use the language: what they do not use is not understood, and a
-//! test sees to it that nothing of it is used.
+//! The standard's schemas, interpreted as far as they use the schema language; a test ensures that they use nothing
+//! else.
 //!
-//! A schema is deterministic: the name of an element decides which part of the content it is, so one pass without
-//! going back finds it.
+//! A schema is deterministic: an element's name determines its part of the content, so one pass without backtracking
+//! suffices.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -30,7 +30,7 @@ const FMI3: &[&str] = schema_files!("fmi3": "fmi3Annotation" "fmi3AttributeGroup
     "fmi3InterfaceType" "fmi3ModelDescription" "fmi3Terminal" "fmi3TerminalsAndIcons" "fmi3Type" "fmi3Unit"
     "fmi3Variable" "fmi3VariableDependency");
 
-/// Checks a document against the schema of a version, in which its root is declared.
+/// Checks a document against the schema of an FMI version that declares its root.
 pub(super) fn check(version: Version, xml: &Xml<'_>, report: &mut Report) {
     let files = match version {
         Version::One => FMI1,
@@ -50,22 +50,22 @@ fn parsed(text: &'static str) -> Document<'static> {
     Document::parse(text).expect("the schemas are XML")
 }
 
-/// The files of a schema.
+/// A schema's files.
 struct Schema<'s> {
-    /// What is declared at the top of a file, by the kind of declaration and its name.
+    /// The top-level declarations, by kind and name.
     top: HashMap<(&'s str, &'s str), Declaration<'s>>,
-    /// What a type consists of, once it was needed.
+    /// The content of types, once needed.
     types: HashMap<Declaration<'s>, Rc<Type<'s>>>,
     patterns: HashMap<&'s str, Regex>,
 }
 
-/// A complex type with all that it inherits and refers to.
+/// A complex type with everything it inherits and references.
 #[derive(Default)]
 struct Type<'s> {
     attributes: HashMap<&'s str, Declaration<'s>>,
     has_any_attribute: bool,
     is_mixed: bool,
-    /// What it contains, one after the other.
+    /// Its content, in sequence.
     content: Vec<Declaration<'s>>,
 }
 
@@ -82,7 +82,7 @@ impl<'s> Schema<'s> {
         self.top[&(kind, name)]
     }
 
-    /// The declaration that an element refers to, or is.
+    /// The declaration that an element references, or is.
     fn referred(&self, declaration: Declaration<'s>) -> Declaration<'s> {
         declaration.attribute("ref").map_or(declaration, |name| self.resolve("element", name))
     }
@@ -128,7 +128,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// Checks an element by its declaration.
+    /// Checks an element against its declaration.
     fn element(
         &mut self,
         declaration: Declaration<'s>,
@@ -142,7 +142,7 @@ impl<'s> Schema<'s> {
             (Some(name), _) if name.starts_with("xs:") => Rc::new(Type { is_mixed: true, ..Type::default() }),
             (Some(name), _) => self.type_of(self.resolve("complexType", name)),
             (None, Some(complex_type)) => self.type_of(complex_type),
-            // Anything goes where there is no type.
+            // Without a type, anything is allowed.
             (None, None) => return,
         };
         self.attributes(&expected, node, xml, report);
@@ -150,7 +150,7 @@ impl<'s> Schema<'s> {
     }
 
     fn attributes(&mut self, expected: &Type<'s>, node: Node<'_, '_>, xml: &Xml<'_>, report: &mut Report) {
-        // Those with a namespace, `xsi:noNamespaceSchemaLocation` for one, are for others.
+        // Attributes with a namespace, such as `xsi:noNamespaceSchemaLocation`, are not part of the schema.
         for attribute in node.attributes().filter(|attribute| attribute.namespace().is_none()) {
             let (key, value) = (attribute.name(), attribute.value());
             let Some(&declaration) = expected.attributes.get(key) else {
@@ -177,7 +177,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// Whether an attribute's value is of its type; what it should be, if not.
+    /// Checks an attribute's value against its type; the error says what it should be.
     fn value(&mut self, declaration: Declaration<'s>, value: &str) -> Result<(), String> {
         if let Some(fixed) = declaration.attribute("fixed")
             && value != fixed
@@ -199,7 +199,7 @@ impl<'s> Schema<'s> {
                     (None, Some(simple_type)) => self.simple(simple_type, item),
                     (None, None) => Ok(()),
                 }
-                .map_err(|wanted| format!("a list of which each item is {wanted}"))
+                .map_err(|wanted| format!("a list of items that are each {wanted}"))
             });
         }
         let Some(restriction) = child(simple_type, "restriction") else { return Ok(()) };
@@ -239,7 +239,7 @@ impl<'s> Schema<'s> {
             }
         };
         report.add(&SCHEMA_ELEMENT, xml.at(rest.first().copied().unwrap_or(node)), message);
-        // What follows is checked as far as it is known.
+        // The rest is checked as far as it is known.
         for &next in rest {
             if let Some(declaration) =
                 expected.content.iter().find_map(|&part| self.declared(part, name(next)))
@@ -249,7 +249,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// Takes the elements that a part of the content consists of off the rest; says what is missing.
+    /// Consumes the elements of a part of the content; the error says what is missing.
     fn consume(
         &mut self,
         particle: Declaration<'s>,
@@ -290,7 +290,7 @@ impl<'s> Schema<'s> {
         Ok(())
     }
 
-    /// The parts of a sequence, a choice or a named group.
+    /// The parts of a sequence, choice or named group.
     fn parts(&self, particle: Declaration<'s>) -> Vec<Declaration<'s>> {
         let particle = particle.attribute("ref").map_or(particle, |name| self.resolve("group", name));
         particle
@@ -318,7 +318,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// Whether a part of the content may consist of nothing, even where it must occur.
+    /// Whether a part of the content may be empty, even if it must occur.
     fn is_optional(&self, particle: Declaration<'s>) -> bool {
         let may_be_empty = |part: Declaration<'s>| occurrences(part).0 == 0 || self.is_optional(part);
         match particle.tag_name().name() {
@@ -328,7 +328,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// What a part of the content begins with.
+    /// The first element of a part of the content.
     fn expected(&self, particle: Declaration<'s>) -> String {
         match particle.tag_name().name() {
             "element" => self.referred(particle).attribute("name").unwrap_or_default().to_owned(),
@@ -341,7 +341,7 @@ impl<'s> Schema<'s> {
         }
     }
 
-    /// The declaration of an element somewhere in a content.
+    /// An element's declaration anywhere in a content.
     fn declared(&self, particle: Declaration<'s>, name: &str) -> Option<Declaration<'s>> {
         if particle.has_tag_name((XS, "element")) {
             return Some(particle).filter(|&particle| self.starts(particle, name));
@@ -350,14 +350,14 @@ impl<'s> Schema<'s> {
     }
 }
 
-/// The namespace of the language.
+/// The schema language's namespace.
 const XS: &str = "http://www.w3.org/2001/XMLSchema";
 
 fn child<'s>(node: Declaration<'s>, kind: &str) -> Option<Declaration<'s>> {
     node.children().find(|child| child.has_tag_name((XS, kind)))
 }
 
-/// The name of an element as the schemas know it: they have no namespace.
+/// An element's name as in the schemas, which have no namespace.
 fn name<'d>(node: Node<'d, '_>) -> &'d str {
     if node.tag_name().namespace().is_some() {
         "(an element with a namespace)"
@@ -374,12 +374,12 @@ fn occurrences(particle: Declaration<'_>) -> (u32, u32) {
     (number("minOccurs", 1), number("maxOccurs", 1))
 }
 
-/// Whether a text is of a built-in type; what it should be, if not.
+/// Checks a text against a built-in type; the error says what it should be.
 fn is_of(builtin: &str, text: &str) -> Result<(), String> {
     fn integer<T: std::str::FromStr>(text: &str) -> bool {
         text.parse::<T>().is_ok()
     }
-    // Blanks around a number do not count, and `-0` is an unsigned number.
+    // Surrounding blanks are ignored, and `-0` is an unsigned number.
     let text = text.trim();
     let unsigned = if text.trim_start_matches(['-', '0']).is_empty() && text != "-" {
         text.trim_start_matches('-')
@@ -389,40 +389,37 @@ fn is_of(builtin: &str, text: &str) -> Result<(), String> {
     let (is_one, what) = match builtin {
         "xs:boolean" => (matches!(text, "true" | "false" | "1" | "0"), "true or false"),
         "xs:double" | "xs:float" => (number(text).is_some(), "a number"),
-        "xs:byte" => (integer::<i8>(text), "an integer of 8 bits"),
-        "xs:short" => (integer::<i16>(text), "an integer of 16 bits"),
-        "xs:int" => (integer::<i32>(text), "an integer of 32 bits"),
-        "xs:long" => (integer::<i64>(text), "an integer of 64 bits"),
-        "xs:unsignedByte" => (integer::<u8>(unsigned), "an unsigned integer of 8 bits"),
-        "xs:unsignedShort" => (integer::<u16>(unsigned), "an unsigned integer of 16 bits"),
-        "xs:unsignedInt" => (integer::<u32>(unsigned), "an unsigned integer of 32 bits"),
-        "xs:unsignedLong" => (integer::<u64>(unsigned), "an unsigned integer of 64 bits"),
+        "xs:byte" => (integer::<i8>(text), "an 8-bit integer"),
+        "xs:short" => (integer::<i16>(text), "a 16-bit integer"),
+        "xs:int" => (integer::<i32>(text), "a 32-bit integer"),
+        "xs:long" => (integer::<i64>(text), "a 64-bit integer"),
+        "xs:unsignedByte" => (integer::<u8>(unsigned), "an unsigned 8-bit integer"),
+        "xs:unsignedShort" => (integer::<u16>(unsigned), "an unsigned 16-bit integer"),
+        "xs:unsignedInt" => (integer::<u32>(unsigned), "an unsigned 32-bit integer"),
+        "xs:unsignedLong" => (integer::<u64>(unsigned), "an unsigned 64-bit integer"),
         "xs:nonNegativeInteger" => {
             let digits = unsigned.strip_prefix('+').unwrap_or(unsigned);
-            (
-                !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()),
-                "an integer of 0 or more",
-            )
+            (!digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()), "a nonnegative integer")
         }
         "xs:hexBinary" => {
             let is_hexadecimal =
                 text.len().is_multiple_of(2) && text.bytes().all(|byte| byte.is_ascii_hexdigit());
             (is_hexadecimal, "pairs of hexadecimal digits")
         }
-        "xs:dateTime" => (is_date_time(text), "a date and time as 2009-12-08T14:33:22Z"),
+        "xs:dateTime" => (is_date_time(text), "a date and time like 2009-12-08T14:33:22Z"),
         // string, normalizedString, anyURI: any text.
         _ => (true, ""),
     };
     if is_one { Ok(()) } else { Err(what.to_owned()) }
 }
 
-/// A number as XML writes it.
+/// A number as written in XML.
 pub(super) fn number(text: &str) -> Option<f64> {
     match text.trim() {
         "INF" => Some(f64::INFINITY),
         "-INF" => Some(f64::NEG_INFINITY),
         "NaN" => Some(f64::NAN),
-        // Rust reads words such as `infinity`, too.
+        // Rust also accepts words such as `infinity`.
         text if text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E')) => {
             text.parse().ok()
         }
@@ -477,12 +474,12 @@ mod tests {
             let documents: Vec<_> = files.iter().map(|text| parsed(text)).collect();
             let mut schema = Schema::new(&documents);
             let nodes = documents.iter().flat_map(|document| document.descendants());
-            // The documentation of the schemas has elements of its own.
+            // The schemas' documentation has elements of its own.
             for node in nodes.filter(|node| node.tag_name().namespace() == Some(XS)) {
                 let kind = node.tag_name().name();
                 assert!(KINDS.contains(&kind), "{kind}");
                 if kind == "complexType" {
-                    // Panics at what is not declared.
+                    // Panics at undeclared names.
                     schema.type_of(node);
                 }
                 if let Some(builtin) = node.attribute("type").filter(|name| name.starts_with("xs:")) {

@@ -38,7 +38,7 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
 fn references(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let dependencies = entry.element.attribute("dependencies").unwrap_or_default().split_ascii_whitespace();
     for reference in std::iter::once(entry.reference).chain(dependencies) {
-        // What is no number is reported by the schema.
+        // The schema check reports non-numbers.
         if reference.trim().parse::<u32>().is_ok() && model.resolve(reference).is_none() {
             wrong(&STRUCTURE_REFERENCE, format!("there is no variable {reference}"));
         }
@@ -63,7 +63,7 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     };
     let count = dependencies.split_ascii_whitespace().count();
     if count != kinds.len() {
-        return wrong(&DEPENDENCY_KIND, format!("there are {count} dependencies, and {} kinds", kinds.len()));
+        return wrong(&DEPENDENCY_KIND, format!("there are {count} dependencies, but {} kinds", kinds.len()));
     }
     let is_float = entry.variable.is_none_or(|index| model.variables[index].is_float());
     for kind in kinds {
@@ -71,7 +71,7 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
         if ["fixed", "tunable", "discrete"].contains(&kind) && is_initial || kind != "dependent" && !is_float
         {
             let of = if is_float { "an initial unknown" } else { "a variable that is not floating-point" };
-            return wrong(&DEPENDENCY_KIND_USE, format!("the kind {kind} does not go with {of}"));
+            return wrong(&DEPENDENCY_KIND_USE, format!("the kind {kind} is not allowed for {of}"));
         }
     }
 }
@@ -84,7 +84,7 @@ fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong:
             (_, "input" | "independent") => true,
             ("InitialUnknown", _) => known.initial == Some("exact"),
             (_, "parameter" | "structuralParameter") => model.version == Version::Three,
-            // Discrete states are known to nobody but the FMU, and so are Clocks that tick.
+            // Discrete states and ticking Clocks are known only inside the FMU.
             _ => {
                 states.contains(&index) || model.version == Version::Three && known.variability == "discrete"
             }
@@ -124,7 +124,7 @@ fn order(model: &Model<'_>, report: &mut Report) {
     }
 }
 
-/// Reports the variables that are not in a list and should be, and those that are and should not.
+/// Reports variables that are missing from a list, or should not be in it.
 fn compare(
     model: &Model<'_>,
     list: &'static str,
@@ -166,9 +166,9 @@ fn derivatives(model: &Model<'_>, report: &mut Report) {
             (Some(state), _) if !["local", "output"].contains(&state.causality) => {
                 format!("its state {} is {}", state.name, state.causality)
             }
-            // The variable itself, twice in the list, is told by another rule.
+            // Another rule reports the same variable twice in the list.
             (Some(state), Some(first)) if first != variable.name => {
-                format!("its state {} is that of {first}, too", state.name)
+                format!("its state {} is also that of {first}", state.name)
             }
             _ => continue,
         };
@@ -188,7 +188,7 @@ fn initial_unknowns(model: &Model<'_>, states: &BTreeSet<usize>, report: &mut Re
             || is_calculated && (is_output || states.contains(&index) || derivatives.contains(&index))
     };
     let expected = (0..model.variables.len()).filter(is_expected).collect();
-    // Clocks have no `initial`, and FMPy wants those that are outputs.
+    // Clocks have no `initial`, and FMPy requires output Clocks.
     let may_be = |index: usize| {
         let variable = &model.variables[index];
         variable.is_clocked() || variable.causality == "output" && variable.kind() == "Clock"

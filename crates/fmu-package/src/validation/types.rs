@@ -68,7 +68,7 @@ fn names_of_types(model: &Model<'_>, report: &mut Report) {
     let variables: BTreeSet<_> = model.variables.iter().map(|variable| variable.name).collect();
     for (declared, _) in &model.types {
         if let Some(name) = declared.attribute("name").filter(|name| variables.contains(name)) {
-            model.wrong(report, &TYPE_NAME, *declared, format!("a variable is named {name}, too"));
+            model.wrong(report, &TYPE_NAME, *declared, format!("a variable is also named {name}"));
         }
     }
 }
@@ -107,7 +107,7 @@ fn unit(
     }
 }
 
-/// Reports a least value that is greater than the largest.
+/// Reports a minimum greater than the maximum.
 pub(super) fn range(min: Option<&str>, max: Option<&str>, place: Place, report: &mut Report) {
     if let (Some(min), Some(max)) = (min.and_then(number), max.and_then(number))
         && min > max

@@ -71,7 +71,7 @@ fn fmi1(model: &Model<'_>, report: &mut Report) {
         };
         for variable in set.iter().filter(|variable| !is_alias(variable)).skip(1) {
             let message =
-                format!("it has the value reference of {}, and is not declared as its alias", set[0].name);
+                format!("it has the value reference of {}, but is not declared as its alias", set[0].name);
             report.add(&ALIAS, model.at(variable), message);
         }
     }
@@ -81,7 +81,7 @@ fn fmi1(model: &Model<'_>, report: &mut Report) {
             wrong(&START_MISSING, "the constant has no start value".to_owned());
         }
         if variable.typed.has_attribute("fixed") && variable.start().is_none() {
-            wrong(&FIXED, "there is fixed, but no start value".to_owned());
+            wrong(&FIXED, "it has fixed, but no start value".to_owned());
         }
         let Some(dependency) = named(variable.element, "DirectDependency").next() else { continue };
         if variable.causality != "output" {
@@ -145,7 +145,7 @@ fn independent(model: &Model<'_>, report: &mut Report) {
         model.wrong(report, &INDEPENDENT, model.root, "no variable is independent");
     }
     for variable in all.iter().skip(1) {
-        report.add(&INDEPENDENT, model.at(variable), format!("{} is independent, too", all[0].name));
+        report.add(&INDEPENDENT, model.at(variable), format!("{} is also independent", all[0].name));
     }
     for variable in all.iter().filter(|variable| !variable.is_float()) {
         report.add(&INDEPENDENT, model.at(variable), format!("it is of the type {}", variable.kind()));
@@ -160,7 +160,7 @@ fn value_references(model: &Model<'_>, report: &mut Report) {
             report.add(
                 &VALUE_REFERENCE,
                 model.at(variable),
-                format!("{first} has the value reference {reference}, too"),
+                format!("{first} also has the value reference {reference}"),
             );
         }
     }
@@ -175,7 +175,7 @@ fn continuous_type(variable: &Variable<'_>, wrong: Wrong<'_>) {
 
 fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     let Variable { causality, variability, .. } = variable;
-    // Words that the schema has not are reported by it.
+    // The schema check reports words it does not know.
     let words = [
         "parameter",
         "calculatedParameter",
@@ -210,15 +210,15 @@ fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<
     let role =
         if matches!(*causality, "input" | "independent") { causality } else { initial.unwrap_or_default() };
     match variable.start() {
-        None if is_needed => wrong(&START_MISSING, format!("it is {role}, and has no start value")),
+        None if is_needed => wrong(&START_MISSING, format!("it is {role}, but has no start value")),
         Some(start) if is_forbidden => {
-            wrong(&START_FORBIDDEN, format!("it is {role}, and has the start value '{start}'"));
+            wrong(&START_FORBIDDEN, format!("it is {role}, but has the start value '{start}'"));
         }
         _ => {}
     }
 }
 
-/// The start values that are numbers.
+/// The numeric start values.
 fn start_values<'d>(variable: &Variable<'d>) -> impl Iterator<Item = f64> + use<'d> {
     variable.typed.attribute("start").unwrap_or_default().split_ascii_whitespace().filter_map(number)
 }
@@ -240,7 +240,7 @@ fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
         .map(|(item, place)| item.attribute("value").map_or(Some(f64::from(place)), number))
         .collect();
     for start in start_values(variable).filter(|start| !items.contains(&Some(*start))) {
-        wrong(&START_RANGE, format!("the start value is {start}, and no item of the enumeration"));
+        wrong(&START_RANGE, format!("the start value {start} is not an item of the enumeration"));
     }
 }
 
@@ -261,12 +261,12 @@ fn derivative(model: &Model<'_>, index: usize, variable: &Variable<'_>, wrong: W
     let Some(reference) = variable.derivative else { return };
     let is_continuous = |variable: &Variable<'_>| variable.is_float() && variable.variability == "continuous";
     let message = match model.resolve(reference) {
-        None => format!("derivative is {reference}, and there is no such variable"),
+        None => format!("derivative is {reference}, but there is no such variable"),
         Some(state) if state == index => "it is its own derivative".to_owned(),
         Some(state) if !is_continuous(&model.variables[state]) => {
             format!("it is the derivative of {}, which is not continuous", model.variables[state].name)
         }
-        Some(_) if !is_continuous(variable) => "it is a derivative, and not continuous".to_owned(),
+        Some(_) if !is_continuous(variable) => "it is a derivative, but not continuous".to_owned(),
         Some(_) => return,
     };
     wrong(&DERIVATIVE, message);
@@ -283,18 +283,18 @@ fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wro
     }
 }
 
-/// Solvers scale the absolute tolerance of a state by it.
+/// Solvers scale a state's absolute tolerance by it.
 fn state_nominal(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wrong<'_>) {
     let nominal = variable.inherited("nominal").and_then(number);
     if let Some(nominal) = nominal.filter(|nominal| *nominal <= 0.0)
         && is_state
         && model.interface("ModelExchange").is_some()
     {
-        wrong(&STATE_NOMINAL, format!("it is a state, and nominal is {nominal}"));
+        wrong(&STATE_NOMINAL, format!("it is a state, but nominal is {nominal}"));
     }
 }
 
-/// The variables that have a value reference and a type in common.
+/// The variables that share a value reference and a type.
 fn alias_sets<'m, 'd>(model: &'m Model<'d>) -> impl Iterator<Item = Vec<&'m Variable<'d>>> {
     let mut sets: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for variable in &model.variables {
@@ -316,15 +316,15 @@ fn aliases(model: &Model<'_>, report: &mut Report) {
         let second = with_value.next().map_or("", |variable| variable.name);
         for variable in rest {
             let difference = if is_constant(variable) != is_constant(first) {
-                "constant, and the other is not"
+                "constant, but the other is not"
             } else if is_constant(variable) && variable.start() != first.start() {
-                "another constant"
+                "a different constant"
             } else if variable.name == second {
                 let message = format!("it has a start value, and so has its alias {start}");
                 report.add(&ALIAS, model.at(variable), message);
                 continue;
             } else if variable.inherited("unit") != first.inherited("unit") {
-                "of another unit"
+                "of a different unit"
             } else {
                 continue;
             };
@@ -345,7 +345,7 @@ fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
                 None => Err(format!("there is no variable {reference}")),
                 Some(of) if of.kind() != "UInt64" => Err(format!("{} is of the type {}", of.name, of.kind())),
                 Some(of) if of.causality != "structuralParameter" && of.variability != "constant" => {
-                    Err(format!("{} is neither structural parameter nor constant", of.name))
+                    Err(format!("{} is neither a structural parameter nor a constant", of.name))
                 }
                 Some(of) => of
                     .start()
@@ -377,7 +377,7 @@ fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
         && count != 1
         && count as u64 != size
     {
-        wrong(&START_COUNT, format!("it has {count} start values, and {size} elements"));
+        wrong(&START_COUNT, format!("it has {count} start values, but {size} elements"));
     }
 }
 
@@ -393,13 +393,13 @@ fn clock(variable: &Variable<'_>, wrong: Wrong<'_>) {
     }
     let interval = variable.typed.attribute("intervalVariability").unwrap_or_default();
     if variable.causality != "input" && interval != "triggered" {
-        wrong(&CLOCK, format!("its intervalVariability is {interval}, and only inputs have intervals"));
+        wrong(&CLOCK, format!("its intervalVariability is {interval}, but only inputs have intervals"));
     }
     if interval == "constant"
         && !variable.typed.has_attribute("intervalDecimal")
         && !variable.typed.has_attribute("intervalCounter")
     {
-        wrong(&CLOCK, "it is constant, and has no interval".to_owned());
+        wrong(&CLOCK, "it is constant, but has no interval".to_owned());
     }
     for key in ["intervalDecimal", "intervalCounter", "resolution", "shiftDecimal"] {
         let value = variable.typed.attribute(key).and_then(number);
@@ -408,7 +408,7 @@ fn clock(variable: &Variable<'_>, wrong: Wrong<'_>) {
             wrong(&CLOCK, format!("{key} is {value}"));
         }
         if value.is_some() && !may_be_zero && !["constant", "fixed", "tunable"].contains(&interval) {
-            wrong(&CLOCK, format!("it has {key}, and is {interval}"));
+            wrong(&CLOCK, format!("it has {key}, but is {interval}"));
         }
     }
 }
@@ -422,7 +422,7 @@ fn clocked(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
         }
     }
     if !["discrete", "tunable"].contains(&variable.variability) {
-        wrong(&CLOCKED, format!("it is clocked, and {}", variable.variability));
+        wrong(&CLOCKED, format!("it is clocked, but {}", variable.variability));
     }
 }
 
@@ -440,7 +440,7 @@ fn previous<'d>(
         None => format!("there is no variable {reference}"),
         Some(other) if other == index => "it is its own previous value".to_owned(),
         Some(other) if !seen.insert(other) => {
-            format!("{} is the previous value of another one", model.variables[other].name)
+            format!("{} is the previous value of another variable", model.variables[other].name)
         }
         Some(other) => {
             let other = &model.variables[other];
@@ -464,7 +464,7 @@ mod tests {
     fn structured_names_follow_the_grammar() {
         let identifier = format!(r"{PART}(?:\.{PART})*");
         let structured = Regex::new(&STRUCTURED.replace("IDENTIFIER", &identifier)).unwrap();
-        // Examples of the standard, and what it excludes.
+        // The standard's examples, and what it excludes.
         for name in [
             "vehicle.engine.speed",
             "resistor12.u",

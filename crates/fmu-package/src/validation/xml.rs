@@ -1,4 +1,4 @@
-//! XML files of an FMU, which may be anyone's: parsed within limits, with the lines that elements stand in.
+//! An FMU's XML files, from any source: parsed within limits, with the lines of elements.
 
 use std::cell::OnceCell;
 
@@ -10,14 +10,14 @@ use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
 use super::{Place, Report};
 use crate::model_description::{DEEPEST, MOST_ATTRIBUTES, MOST_ELEMENTS};
 
-/// How long the values of attributes may be in bytes, where they are neither lists nor prose: findings quote them.
+/// The longest attribute value in bytes, unless a list or prose: findings quote them.
 const LONGEST_VALUE: usize = 10_000;
 const LISTS_AND_PROSE: &[&str] =
     &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
-/// How many namespaces a document may declare: each element holds those of all around it.
+/// The most namespaces in a document: each element holds those of all ancestors.
 const MOST_NAMESPACES: usize = 1000;
 
-/// A file and what it says.
+/// A file and its content.
 pub(super) struct Xml<'d> {
     /// Its path in the archive.
     pub file: &'d str,
@@ -28,7 +28,7 @@ pub(super) struct Xml<'d> {
 }
 
 impl<'d> Xml<'d> {
-    /// Parses a file, or reports why it cannot be.
+    /// Parses a file, or reports why it cannot be parsed.
     pub fn parse(file: &'d str, text: &'d str, report: &mut Report) -> Option<Self> {
         let in_line = |line| Place { line: Some(line), ..Place::file(file) };
         // A byte order mark is allowed.
@@ -59,7 +59,7 @@ impl<'d> Xml<'d> {
     }
 }
 
-/// Whether a document can be parsed without harm: the parser has no such limits.
+/// Whether a document is safe to parse: the parser has no such limits.
 fn is_within_limits(text: &str, file: &str, report: &mut Report) -> bool {
     let mut reader = Reader::from_str(text);
     let (mut depth, mut elements, mut namespaces) = (0, 0, 0);

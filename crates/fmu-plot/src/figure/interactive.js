@@ -5,7 +5,7 @@
   const panelsOf = root => [...root.querySelectorAll(".panel")];
   const plotOf = panel => panel.querySelector(".plot");
 
-  // The style sheet's colours stand in the data by their names.
+  // The data name the style sheet's colours.
   const plotted = panel => {
     const style = getComputedStyle(document.documentElement);
     const colored = (_, value) =>
@@ -28,7 +28,7 @@
     const others = panelsOf(panel.closest("figure"))
       .filter(other => other !== panel && panel.dataset.axis && other.dataset.axis === panel.dataset.axis);
     plotOf(panel).on("plotly_relayout", change => {
-      // A panel that follows another one leads none.
+      // A following panel does not lead others.
       if (following.delete(panel)) return;
       const range = Object.entries(change).filter(([key]) => key.startsWith("xaxis."));
       if (range.length === 0) return;
@@ -44,7 +44,7 @@
     button.setAttribute("aria-label", button.dataset.title);
   });
 
-  // Draws the figures of a part of the page, for which a page with figures of its own making calls it, too.
+  // Draws the figures in a part of the page; pages that create figures themselves call it too.
   globalThis.showFigures = async root => {
     const panels = panelsOf(root);
     await draw(panels);

@@ -1,5 +1,5 @@
-//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which the page contains and which draws them
-//! when the page is opened; `interactive.js` gives it the page's colours and links the axes.
+//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which is embedded and draws them when the
+//! page opens; `interactive.js` applies the page's colours and links the axes.
 
 use plotly::common::{DashType, Line as Stroke, LineShape, Marker, Mode, Title};
 use plotly::layout::{
@@ -11,13 +11,13 @@ use super::{Axis, Band, Figure, Line, Marks, Panel, color, escaped};
 
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
-/// A row's frames have so many columns of pixels together, to which lines are thinned.
+/// The total pixel columns of a row's frames, to which lines are thinned.
 const COLUMNS: usize = 800;
-/// All lines of a figure together have at most so many: 60 bytes each, that the page stays below 6 MB.
+/// The maximum total columns of a figure's lines: 60 bytes each, to keep the page below 6 MB.
 const MOST_COLUMNS: usize = 20_000;
 /// A panel has this many significant steps on each axis: ten times its pixels.
 const STEPS: f64 = 1e4;
-/// The frame's distance to the left edge, equal in all panels so that linked axes stand below each other.
+/// The frame's distance to the left edge, equal in all panels to align linked axes.
 const LEFT: usize = 64;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
@@ -65,7 +65,7 @@ impl Panel {
         let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
         let traces: Vec<_> =
             self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json()).collect();
-        // No `<` may end the script.
+        // Escaped so that no `<` ends the script.
         let plot =
             format!("{{\"data\":[{}],\"layout\":{}}}", traces.join(","), self.layout(bottom, has_x_label));
         format!(
@@ -141,7 +141,7 @@ impl Line {
         }
     }
 
-    /// The entry of the legend, which switches the line on and off.
+    /// The legend entry, which toggles the line.
     fn entry(&self, index: usize) -> Option<String> {
         let label = escaped(self.label.as_deref()?);
         let look = match self.marks {
@@ -172,7 +172,7 @@ impl Band {
     }
 }
 
-/// The power of ten that makes a range so many whole numbers long, at least.
+/// The power of ten that makes a range at least this many integers long.
 fn rounding(range: f64) -> f64 {
     10_f64.powf((STEPS / range).log10().ceil())
 }

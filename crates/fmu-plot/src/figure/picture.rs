@@ -1,5 +1,5 @@
-//! Figures as SVG and PNG, drawn by `plotters`, in the colours of the day. The texts of a PNG are in a font that the
-//! crate `epaint_default_fonts` ships, so that a machine without fonts draws the same.
+//! Figures as SVG and PNG, drawn by `plotters` in the light colour scheme. PNG text uses a font shipped with the crate
+//! `epaint_default_fonts`, so that a machine without fonts draws the same.
 
 use anyhow::{Context, Result, anyhow, bail};
 use epaint_default_fonts::UBUNTU_LIGHT;
@@ -16,7 +16,7 @@ use super::{Figure, Line, Marks, Panel, color};
 const WIDTH: u32 = 900;
 const FONT: &str = "sans-serif";
 const FONT_SIZE: u32 = 13;
-/// Tick labels and label of the vertical axis, which frames of one column have in common.
+/// Tick labels and label of the vertical axis, shared by the frames of a column.
 const LEFT: u32 = 64;
 /// Half the last tick's label.
 const RIGHT: u32 = 22;
@@ -27,11 +27,11 @@ const BOTTOM: [u32; 2] = [20, 38];
 /// The length of a line's sample in the legend.
 const SAMPLE: u32 = 26;
 const DASH: u32 = 6;
-/// Between a line's sample and its label, and at the left edge.
+/// The gap between a line's sample and its label, and at the left edge.
 const GAP: u32 = 10;
-/// A PNG has so many pixels in each CSS pixel, for dense screens and paper.
+/// PNG pixels per CSS pixel, for dense screens and print.
 const DENSITY: u32 = 2;
-/// The ticks of an axis with greater numbers would never be found.
+/// Beyond this number, an axis's ticks would never be found.
 const GREATEST: f64 = 1e300;
 /// The share of a range above and below the curves.
 const ROOM: f64 = 0.06;
@@ -189,7 +189,7 @@ impl Panel {
         Ok(())
     }
 
-    /// Beside the frame, where it hides no line.
+    /// Next to the frame, where it hides no line.
     fn draw_legend<B: DrawingBackend>(
         &self,
         area: &DrawingArea<B, Shift>,

@@ -1,6 +1,6 @@
 "use strict";
-// Unfolds the contents where they stand beside the text, and marks the section that is read. The page is XML as well,
-// in which a script has neither ampersands nor signs of less than.
+// Unfolds the contents beside the text on wide screens, and marks the current section. The page is also XML, so this
+// script has no ampersands or less-than signs.
 {
   const nav = document.querySelector("nav");
   const contents = nav.querySelector("details");

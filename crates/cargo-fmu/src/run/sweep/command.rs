@@ -11,11 +11,11 @@ use fmu_package::terminal::{complain, print};
 use fmu_package::writing;
 use fmu_record::{Header, TableFormat};
 
-/// Run a scenario for many values of parameters, on all cores; an interrupted study resumes
+/// Run a scenario for many parameter values, on all cores; resumes if interrupted
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Sweep {
-    /// The study, which docs/laboratory.md describes
+    /// The parameter study (see docs/laboratory.md)
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
     #[command(flatten)]
@@ -23,16 +23,16 @@ pub struct Sweep {
     /// The folder for report.html, results.csv, results.parquet, the journal and the records
     #[arg(long, value_name = "DIR", default_value = "target/sweep")]
     out: PathBuf,
-    /// Write units to the header of results.csv: `name (unit)`
+    /// Write units in the header of results.csv: `name (unit)`
     #[arg(long)]
     units: bool,
-    /// How many runs there are at once [default: one on each core]
+    /// Number of runs in parallel [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }
 
 impl Sweep {
-    /// Runs a study, or what is left of it.
+    /// Runs or resumes a parameter study.
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
@@ -71,6 +71,6 @@ impl Sweep {
         }
         write(out, [(report::HTML, report::html(&study, &outcomes))])?;
         let failed = outcomes.iter().filter(|outcome| outcome.error.is_some()).count();
-        Ok(print(&format!("{} runs, {failed} of them failed\n", outcomes.len()))?)
+        Ok(print(&format!("{} runs, {failed} failed\n", outcomes.len()))?)
     }
 }

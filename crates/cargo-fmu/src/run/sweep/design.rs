@@ -11,7 +11,7 @@ use super::Parameter;
 use fmu_master::scenario::document::{Node, TomlTable};
 use fmu_master::scenario::read_value;
 
-/// The most runs of a study, against typing errors.
+/// The maximum number of runs, against typing errors.
 const MOST_RUNS: usize = 1_000_000;
 
 /// The parameters, and for each run their values; none for the scenario's value.
@@ -119,8 +119,8 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
     Ok((0..count).map(|index| Value::Real(range.at(index as f64 / (count - 1) as f64), None)).collect())
 }
 
-/// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is cut into
-/// as many parts as there are runs, and each part is drawn from once, at a random place in it.
+/// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is
+/// divided into as many parts as there are runs, with one random draw from each.
 pub fn latin_fractions(count: usize, generator: &mut Pcg64) -> Vec<f64> {
     let mut parts: Vec<usize> = (0..count).collect();
     parts.shuffle(generator);

@@ -123,7 +123,7 @@ fn read_reference(table: &TomlTable<'_>, scenario: &Scenario) -> Result<String> 
 }
 
 impl Measure {
-    /// The value for a run; not finite if undefined, as a rise time that is never reached.
+    /// The value for a run; not finite if undefined, such as a rise time never reached.
     pub fn of(&self, record: &Record, scenario: &Scenario) -> Result<f64> {
         match &self.kind {
             &Kind::Statistic { statistic, from, to } => {

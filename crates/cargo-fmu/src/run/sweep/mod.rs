@@ -1,8 +1,8 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
-//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has its own
-//! instances, so that runs are independent; each finished run is written to the [journal] at once, from which an
-//! interrupted study resumes. A failed run is a row of the results with the FMU's message.
+//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has its own instances, so
+//! runs are independent. Each finished run is written to the [journal] at once; an interrupted study resumes from it. A
+//! failed run is a row of the results with the FMU's message.
 
 mod command;
 pub mod design;
@@ -70,7 +70,7 @@ pub struct Loaded {
     variables: Vec<FmuVariable>,
     /// The unit of each measure; empty where there is none.
     measure_units: Vec<String>,
-    /// What the scenario asks for and the FMUs do not have.
+    /// Notes on what the scenario names and the FMUs lack.
     pub notes: Vec<String>,
     is_single: bool,
 }
@@ -155,7 +155,7 @@ impl Study {
     }
 }
 
-/// Limits what a scenario records to what is measured, unless records are kept; nothing of it is drawn.
+/// Limits a scenario's records to the measured variables, unless records are kept; nothing is drawn.
 fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
     scenario.panels = None;
     let mut record = match scenario.record.take() {
@@ -195,12 +195,12 @@ impl Loaded {
         self.study.points.len()
     }
 
-    /// The most parallel runs: one, if an FMU can have only one instance per process.
+    /// The maximum number of parallel runs: one, if an FMU can have only one instance per process.
     pub fn most_threads(&self) -> usize {
         if self.is_single { 1 } else { usize::MAX }
     }
 
-    /// All that the results depend on, by name.
+    /// Everything the results depend on, by name.
     pub fn settings(&self) -> Result<BTreeMap<String, String>> {
         let Study { title: _, scenario, parameters, points, measures, keeps_records } = &self.study;
         let mut settings = BTreeMap::new();
@@ -264,7 +264,7 @@ impl Loaded {
         Ok(settings)
     }
 
-    /// Runs what is not in the journal, on so many threads; `progress` is called for each finished run.
+    /// Runs what is not in the journal on a number of threads; `progress` is called for each finished run.
     pub fn run(
         &self,
         journal: StudyJournal,

@@ -1,5 +1,5 @@
-//! The report of a study, for readers, which needs no other file: its measures over its parameters. Programs read
-//! results.csv or results.parquet.
+//! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
+//! results.parquet.
 
 use super::journal::Outcome;
 use super::{Loaded, written};
@@ -11,20 +11,20 @@ use fmu_record::numbers::{number, quantity};
 
 pub const HTML: &str = "report.html";
 
-/// A row has at most so many panels, so that each is wide enough.
+/// Panels per row, so that each is wide enough.
 const MOST_IN_ROW: usize = 3;
-/// At most so many failed runs are listed; results.csv has all.
+/// Failed runs listed at most; results.csv has all.
 const MOST_FAILURES: usize = 20;
 
 pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     let study = loaded.study();
-    let title = study.title.as_deref().unwrap_or("A parameter study");
+    let title = study.title.as_deref().unwrap_or("Parameter study");
     let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
     let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
     let mut body = format!(
-        "<h1>{}</h1>\n<p>{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet have \
-         each run with its values.</p>\n<h2>Measures</h2>\n<table>\n<tr><th>Measure</th><th>Least</th><th>Median</th>\
-         <th>Greatest</th><th>Not defined</th></tr>\n",
+        "<h1>{}</h1>\n<p>{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet list \
+         every run with its values.</p>\n<h2>Measures</h2>\n<table>\n<tr><th>Measure</th><th>Minimum</th><th>Median</th>\
+         <th>Maximum</th><th>Undefined</th></tr>\n",
         escaped(title),
         outcomes.len(),
         study
@@ -49,7 +49,7 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     body += "</table>\n";
     for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
         body += &format!(
-            "<h2>{}</h2>\n<figure>\n{}<figcaption>{} over each parameter; a dot is a run.</figcaption>\n</figure>\n",
+            "<h2>{}</h2>\n<figure>\n{}<figcaption>{} over each parameter; one dot per run.</figcaption>\n</figure>\n",
             escaped(&measure.name),
             drawing(loaded, outcomes, index, unit).html(),
             escaped(&measure.name),
@@ -69,7 +69,7 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     page(title, "", &body)
 }
 
-/// The row of a measure: its least, median and greatest value, with their runs.
+/// A measure's row: minimum, median and maximum, with their runs.
 fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> String {
     let mut found: Vec<_> =
         outcomes.iter().filter_map(|outcome| Some((outcome.measures[index]?, outcome.run))).collect();
@@ -89,7 +89,7 @@ fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> String
     )
 }
 
-/// A measure over each parameter that is a number.
+/// A measure over each numeric parameter.
 fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) -> Figure {
     let study = loaded.study();
     let size =
@@ -128,7 +128,7 @@ fn as_number(value: &Value) -> Option<f64> {
     }
 }
 
-/// The values of a parameter in words.
+/// A summary of a parameter's values.
 fn range(values: &[&Value], unit: &str) -> String {
     let mut numbers: Vec<_> = values.iter().filter_map(|value| as_number(value)).collect();
     numbers.sort_by(f64::total_cmp);

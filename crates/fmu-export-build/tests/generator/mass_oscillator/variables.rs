@@ -134,7 +134,7 @@ impl<T: ::core::marker::Copy> States<T> {
 pub struct Variables<T = f64> {
     /// The parameters.
     pub parameters: Parameters<T>,
-    /// The inputs as they were set, which may be out of their bounds; a model is given those within.
+    /// The inputs as set, possibly out of bounds; a model receives them within bounds.
     pub inputs: Inputs<T>,
     /// The states' start values, as the importer set them.
     pub start: States<T>,
@@ -354,7 +354,7 @@ impl ::fmu_export::Variables for Variables {
     }
 
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
-        // Quickly, where their sum is finite; in four parts, which do not wait for each other.
+        // Fast if their sum is finite; in four parts that do not wait for each other.
         let sums: [f64; 4] = [
             0.0 + self.states.position.abs() + self.derivatives.position.abs() + self.outputs.energy.abs(),
             0.0 + self.states.velocity.abs() + self.derivatives.velocity.abs() + self.outputs.power.abs(),

@@ -42,7 +42,7 @@ pub unsafe fn set_clock<M: Model>(
     }
 }
 
-/// `fmi3GetIntervalDecimal`. An interval that is not known yet is 0.
+/// `fmi3GetIntervalDecimal`. An unknown interval is 0.
 pub unsafe fn get_interval_decimal<M: Model>(
     instance: Instance,
     references: *const ValueReference,
@@ -67,7 +67,7 @@ pub unsafe fn get_interval_decimal<M: Model>(
     }
 }
 
-/// `fmi3GetIntervalFraction`: the simplest fraction that is the interval.
+/// `fmi3GetIntervalFraction`: the simplest fraction equal to the interval.
 pub unsafe fn get_interval_fraction<M: Model>(
     instance: Instance,
     references: *const ValueReference,
@@ -117,7 +117,7 @@ pub unsafe fn get_shift_decimal<M: Model>(
     }
 }
 
-/// `fmi3GetShiftFraction`: the simplest fraction that is the shift.
+/// `fmi3GetShiftFraction`: the simplest fraction equal to the shift.
 pub unsafe fn get_shift_fraction<M: Model>(
     instance: Instance,
     references: *const ValueReference,
@@ -151,7 +151,7 @@ fn fraction_of(what: &str, time: f64) -> Result<[u64; 2], Error> {
     }
 }
 
-/// Defines functions that set times of clocks, each as a decimal number and as a fraction.
+/// Defines functions that set clock times, each as a decimal number and as a fraction.
 macro_rules! set_times {
     ($($decimal:ident: $of_decimal:ident, $fraction:ident: $of_fraction:ident, $name:literal, $is_interval:literal;)*) => {$(
         #[doc = concat!("`fmi3", stringify!($of_decimal), "`.")]
@@ -193,7 +193,7 @@ set_times! {
     set_shift_decimal: SetShiftDecimal, set_shift_fraction: SetShiftFraction, "shifts", false;
 }
 
-/// Sets times of clocks.
+/// Sets clock times.
 ///
 /// # Safety
 /// The arrays have as many elements as counted.

@@ -9,7 +9,7 @@ use crate::scheduled_execution::ScheduledExecution;
 #[cfg(target_family = "wasm")]
 use crate::wasm::host;
 
-/// `fmi3InstantiateScheduledExecution`: null, and a message, when an argument is wrong.
+/// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong.
 #[must_use]
 pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
     instance_name: String,
@@ -45,8 +45,8 @@ pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
     }
 }
 
-/// Calls a function between the importer's callbacks, so that no task of a higher priority calls another one for the
-/// same instance (section 5.1.2).
+/// Calls a function between the importer's lock callbacks, so that no task of higher priority calls another function
+/// of the same instance (section 5.1.2).
 pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: impl FnOnce() -> T) -> T {
     // SAFETY: the instance is the importer's (see the module).
     let Some(preemption) = (unsafe { Exported::<M>::preemption(instance) }) else { return function() };
@@ -62,7 +62,7 @@ pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: imp
     result
 }
 
-/// `fmi3ActivateModelPartition`. Where the partition has let a clock tick or set an interval, the importer is told, who may
+/// `fmi3ActivateModelPartition`. If the partition ticked a clock or set an interval, the importer is notified, who may
 /// be preempted meanwhile.
 pub unsafe fn activate_model_partition<M: ScheduledExecution>(
     instance: Instance,
@@ -79,8 +79,8 @@ pub unsafe fn activate_model_partition<M: ScheduledExecution>(
         })
     };
     if let Some(update) = update {
-        // SAFETY: the importer passed the callback for this purpose (section 5.2.1). No reference to an instance exists
-        // during the call.
+        // SAFETY: the importer passed the callback for this purpose (section 5.2.1). No reference to an instance
+        // exists during the call.
         unsafe { (update.function)(update.environment) }
         // SAFETY: as above.
         unsafe {

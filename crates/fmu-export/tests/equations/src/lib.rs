@@ -1,8 +1,4 @@
-//! Models of equations, by which the built-in integrator is tested, and the test model of the C interface, for random
-//! calls.
-
-#[path = "../../test-model/src/lib.rs"]
-pub mod test_model;
+//! Models of equations, by which the built-in integrator is tested.
 
 use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Persistent};
 
@@ -16,7 +12,7 @@ macro_rules! variables {
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling");
+    falling: "falling", vessels: "Vessels");
 
 /// A ball that falls through the ground: its event counts the impact and leaves it there.
 #[derive(Clone, Debug, Default, Persistent)]

@@ -37,7 +37,7 @@ fn a_step_with_too_many_samples_is_refused() {
     assert_eq!(simulation.variables.outputs.steps, 200_000);
     for size in [1e8, 1e308] {
         let error = simulation.step(size).unwrap_err().to_string();
-        assert!(error.contains(" samples, from 100000 s on, one each 0.5 s; at most 1e7"), "{error}");
+        assert!(error.contains(" samples, from 100000 s on, one every 0.5 s; at most 1e7"), "{error}");
     }
     assert_eq!(simulation.variables.outputs.steps, 200_000);
 }
@@ -46,7 +46,7 @@ fn a_step_with_too_many_samples_is_refused() {
 #[test]
 fn a_period_that_is_not_finite_and_above_zero_is_refused() {
     for (period, shown) in [(0.0, "0"), (-0.1, "-0.1"), (f64::NAN, "NaN"), (f64::INFINITY, "inf")] {
-        let expected = format!("the period of the samples is {shown} s; it must be finite and above 0");
+        let expected = format!("the sample period is {shown} s; it must be finite and above 0");
         let mut simulation = Simulation::<SampledModel<Counter>>::default();
         simulation.variables.parameters.interval = period;
         assert_eq!(simulation.initialize().unwrap_err().to_string(), expected);

@@ -203,9 +203,9 @@ fn events_that_come_ever_faster_are_an_error_that_says_when() {
     simulation.variables.parameters.gravity = 1e9;
     simulation.initialize().unwrap();
     let error = simulation.step(100.0).unwrap_err().to_string();
-    assert!(error.starts_with("the step from 0 s was given up at the time "), "{error}");
+    assert!(error.starts_with("the step from 0 s was abandoned at "), "{error}");
     assert!(error.contains("after 100000 trials and events"), "{error}");
-    assert!(error.ends_with("are events, which come ever faster, the last one of height"), "{error}");
+    assert!(error.ends_with("are events, which come ever faster, the last caused by height"), "{error}");
 }
 
 /// Counts where a sine of time passes a half.
@@ -354,7 +354,7 @@ fn an_event_that_is_not_ahead_is_refused() {
     // The first event may be due at the start, but not the second one, too.
     simulation.initialize().unwrap();
     let error = simulation.step(0.1).unwrap_err().to_string();
-    assert_eq!(error, "the next event is due at 0 s, which is not after that at 0 s");
+    assert_eq!(error, "the next event is due at 0 s, not after the one at 0 s");
 }
 
 #[test]
@@ -363,7 +363,7 @@ fn rates_that_are_not_numbers_are_an_error_that_says_when_and_whose() {
     simulation.variables.parameters.fails_from = 2.0;
     simulation.initialize().unwrap();
     let error = simulation.step(10.0).unwrap_err().to_string();
-    let (_, rest) = error.split_once("beyond the time ").expect("the error names the time");
+    let (_, rest) = error.split_once("cannot be integrated beyond ").expect("the error names the time");
     let (time, rest) = rest.split_once(" s: the error of ").expect("and the state");
     let time: f64 = time.parse().unwrap();
     // The first evaluation beyond 2 s fails, so that steps only approach it.
@@ -445,7 +445,7 @@ fn dependencies_that_are_not_declared_are_found() {
     let error = check_dependencies::<Integrated<Undeclared>>(&undeclared::Variables::default())
         .unwrap_err()
         .to_string();
-    assert_eq!(error, "der(x) depends on target, which its 'reads' leave out");
+    assert_eq!(error, "der(x) depends on target, which its 'reads' omit");
 }
 
 /// An oscillator of 1000 rad/s.

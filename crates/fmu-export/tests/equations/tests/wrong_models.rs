@@ -62,11 +62,14 @@ fn refusal<E: Equations>() -> String {
 #[test]
 fn what_is_wrong_is_named() {
     for (found, expected) in [
-        (refusal::<NoOutput>(), "`evaluate` does not set square, or makes it of what it was before"),
-        (refusal::<NoDerivative>(), "`evaluate` does not set der(x), or makes it of what it was before"),
-        (refusal::<OutputOfItself>(), "`evaluate` does not set square, or makes it of what it was before"),
+        (refusal::<NoOutput>(), "`evaluate` does not set square, or computes it from its previous value"),
+        (refusal::<NoDerivative>(), "`evaluate` does not set der(x), or computes it from its previous value"),
+        (
+            refusal::<OutputOfItself>(),
+            "`evaluate` does not set square, or computes it from its previous value",
+        ),
         (refusal::<ChangesCount>(), "`evaluate` changes bounces (output, discrete), which it may only read"),
-        (refusal::<NoIndicator>(), "the event indicator height is NaN at the time 0 s"),
+        (refusal::<NoIndicator>(), "the event indicator height is NaN at 0 s"),
     ] {
         assert_eq!(found, expected);
     }
@@ -92,8 +95,8 @@ impl Equations for Uncounted {
 fn a_discrete_variable_that_nothing_sets_is_named() {
     assert_eq!(
         refusal::<Uncounted>(),
-        "nothing sets impacts at the start: `prepare`, `evaluate` or the initial event does, or its JSON gives its \
-         \"start\" with \"initial\": \"exact\""
+        "nothing sets impacts at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \"start\" \
+         with \"initial\": \"exact\" in the JSON"
     );
 }
 
@@ -106,7 +109,7 @@ fn an_event_that_leaves_a_limit_exceeded_is_named() {
     assert!(error.starts_with("the event at 0.4515"), "{error}");
     assert!(error.contains(" s leaves depth at "), "{error}");
     assert!(error.ends_with(
-        "though it is a limit: an event puts the state onto the limit, and ends what acts beyond it"
+        "though it is a limit: an event must put the state onto the limit and end what pushes it beyond"
     ));
 }
 
@@ -129,5 +132,5 @@ fn no_step_goes_beyond_a_strict_bound() {
     simulation.step(0.9).unwrap();
     let error = simulation.step(0.9).unwrap_err().to_string();
     assert!(error.contains("the error of level stays above the tolerance"), "{error}");
-    assert!(error.starts_with("the states cannot be integrated beyond the time 0.99"), "{error}");
+    assert!(error.starts_with("the states cannot be integrated beyond 0.99"), "{error}");
 }

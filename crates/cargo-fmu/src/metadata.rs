@@ -1,0 +1,90 @@
+//! What cargo tells of a workspace and of a build, as JSON (the Cargo Book, "cargo metadata" and "External tools").
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::Deserialize;
+
+use super::cargo;
+
+/// A workspace.
+#[derive(Debug, Deserialize)]
+pub struct Metadata {
+    /// Its members.
+    pub packages: Vec<Package>,
+    /// The folder of its Cargo.toml.
+    pub workspace_root: PathBuf,
+    /// Where cargo builds.
+    pub target_directory: PathBuf,
+}
+
+/// A package.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Package {
+    pub name: String,
+    pub manifest_path: PathBuf,
+    targets: Vec<Target>,
+}
+
+/// What cargo makes of a package.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Target {
+    pub name: String,
+    crate_types: Vec<String>,
+}
+
+/// A message of a build.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "reason", rename_all = "kebab-case")]
+pub enum Message {
+    BuildScriptExecuted {
+        out_dir: PathBuf,
+    },
+    CompilerArtifact {
+        package_id: String,
+        manifest_path: PathBuf,
+        target: Target,
+        filenames: Vec<PathBuf>,
+    },
+    #[serde(other)]
+    Other,
+}
+
+impl Metadata {
+    /// The workspace of a Cargo.toml, or of this folder.
+    pub fn of(manifest: Option<&Path>) -> Result<Self> {
+        let mut command = cargo();
+        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
+        command.args(["metadata", "--no-deps", "--format-version", "1"]);
+        if let Some(file) = manifest {
+            command.arg("--manifest-path").arg(file);
+        }
+        let output =
+            command.output().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+        if !output.status.success() {
+            bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
+        }
+        serde_json::from_slice(&output.stdout).context("cannot read what cargo answers")
+    }
+}
+
+impl Package {
+    /// Its libraries for other languages.
+    pub fn libraries(&self) -> impl Iterator<Item = &Target> {
+        self.targets.iter().filter(|target| target.is_library())
+    }
+}
+
+impl Target {
+    /// Whether it is a library for other languages.
+    pub fn is_library(&self) -> bool {
+        self.crate_types.iter().any(|kind| kind == "cdylib")
+    }
+}
+
+impl Message {
+    /// Reads one of the lines that cargo prints.
+    pub fn read(line: &str) -> Result<Self> {
+        serde_json::from_str(line).context("cannot read cargo's messages")
+    }
+}

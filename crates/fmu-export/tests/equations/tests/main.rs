@@ -1,0 +1,8 @@
+//! The integrator, on models of equations.
+
+mod event_mode;
+mod intermediate_update;
+mod samples;
+mod solutions;
+mod vessels;
+mod wrong_models;

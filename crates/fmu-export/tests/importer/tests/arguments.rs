@@ -1,0 +1,420 @@
+//! Invalid arguments: each function with valid ones but for one, which is an error with a message that names it, and changes
+//! nothing (FMI 2.0.5, sections 2.1.2, 2.1.7 and 2.1.8; FMI 3.0.2, sections 2.2.3, 2.2.7 and 2.2.9).
+
+use std::ffi::{CString, c_void};
+use std::{env, ptr};
+
+use fmu_importer::arguments::reference;
+use fmu_importer::functions::Element;
+use fmu_importer::instance::instances;
+use fmu_importer::{Argument, Fmu, Function, Instance, Interface, Kind, State, Status, Whim};
+use fmu_package::ValueType;
+
+/// In which each function is allowed in some interface, all but those of the other states.
+const STATES: [State; 6] = [
+    State::StepComplete,
+    State::EventMode,
+    State::ContinuousTimeMode,
+    State::ClockActivationMode,
+    State::InitializationMode,
+    State::Instantiated,
+];
+
+/// An instance in a state in which a function is allowed, with the function's valid arguments.
+fn before<'f>(
+    fmu: &'f Fmu,
+    interface: Interface,
+    function: &'static Function,
+) -> Option<(Instance<'f>, Vec<Argument>)> {
+    STATES.into_iter().find_map(|state| {
+        let mut instance = Instance::in_state(fmu, interface, state)?;
+        if !instance.allows(function) {
+            return None;
+        }
+        if function.name == "fmi2EnterInitializationMode" {
+            instance.ok("SetupExperiment");
+        }
+        let arguments = instance.arguments(function, &mut Whim::none());
+        Some((instance, arguments))
+    })
+}
+
+/// Replaces an argument of a function: the call is an error with one message, which has all of `names`, and changes nothing.
+fn refuses(
+    fmu: &Fmu,
+    interface: Interface,
+    function: &'static Function,
+    position: usize,
+    replaced: impl FnOnce(&Argument) -> Argument,
+    names: &[&str],
+) {
+    let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+    arguments[position] = replaced(&arguments[position]);
+    let told = format!("{} of {interface:?} with {arguments:?}", function.name);
+    let saved = instance.snapshot();
+    let _ = instance.messages();
+    let (status, _) = instance.call(function, &arguments);
+    let messages = instance.messages();
+    assert_eq!(status, Status::Error, "{told}: {messages:?}");
+    let [(Status::ERROR, text)] = &messages[..] else { panic!("{told}: {messages:?}") };
+    assert!(text.starts_with(&format!("{}: ", function.name)), "{told}: {text}");
+    assert!(names.iter().all(|name| text.contains(name)), "{told}, {names:?}: {text}");
+    if fmu.description.is_fmi3() {
+        // Section 2.2.4: the state that was saved leads out of the error.
+        instance.restore(&saved);
+    }
+    assert!(instance.snapshot() == saved, "{told} changes the instance");
+    if fmu.description.is_fmi3() {
+        instance.restore(&saved);
+    }
+}
+
+/// Each function that some state of an interface allows, with its valid arguments.
+fn each_function(check: impl Fn(&Fmu, Interface, &'static Function, &[Argument])) {
+    let fmus: Vec<_> = Fmu::test_models().collect();
+    for (fmu, interface) in instances(&fmus) {
+        for function in &fmu.functions {
+            if let Some((instance, arguments)) = before(fmu, interface, function) {
+                check(fmu, interface, function, &arguments);
+                drop(instance);
+            }
+        }
+    }
+}
+
+/// The number of elements of an array: its count is the next one, or of FMI 2.0 the one before.
+fn count(function: &Function, arguments: &[Argument], position: usize) -> u64 {
+    let of = |position: usize| match arguments[position] {
+        Argument::Whole(count) if function.parameters[position].1 == Kind::Count => Some(count),
+        _ => None,
+    };
+    let after = (position + 1..arguments.len()).find_map(of);
+    let is_vector = position == 0 || function.name.starts_with("fmi3");
+    let before = || (0..position).rev().find_map(of);
+    if is_vector { after.or_else(before) } else { before() }.unwrap_or(1)
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn an_array_that_is_null_is_refused_unless_it_is_empty() {
+    each_function(|fmu, interface, function, arguments| {
+        for (position, &(parameter, kind)) in function.parameters.iter().enumerate() {
+            let is_freed = function.name.to_lowercase().ends_with("freefmustate");
+            if !matches!(kind, Kind::In(_) | Kind::Out(_)) {
+                continue;
+            }
+            if count(function, arguments, position) == 0 || is_freed {
+                // FMI 2.0.5, section 2.1.8: to free no state is ignored.
+                let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+                arguments[position] = Argument::Null;
+                let status = instance.call(function, &arguments).0;
+                assert_eq!(
+                    status,
+                    Status::Ok,
+                    "{} with {arguments:?}: {:?}",
+                    function.name,
+                    instance.messages()
+                );
+                continue;
+            }
+            refuses(fmu, interface, function, position, |_| Argument::Null, &[parameter, "NULL"]);
+        }
+    });
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
+    const OF_VECTORS: [&str; 8] =
+        ["nx", "ni", "nContinuousStates", "nEventIndicators", "nValues", "nSeed", "nSensitivity", "size"];
+    each_function(|fmu, interface, function, arguments| {
+        for (position, (parameter, _)) in function.parameters.iter().enumerate() {
+            let (Argument::Whole(right), true) = (&arguments[position], OF_VECTORS.contains(parameter))
+            else {
+                continue;
+            };
+            // Cut bytes are damaged ones, of which there are random ones.
+            if function.name.to_lowercase().contains("deserialize") {
+                continue;
+            }
+            // Compiled sources copy arrays into their own memory, as long as the importer says.
+            let is_compiled = env::var_os("FMUS").is_some();
+            let wrong = [right.saturating_sub(1), right + 1, 1 << 31, 1 << 60, 1 << 63, u64::MAX];
+            let tried = if is_compiled { &wrong[..1] } else { &wrong };
+            for &wrong in tried.iter().filter(|wrong| *wrong != right) {
+                let names = [&wrong.to_string()[..], &right.to_string()];
+                refuses(fmu, interface, function, position, |_| Argument::Whole(wrong), &names);
+            }
+        }
+    });
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_wrong_value_reference_is_refused() {
+    each_function(|fmu, interface, function, arguments| {
+        for (position, &(_, kind)) in function.parameters.iter().enumerate() {
+            if kind != Kind::In(Element::Reference) || count(function, arguments, position) == 0 {
+                continue;
+            }
+            let Argument::Memory(memory) = &arguments[position] else { continue };
+            let right: Vec<u32> = memory
+                .content()
+                .chunks_exact(4)
+                .map(|bytes| u32::from_ne_bytes(bytes.try_into().unwrap()))
+                .collect();
+            let of_right = fmu.description.variables.iter().find(|v| reference(v) == right[0]).unwrap();
+            let mut wrong: Vec<_> =
+                [9999, 1 << 31, u32::MAX].into_iter().map(|wrong| (wrong, wrong.to_string())).collect();
+            // Scalars of other types.
+            let others = fmu.description.variables.iter().filter(|variable| {
+                let types = [&variable.data_type, &of_right.data_type];
+                types[0] != types[1] && types.iter().all(|of| *of != "Enumeration") && fmu.size(variable) == 1
+            });
+            if fmu.size(of_right) == 1 {
+                wrong.extend(others.map(|variable| (reference(variable), variable.name.clone())));
+            }
+            for (wrong, name) in wrong {
+                let replaced = [&[wrong], &right[1..]].concat();
+                let of = |_: &Argument| Argument::of(&replaced);
+                refuses(fmu, interface, function, position, of, &[&name]);
+            }
+        }
+    });
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn numbers_that_are_not_finite_are_refused() {
+    each_function(|fmu, interface, function, arguments| {
+        for (position, &(parameter, kind)) in function.parameters.iter().enumerate() {
+            for (value, shown) in [(f64::NAN, "NaN"), (f64::INFINITY, "inf"), (f64::NEG_INFINITY, "-inf")] {
+                match kind {
+                    // An infinite stop time is none.
+                    Kind::Number if parameter != "stopTime" || value != f64::INFINITY => {
+                        let of = |_: &Argument| Argument::Number(value);
+                        refuses(fmu, interface, function, position, of, &[parameter, shown]);
+                    }
+                    Kind::In(Element::Float(size)) if count(function, arguments, position) > 0 => {
+                        let of = |argument: &Argument| {
+                            let Argument::Memory(memory) = argument else { panic!("{argument:?}") };
+                            let mut numbers = memory.numbers();
+                            numbers[0] = value;
+                            if size == 8 {
+                                return Argument::of(&numbers);
+                            }
+                            #[allow(clippy::cast_possible_truncation, reason = "they were of this type")]
+                            Argument::of(&numbers.iter().map(|&number| number as f32).collect::<Vec<_>>())
+                        };
+                        refuses(fmu, interface, function, position, of, &[shown]);
+                    }
+                    _ => {}
+                }
+            }
+        }
+    });
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn texts_that_are_null_or_not_utf_8_are_refused() {
+    each_function(|fmu, interface, function, arguments| {
+        for (position, &(_, kind)) in function.parameters.iter().enumerate() {
+            if kind != Kind::In(Element::Text) || count(function, arguments, position) == 0 {
+                continue;
+            }
+            // Also as the last of all.
+            let Argument::Memory(memory) = &arguments[position] else { continue };
+            let room = memory.content().len() / 8;
+            let texts = |wrong: Option<&[u8]>| {
+                let mut texts = vec![Some(c"logStatusError".to_owned()); room];
+                texts[room - 1] = wrong.map(|wrong| CString::new(wrong).unwrap());
+                Argument::of_texts(texts)
+            };
+            refuses(fmu, interface, function, position, |_| texts(None), &["NULL"]);
+            refuses(fmu, interface, function, position, |_| texts(Some(b"\xff\xfe")), &[]);
+        }
+    });
+}
+
+/// Freed, another FMU's, of the other interface, or anything else: refused, and not dereferenced (FMI 2.0.5, section 2.1.8).
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_handle_that_is_not_a_state_is_refused() {
+    let other = Fmu::test_models().next().unwrap();
+    let mut other = Instance::new(&other, Interface::CoSimulation);
+    let of_other = other.save();
+    each_function(|fmu, interface, function, _| {
+        let name = function.name[4..].to_lowercase();
+        for (position, &(_, kind)) in function.parameters.iter().enumerate() {
+            let of: fn(*mut c_void) -> Argument = match kind {
+                Kind::State => Argument::State,
+                // Bytes become a new state, whatever the handle held.
+                Kind::Out(Element::State) if !name.starts_with("deserialize") => {
+                    |state| Argument::of(&[state])
+                }
+                _ => continue,
+            };
+            for handle in [of_other, ptr::without_provenance_mut(4096)] {
+                refuses(fmu, interface, function, position, |_| of(handle), &["FMUstate"]);
+            }
+            let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+            let freed = instance.save();
+            instance.free_state(freed);
+            arguments[position] = of(freed);
+            assert_eq!(instance.call(function, &arguments).0, Status::Error, "{}", function.name);
+            if kind == Kind::State {
+                refuses(fmu, interface, function, position, |_| of(ptr::null_mut()), &["FMUstate", "NULL"]);
+            }
+        }
+    });
+    other.set_state(of_other, other.at);
+}
+
+/// By its handle and by its bytes; the message names both interfaces.
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_state_of_another_interface_is_refused() {
+    let fmus: Vec<_> = Fmu::test_models().collect();
+    for (fmu, interface) in instances(&fmus) {
+        for of in fmu.interfaces().into_iter().filter(|of| *of != interface) {
+            let mut other = Instance::new(fmu, of);
+            let state = other.save();
+            let bytes = other.serialize(state);
+            for by_handle in [true, false] {
+                let mut instance = Instance::new(fmu, interface);
+                let saved = instance.snapshot();
+                let status = if by_handle {
+                    let set = instance.state_function("SetFMUstate");
+                    instance.call(set, &[Argument::State(state)]).0
+                } else {
+                    instance.deserialize(&bytes).unwrap_err()
+                };
+                assert_eq!(status, Status::Error, "of {of:?} in {interface:?}");
+                let messages = instance.messages();
+                let text = &messages.last().unwrap().1;
+                let name =
+                    |of| if of == Interface::ModelExchange { "Model Exchange" } else { "Co-Simulation" };
+                assert!([of, interface].into_iter().all(|of| text.contains(name(of))), "{text}");
+                instance.restore(&saved);
+                assert!(instance.snapshot() == saved);
+            }
+        }
+    }
+}
+
+/// FMI 2.0.5, section 2.1.8: a handle is used again as a state is saved over, but bytes become a new state, whatever the
+/// handle held.
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_state_is_saved_over_and_bytes_become_a_new_one() {
+    let fmus: Vec<_> = Fmu::test_models().collect();
+    for (fmu, interface) in instances(&fmus) {
+        let mut instance = Instance::new(fmu, interface);
+        let older = instance.save();
+        let of_older = instance.serialize(older);
+        if !fmu.description.is_fmi3() {
+            instance.ok("SetupExperiment");
+        }
+        instance.ok("EnterInitializationMode");
+        let (later, _) = instance.snapshot();
+        for held in [older, ptr::without_provenance_mut(12345), ptr::null_mut()] {
+            let state = Argument::of(&[held]);
+            let arguments = [Argument::of(&later), Argument::Whole(later.len() as u64), state];
+            let deserialize = instance.state_function("DeSerializeFMUstate");
+            assert_eq!(instance.call(deserialize, &arguments).0, Status::Ok);
+            assert!(arguments[2].handle() != held);
+            assert!(instance.serialize(arguments[2].handle()) == later);
+            assert!(instance.serialize(older) == of_older);
+        }
+        let over = Argument::of(&[older]);
+        let get = instance.state_function("GetFMUstate");
+        assert_eq!(instance.call(get, std::slice::from_ref(&over)).0, Status::Ok);
+        assert_eq!(over.handle(), older);
+        assert!(instance.serialize(older) == later);
+    }
+}
+
+/// FMI 2.0.5, section 4.2.2: a step starts at the end of the last one, and takes time; one that would take years is refused at
+/// once.
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_step_that_is_no_step_is_refused() {
+    let fmus: Vec<_> =
+        Fmu::test_models().filter(|fmu| fmu.description.interface("CoSimulation").is_some()).collect();
+    for fmu in fmus.iter().filter(|fmu| fmu.variables("Clock").next().is_none()) {
+        let function = fmu.function("DoStep");
+        // The long ones also go past the stop time.
+        for (size, names) in [0.0, -0.0, -0.125, -1e-300]
+            .map(|size| (size, &["communicationStepSize"][..]))
+            .into_iter()
+            .chain([1e300, 1e18, 1e9].map(|size| (size, &[][..])))
+        {
+            refuses(fmu, Interface::CoSimulation, function, 1, |_| Argument::Number(size), names);
+        }
+        for begin in [0.125, -0.125, 1e-3, -1e-3, 1e9] {
+            let names = ["currentCommunicationPoint"];
+            refuses(fmu, Interface::CoSimulation, function, 0, |_| Argument::Number(begin), &names);
+        }
+    }
+}
+
+/// Every parameter and start value, and every input that is no number: its bounds are accepted, and nothing beyond them. A
+/// number for an input is replaced by the nearest bound, with a warning: sensors and solvers overshoot.
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_value_out_of_its_range_is_refused() {
+    let mut tried = 0;
+    for fmu in Fmu::test_models() {
+        let interface = fmu.interfaces()[0];
+        for variable in fmu.description.variables.iter().filter(|variable| variable.is_settable()) {
+            let (min, max) = variable.range().unwrap();
+            let is_real = variable.value_type() == ValueType::Real;
+            let enumeration = fmu.description.enumeration(&variable.declared_type);
+            let (min, max) = match enumeration {
+                Some(enumeration) => (1.0, enumeration.items.len() as f64),
+                None => (min, max),
+            };
+            let count = fmu.size(variable);
+            for (bound, beyond) in [(min, f64::next_down as fn(f64) -> f64), (max, f64::next_up)] {
+                if !bound.is_finite() || ["Float32", "Clock"].contains(&&variable.data_type[..]) {
+                    continue;
+                }
+                tried += 1;
+                let next = if is_real { beyond(bound) } else { bound + (beyond(bound) - bound).signum() };
+                for (value, is_within) in [(bound, true), (next, false)] {
+                    let kind = match (&variable.data_type[..], fmu.description.is_fmi3()) {
+                        ("Enumeration", false) => "Integer",
+                        ("Enumeration", true) => "Int64",
+                        (kind, _) => kind,
+                    };
+                    #[allow(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "bounds are small"
+                    )]
+                    let values = match kind {
+                        "Real" | "Float64" => Argument::of(&vec![value; count]),
+                        "UInt8" => Argument::of(&vec![value as u8; count]),
+                        "Int64" => Argument::of(&vec![value as i64; count]),
+                        _ => Argument::of(&vec![value as i32; count]),
+                    };
+                    let mut arguments =
+                        vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
+                    if fmu.description.is_fmi3() {
+                        arguments.push(Argument::Whole(count as u64));
+                    }
+                    let mut instance = Instance::new(&fmu, interface);
+                    let (status, _) = instance.call(fmu.function(&format!("Set{kind}")), &arguments);
+                    let expected = match (is_within, is_real && variable.causality == "input") {
+                        (true, _) => Status::Ok,
+                        (false, true) => Status::Warning,
+                        (false, false) => Status::Error,
+                    };
+                    assert_eq!(status, expected, "{value} for {}: {:?}", variable.name, instance.messages());
+                }
+            }
+        }
+    }
+    assert!(tried > 60, "{tried}");
+}

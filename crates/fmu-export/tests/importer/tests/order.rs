@@ -1,0 +1,158 @@
+//! The order of calls: each function in each state of each interface (FMI 2.0.5, sections 3.2.3 and 4.2.4; FMI 3.0.2,
+//! sections 2.3, 3.2, 4.2 and 5.2).
+
+use fmu_importer::arguments::reference;
+use fmu_importer::instance::instances;
+use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
+
+const STATES: [State; 9] = [
+    State::Instantiated,
+    State::InitializationMode,
+    State::StepComplete,
+    State::StepFailed,
+    State::EventMode,
+    State::ContinuousTimeMode,
+    State::ClockActivationMode,
+    State::Terminated,
+    State::Error,
+];
+
+/// FMI 2.0.5, section 4.2.3: information on asynchronous steps, and a type without a status, are discarded.
+const DISCARDED: [&str; 3] = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_function_succeeds_in_its_states_alone() {
+    let fmus: Vec<_> = Fmu::test_models().collect();
+    // Every other instance goes on from the bytes of another one's state.
+    let mut of_bytes = [false, true, true, false, true].into_iter().cycle();
+    for (fmu, interface) in instances(&fmus) {
+        for state in STATES {
+            for function in &fmu.functions {
+                let Some(mut instance) = Instance::in_state(fmu, interface, state) else { break };
+                let is_restored = of_bytes.next().expect("it does not end");
+                if is_restored {
+                    let saved = instance.snapshot();
+                    instance = Instance::new(fmu, interface);
+                    instance.restore(&saved);
+                }
+                let told = format!("{} in {state:?} of {interface:?}", function.name);
+                if function.name == "fmi2EnterInitializationMode" && state == State::Instantiated {
+                    instance.ok("SetupExperiment");
+                }
+                let arguments = instance.arguments(function, &mut Whim::none());
+                let saved = instance.snapshot();
+                let _ = instance.messages();
+                let (status, _) = instance.call(function, &arguments);
+                let messages = instance.messages();
+                instance.at.state = state;
+                if instance.allows(function) {
+                    let expected =
+                        if DISCARDED.contains(&function.name) { Status::Discard } else { Status::Ok };
+                    assert_eq!(status, expected, "{told}: {messages:?}");
+                    continue;
+                }
+                // One message says why.
+                assert_eq!(status, Status::Error, "{told}");
+                let [(Status::ERROR, text)] = &messages[..] else { panic!("{told}: {messages:?}") };
+                assert!(text.starts_with(&format!("{}: ", function.name)), "{told}: {text}");
+                if fmu.description.is_fmi3() {
+                    // Section 2.2.4: the simulation must not be continued, but for another state.
+                    let (status, _) = instance.call_with("Terminate", &mut Whim::none());
+                    assert_eq!(status, Status::Error, "{told}");
+                    instance.restore(&saved);
+                }
+                assert!(instance.snapshot() == saved, "{told} changes the instance");
+                instance.ok("Reset");
+                assert!(
+                    instance.snapshot() == Instance::new(fmu, interface).snapshot(),
+                    "fmi2Reset after {told}"
+                );
+            }
+        }
+    }
+}
+
+/// FMI 2.0.5, section 2.1.6: fmi2SetupExperiment must be called before.
+#[test]
+#[ignore = "of exported FMUs"]
+fn initialization_needs_an_experiment() {
+    let fmu = Fmu::test_models().next().unwrap();
+    let mut instance = Instance::new(&fmu, Interface::CoSimulation);
+    let (status, _) = instance.call_with("EnterInitializationMode", &mut Whim::none());
+    assert_eq!(status, Status::Error);
+    assert!(instance.messages()[0].1.contains("fmi2SetupExperiment"));
+}
+
+/// FMI 2.0.5, section 2.1.5: before an instance is made, and after one was refused, its address is NULL, for which no logger
+/// receives the error.
+#[test]
+#[ignore = "of exported FMUs"]
+fn a_function_without_an_instance_is_an_error() {
+    let fmus: Vec<_> = Fmu::test_models().collect();
+    for (fmu, interface) in instances(&fmus) {
+        for function in &fmu.functions {
+            let mut instance = Instance::new(fmu, interface);
+            let arguments = instance.arguments(function, &mut Whim::none());
+            assert_eq!(fmu.call_without_instance(function, &arguments), Status::Error, "{}", function.name);
+        }
+    }
+}
+
+/// The notes of FMI 2.0.5, sections 3.2.3 and 4.2.4, for every variable, and those of FMI 3.0.2, section 2.3. Beyond note 1,
+/// inputs can be set before initialization, as libcosim, PyFMI and cofmupy do.
+#[test]
+#[ignore = "of exported FMUs"]
+fn which_variables_can_be_set() {
+    let fmus: Vec<_> = Fmu::test_models().filter(|fmu| fmu.variables("Clock").next().is_none()).collect();
+    let mut tried = 0;
+    for (fmu, interface) in instances(&fmus) {
+        for state in STATES {
+            for variable in &fmu.description.variables {
+                let Some(mut instance) = Instance::in_state(fmu, interface, state) else { break };
+                let is_real = ["Real", "Float64"].contains(&&variable.data_type[..]);
+                let is_whole = ["Integer", "Int32"].contains(&&variable.data_type[..]);
+                if !is_real && !is_whole
+                    || matches!(state, State::Terminated | State::Error | State::StepFailed)
+                {
+                    continue;
+                }
+                // Within its range, and other than its start value.
+                let start = variable.start.split(' ').next().unwrap().parse::<f64>().unwrap_or_default();
+                let count = fmu.size(variable);
+                let (kind, values) = if is_real {
+                    (&variable.data_type, Argument::of(&vec![start + 0.125; count]))
+                } else {
+                    #[allow(clippy::cast_possible_truncation, reason = "start values are small")]
+                    (
+                        &variable.data_type,
+                        Argument::of(&vec![if start > 0.0 { 0 } else { start as i32 + 1 }; count]),
+                    )
+                };
+                let function = fmu.function(&format!("Set{kind}"));
+                let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
+                if fmu.description.is_fmi3() {
+                    arguments.push(Argument::Whole(count as u64));
+                }
+                let _ = instance.messages();
+                let (status, _) = instance.call(function, &arguments);
+                let messages = instance.messages();
+                let told =
+                    format!("{} in {state:?} of {interface:?}: {status:?}, {messages:?}", variable.name);
+                instance.at.state = state;
+                // Section 3.2.3, note 5: a continuous state, too; in Event Mode none that events set (`reinit`).
+                let is_state = fmu.xml.contains(&format!("name=\"der({})\"", variable.name));
+                let is_settable =
+                    instance.is_settable(variable) || is_state && state == State::ContinuousTimeMode;
+                tried += 1;
+                if is_settable {
+                    assert_eq!(status, Status::Ok, "{told}");
+                } else {
+                    assert_eq!(status, Status::Error, "{told}");
+                    assert!(messages[0].1.contains(&variable.name), "{told}");
+                }
+            }
+        }
+    }
+    assert!(tried > 500, "{tried}");
+}
