@@ -476,7 +476,7 @@ def test_known_values_are_used(
     [
         ("0.025,20.0,", "0.025,?,", 'line 4, hp_wastegate_pwm: expected a number, found "?"'),
         ("0.025,20.0,", "0.0125,20.0,", "line 4, time: expected a time after 0.0125 s, found 0.0125 s"),
-        ("tank_pressure", "tank", "line 1: expected a column tank_pressure (the pressure in the vacuum tank"),
+        ("tank_pressure", "tank", "line 1: expected a column tank_pressure (the absolute vacuum tank"),
         ("tank_pressure", "tank_pressure (psi)", "line 1, tank_pressure: expected one of the units Pa, hPa"),
         (
             "tank_pressure",
