@@ -13,9 +13,9 @@ const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 
 /// The settings of the PID controller at an operating point: paper, eq. (12).
 ///
-/// The paper prints eq. (11) as the product of a PI and a PD term, but the settings of eq. (12) belong to the sum `K (1
-/// + 1/(s T_i) + s T_d)`, used here: its numerator `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)` cancels the local
-/// model with a Padé approximation of its delay.
+/// The paper prints eq. (11) as the product of a PI and a PD term, but the settings of eq. (12) belong to the sum
+/// `K (1 + 1/(s T_i) + s T_d)`, used here: its numerator `1 + s T_i + s² T_i T_d = (1 + s T) (1 + s L/2)` cancels the
+/// local model with a Padé approximation of its delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackSettings {
     /// K (%/Pa).

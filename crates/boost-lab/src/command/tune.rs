@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         procedure,
     };
     super::make_folder(out)?;
-    let settings = task.settings(digest(&arguments.plant)?)?;
+    let settings = task.settings(digest(&arguments.plant)?);
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
     let (sweeps, points) = journal.finished();
     if sweeps + points > 0 {

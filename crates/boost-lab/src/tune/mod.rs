@@ -140,7 +140,7 @@ impl Task {
     }
 
     /// Everything the experiments depend on; `digest` is the plant file's.
-    pub fn settings(&self, digest: String) -> Result<Settings> {
+    pub fn settings(&self, digest: String) -> Settings {
         let schedule = &self.schedule;
         let mut settings: Settings = [
             ("boost-lab's version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -158,7 +158,7 @@ impl Task {
         if let Some(map) = &self.plant_map {
             settings.insert("the plant's map".to_owned(), map.text());
         }
-        Ok(settings)
+        settings
     }
 
     /// The longest simulated time of a tuning (s).

@@ -18,6 +18,9 @@ use sha2::{Digest, Sha256};
 pub type Settings = BTreeMap<String, String>;
 
 /// The SHA-256 of a file that results depend on.
+///
+/// # Errors
+/// When a file cannot be read.
 pub fn digest(path: &Path) -> Result<String> {
     Ok(Sha256::digest(reading::bytes(path)?)
         .iter()
@@ -37,6 +40,9 @@ pub struct Journal {
 
 impl Journal {
     /// Opens or creates a journal, and returns the finished parts.
+    ///
+    /// # Errors
+    /// When it cannot be read or written, belongs to other settings, is damaged, or another process uses it.
     pub fn open<Finished: DeserializeOwned>(
         path: &Path,
         settings: &Settings,
@@ -83,6 +89,10 @@ impl Journal {
         Ok((journal, finished))
     }
 
+    /// Appends a finished part.
+    ///
+    /// # Errors
+    /// When it cannot be written.
     pub fn write(&self, finished: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string(finished)? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);

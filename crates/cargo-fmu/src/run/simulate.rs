@@ -199,13 +199,11 @@ impl Simulate {
 /// The FMU of the model in this folder, which is exported.
 fn model_of_this_folder() -> Result<PathBuf> {
     let mut fmus = Export::of_this_folder().plan()?.run(&[], &[])?;
-    match fmus.len() {
-        1 => Ok(fmus.remove(0)),
-        _ => {
-            let names: Vec<_> = fmus.iter().map(|fmu| fmu.display().to_string()).collect();
-            bail!("this folder has several models; name one: {}", names.join(", "))
-        }
+    if fmus.len() == 1 {
+        return Ok(fmus.remove(0));
     }
+    let names: Vec<_> = fmus.iter().map(|fmu| fmu.display().to_string()).collect();
+    bail!("this folder has several models; name one: {}", names.join(", "))
 }
 
 /// What ran, how long, and where each variable began and ended.
