@@ -15,7 +15,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-use crate::importer::{Fmu, Instance, Message, Selection};
+use crate::importer::{Ended, Fmu, Instance, Message, Selection};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
@@ -133,6 +133,8 @@ pub struct Run {
     pub record: Record,
     /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
+    /// The FMU that asked for the end before the scenario's, if one did.
+    pub ended: Option<Ended>,
 }
 
 impl<'a> Master<'a> {
@@ -291,22 +293,28 @@ impl<'a> Master<'a> {
         self.recorder.take(time, &mut self.members)
     }
 
-    /// Runs a scenario from its start to its end. Before each step, `progress` gets the number of those done.
+    /// Runs a scenario from its start to its end, or to where an FMU asks for that. Before each step, `progress` gets the number of those done.
     ///
     /// # Errors
     /// Those of [`Master::initialize`] and [`Master::step`].
     pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
         self.initialize()?;
+        let mut ended = None;
         for index in 0..self.scenario.steps {
             progress(index);
-            self.step()?;
+            if let Err(error) = self.step() {
+                let end: Ended = error.downcast()?;
+                self.recorder.take(end.time, &mut self.members)?;
+                ended = Some(end);
+                break;
+            }
         }
         let warnings = self.members.iter_mut().flat_map(|coupled| {
             let name = coupled.instance.name().to_owned();
             coupled.instance.take_warnings().into_iter().map(move |message| (name.clone(), message))
         });
         let warnings = warnings.collect();
-        Ok(Run { record: self.recorder.record, warnings })
+        Ok(Run { record: self.recorder.record, warnings, ended })
     }
 
     /// Sets an instance's inputs to the outputs of the others.

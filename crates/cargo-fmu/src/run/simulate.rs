@@ -132,6 +132,9 @@ impl Simulate {
         bar.finish_and_clear();
         let run = run?;
         let taken = begin.elapsed();
+        if let Some(ended) = &run.ended {
+            complain(&format!("note: {ended}"));
+        }
         for (name, message) in &run.warnings {
             complain(&format!("warning: {name}: {}", message.text));
         }

@@ -63,3 +63,10 @@ def test_the_model_of_a_folder_is_exported_and_drawn(tmp_path: Path) -> None:
     output = run("simulate", "--plot", "ball.html", cwd=tmp_path / "ball", env=environment)
     assert "ball: 300 steps of 0.01 s to 3 s" in output
     assert "<html" in tmp_path.joinpath("ball", "ball.html").read_text()
+
+
+def test_a_model_that_asks_for_the_end_is_recorded_until_then(fmu, tmp_path: Path) -> None:
+    out = tmp_path / "stair.csv"
+    run("simulate", fmu("Stair"), "--stop-time", "20", "--step", "0.25", "--out", out)
+    found = read_csv(out)
+    assert (found["time"][-1], found["counter"][-1]) == (9, 10)

@@ -275,6 +275,7 @@ type Get3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut c
 type Set2 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void) -> c_int;
 type Set3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void, usize) -> c_int;
 type GetRealStatus2 = unsafe extern "C" fn(Component, c_int, *mut f64) -> c_int;
+type GetBooleanStatus2 = unsafe extern "C" fn(Component, c_int, *mut Boolean) -> c_int;
 /// Of a state, `fmi2FMUstate` or `fmi3FMUState`.
 type Save = unsafe extern "C" fn(Component, *mut FmuState) -> c_int;
 type Restore = unsafe extern "C" fn(Component, FmuState) -> c_int;
@@ -319,6 +320,7 @@ enum OfVersion {
         enter_initialization_mode: OfInstance,
         do_step: DoStep2,
         get_real_status: Option<GetRealStatus2>,
+        get_boolean_status: Option<GetBooleanStatus2>,
         /// By the position in [`NUMBERS_OF_FMI2`].
         numbers: Vec<(Get2, Set2)>,
         set_string: Set2,
@@ -421,6 +423,7 @@ impl OfVersion {
                 enter_initialization_mode: symbols.get("EnterInitializationMode")?,
                 do_step: symbols.get("DoStep")?,
                 get_real_status: symbols.find("GetRealStatus"),
+                get_boolean_status: symbols.find("GetBooleanStatus"),
                 numbers: numbers.collect::<Result<_>>()?,
                 set_string: symbols.get("SetString")?,
             })
@@ -449,6 +452,8 @@ impl OfVersion {
 
 /// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
 const LAST_SUCCESSFUL_TIME: c_int = 2;
+/// `fmi2Terminated`, beside it.
+const TERMINATED: c_int = 3;
 
 /// An instance. It and its saved states stay in one thread.
 pub struct Handle {
@@ -612,9 +617,15 @@ impl Handle {
         status
     }
 
-    /// After a step: whether the FMU requests termination. In FMI 2.0 it discards the step instead.
+    /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
     pub fn terminates(&self) -> bool {
-        self.last_step.get().terminates
+        let OfVersion::Two { get_boolean_status: Some(get), .. } = self.functions.of_version else {
+            return self.last_step.get().terminates;
+        };
+        let mut terminates = FALSE;
+        // SAFETY: the component is alive, the place to write to is ours.
+        let status = self.call(|component| unsafe { get(component, TERMINATED, &raw mut terminates) });
+        status.succeeded() && terminates != FALSE
     }
 
     /// After a discarded step or a request for termination: the time reached, if the FMU provides it.

@@ -147,3 +147,20 @@ impl fmt::Display for CallFailed {
 }
 
 impl std::error::Error for CallFailed {}
+
+/// An FMU asks for the end of the simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ended {
+    /// The instance's name.
+    pub instance: String,
+    /// The time (s) at which it ends.
+    pub time: f64,
+}
+
+impl fmt::Display for Ended {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}: the FMU asks for the end at {} s", self.instance, number(self.time))
+    }
+}
+
+impl std::error::Error for Ended {}

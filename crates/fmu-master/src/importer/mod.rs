@@ -24,13 +24,12 @@ use std::sync::Arc;
 
 use self::c_boundary::{Functions, Handle, NumberType, Numbers};
 pub(crate) use self::folder::extract;
-pub use self::messages::{CallFailed, Message, Status};
+pub use self::messages::{CallFailed, Ended, Message, Status};
 use crate::name_map::NameMap;
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::temporary::Folder;
-use fmu_package::terminal::number;
 use fmu_package::{
     Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Translation, Value, like, reading,
 };
@@ -440,16 +439,20 @@ impl Instance {
     /// Steps from a time (s) by a size (s).
     ///
     /// # Errors
-    /// When the call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached. Also
-    /// when an FMU of FMI 3.0 asks to end the simulation, even though the step succeeded.
+    /// [`Ended`] when the FMU asks for the end of the simulation; its values are then those at the end. Otherwise when the
+    /// call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let status = self.handle.do_step(time, size);
+        // In FMI 2.0 the step is then discarded; in FMI 3.0 it succeeds.
+        let may_end =
+            if self.fmu.description.is_fmi3() { status.succeeded() } else { status == Status::DISCARD };
+        if may_end && self.handle.terminates() {
+            self.collect();
+            let time = self.handle.last_successful_time().unwrap_or(time + size);
+            bail!(Ended { instance: self.name.clone(), time });
+        }
         self.check(format_args!("DoStep"), &[], status)?;
         self.time = Some(time + size);
-        if self.handle.terminates() {
-            let reached = self.handle.last_successful_time().unwrap_or(time + size);
-            bail!("{}: the FMU asks for the end at {} s", self.name, number(reached));
-        }
         Ok(())
     }
 
