@@ -87,7 +87,8 @@ pub struct Plan {
 }
 
 impl Export {
-    /// The export of what is in the folder at hand.
+    /// The export of what is in the current folder.
+    #[cfg(feature = "simulate")]
     pub(crate) fn of_this_folder() -> Self {
         Self { profile: PROFILE.to_owned(), ..Self::default() }
     }

@@ -145,13 +145,17 @@ impl Logger {
     }
 
     /// Takes the messages, if any.
+    #[inline]
     pub(crate) fn take(&self) -> Option<Delivery> {
-        let mut pending = self.pending.borrow_mut();
-        if pending.is_empty() {
-            return None;
-        }
+        if self.pending.borrow().is_empty() { None } else { self.take_pending() }
+    }
+
+    /// Apart, as all of `take` is inlined into each of the library's functions, and messages are rare.
+    #[cold]
+    #[inline(never)]
+    fn take_pending(&self) -> Option<Delivery> {
         let recipient = Arc::clone(self.recipient.as_ref()?);
-        Some(Delivery { recipient, messages: mem::take(&mut pending) })
+        Some(Delivery { recipient, messages: self.pending.take() })
     }
 }
 
