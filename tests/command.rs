@@ -327,7 +327,7 @@ fn too_large_contents_are_refused() {
     fs::write(&bomb, bytes).unwrap();
     for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"]] {
         let message = refusal(arguments);
-        assert!(message.contains("its entries hold more than 1 GiB"), "{message}");
+        assert!(message.contains("its entries exceed 1 GiB"), "{message}");
     }
     if cfg!(unix) {
         let [plant, controller] = fitting("Large");
