@@ -135,4 +135,4 @@ def test_a_compiler_without_atomic_operations_is_told_what_it_takes(fmu: Path, t
     command = ["tcc", "-std=c99", "-c", fmu / "sources" / "fmi2.c", "-o", tmp_path / "fmi2.o"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0
-    assert "README.txt says what -DACQUIRE= and -DRELEASE= do" in done.stderr
+    assert "README.txt explains -DACQUIRE= and -DRELEASE=" in done.stderr
