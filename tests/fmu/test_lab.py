@@ -353,7 +353,7 @@ WRONG = [
     (
         "BoostPlant.fmu",
         "BoostPlan.fmu",
-        r"line \d+, fmu\[2\].file: BoostPlan.fmu does not exist: `cargo run --release -- export` writes .*; "
+        r"line \d+, fmu\[2\].file: BoostPlan.fmu does not exist: `export` writes FMUs to .*; "
         r"the nearest is BoostPlant.fmu; or name another folder with --fmus DIR "
         r"or another file with --fmu plant=FILE.fmu",
     ),

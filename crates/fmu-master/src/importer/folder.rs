@@ -9,7 +9,7 @@ use fmu_package::archive;
 use fmu_package::temporary::Folder;
 
 /// A unique prefix: leftovers of killed processes with it are removed.
-const PREFIX: &str = ".unpacked-by-boost-lab-";
+const PREFIX: &str = ".unpacked-by-fmu-master-";
 
 /// The extracted archive, which is removed when dropped.
 pub fn extract(path: &Path) -> Result<Folder> {

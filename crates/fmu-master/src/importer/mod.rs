@@ -37,7 +37,7 @@ use fmu_package::{
 /// The capability flag of FMUs with a single instance per process, for [`FmuDescription::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
-/// What to do about a missing FMU: how this repository's are exported, and the file beside it whose name is nearest.
+/// What to do about a missing FMU: where exported ones are, and the file beside it whose name is nearest.
 #[must_use]
 pub fn remedy(path: &Path) -> String {
     let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
@@ -48,9 +48,7 @@ pub fn remedy(path: &Path) -> String {
     others.sort();
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let like = like(&name, others.iter().map(String::as_str));
-    format!(
-        "`cargo run --release -- export` writes BoostPlant.fmu and BoostController.fmu to target/fmu{like}"
-    )
+    format!("`export` writes FMUs to target/fmu{like}")
 }
 
 /// An FMU for co-simulation (FMI 2.0 or 3.0), extracted to a temporary folder and loaded. Its folder and library stay
