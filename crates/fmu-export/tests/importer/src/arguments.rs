@@ -234,11 +234,6 @@ impl Instance<'_> {
             (_, Some(kind)) => (kind, false),
             _ => return [vec![], vec![]],
         };
-        let is_clocked = |variable: &FmuVariable| {
-            let (_, rest) =
-                self.fmu.xml.split_once(&format!("name=\"{}\"", variable.name)).expect("it is there");
-            rest.split('>').next().expect("it ends").contains(" clocks=\"")
-        };
         let real = if self.fmu.description.is_fmi3() { "Float64" } else { "Real" };
         let is_continuous = |variable: &&FmuVariable, of: &str| {
             variable.causality == of && variable.variability == "continuous"
@@ -261,7 +256,7 @@ impl Instance<'_> {
             [self.fmu.variables(kind).filter(fits).collect(), vec![]]
         };
         if whim.state.is_none() {
-            first.retain(|variable| !is_clocked(variable));
+            first.retain(|variable| !self.fmu.clocked.contains(&variable.name));
             return [first, second];
         }
         for list in [&mut first, &mut second] {

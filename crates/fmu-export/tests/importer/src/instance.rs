@@ -1,6 +1,7 @@
 //! FMUs and their instances, in any state.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -83,10 +84,19 @@ pub struct Fmu {
     pub description: FmuDescription,
     /// The text of its XML.
     pub xml: String,
+    /// The variables that belong to clocks.
+    pub clocked: BTreeSet<String>,
     /// Its table of calls.
     pub functions: Vec<&'static Function>,
     library: Library,
     _folder: TempDir,
+}
+
+/// The names in the XML of elements that name clocks.
+fn clocked(xml: &str) -> BTreeSet<String> {
+    let elements = xml.split('<').filter(|element| element.contains(" clocks=\""));
+    let names = elements.filter_map(|element| element.split_once(" name=\"")?.1.split('"').next());
+    names.map(str::to_owned).collect()
 }
 
 impl Fmu {
@@ -108,9 +118,11 @@ impl Fmu {
                 .interface
                 .is_none_or(|of| description.is_fmi3() || description.interface(&format!("{of:?}")).is_some())
         };
+        let xml = fs::read_to_string(folder.path().join("modelDescription.xml")).unwrap();
         Self {
             functions: table.iter().filter(is_exported).collect(),
-            xml: fs::read_to_string(folder.path().join("modelDescription.xml")).unwrap(),
+            clocked: clocked(&xml),
+            xml,
             // SAFETY: the library does nothing when it is loaded.
             library: unsafe { Library::new(library) }.unwrap(),
             description,
