@@ -244,18 +244,19 @@ fn the_test_models_survive_calls_in_any_order() {
 
 #[test]
 #[ignore = "of exported FMUs"]
-fn the_plant_and_the_controller_survive_calls_in_any_order() {
-    for (path, cases) in [("fmu/BoostPlant.fmu", 400), ("fmu/BoostController.fmu", 1000)] {
-        let fmu = Fmu::open(&Fmu::folder(), path);
-        // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
-        let is_plant = fmu.description.variable("initialization.mode").is_some();
-        any_order(&fmu, Interface::CoSimulation, cases, &|instance| {
-            if is_plant {
-                instance.set("initialization.mode", 2);
-            }
-        });
-        any_bytes(&fmu, Interface::CoSimulation, 5000);
-    }
+fn the_plant_survives_calls_in_any_order() {
+    let fmu = Fmu::open(&Fmu::folder(), "fmu/BoostPlant.fmu");
+    // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
+    any_order(&fmu, Interface::CoSimulation, 100, &|instance| instance.set("initialization.mode", 2));
+    any_bytes(&fmu, Interface::CoSimulation, 2000);
+}
+
+#[test]
+#[ignore = "of exported FMUs"]
+fn the_controller_survives_calls_in_any_order() {
+    let fmu = Fmu::open(&Fmu::folder(), "fmu/BoostController.fmu");
+    any_order(&fmu, Interface::CoSimulation, 500, &|_| {});
+    any_bytes(&fmu, Interface::CoSimulation, 2000);
 }
 
 #[test]
