@@ -46,6 +46,12 @@ impl Sampled for Motor {
 }
 """
 
+
+def with_first(statement: str) -> str:
+    """The equations, which begin with a statement."""
+    return EQUATIONS.replace("        variables.", f"        {statement}\n        variables.", 1)
+
+
 MEMORY = "#[derive(Clone, Debug, Default{})]\nstruct Motor {{ {} }}\n"
 
 MISTAKES = {
@@ -79,15 +85,15 @@ MISTAKES = {
         "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
     ),
     "evaluation_changes_a_state": (
-        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.states.speed *= T::from(0.5); var"),
+        "fmu!(equations struct Motor);" + with_first("variables.states.speed *= T::from(0.5);"),
         "cannot assign to `variables.states.speed`, which is behind a `&` reference",
     ),
     "evaluation_changes_an_input": (
-        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.inputs.torque = T::from(1.0); var"),
+        "fmu!(equations struct Motor);" + with_first("variables.inputs.torque = T::from(1.0);"),
         "cannot assign to `variables.inputs.torque`, which is behind a `&` reference",
     ),
     "evaluation_changes_a_parameter": (
-        "fmu!(equations struct Motor);" + EQUATIONS.replace("        var", "        variables.parameters.load = T::from(1.0); var"),
+        "fmu!(equations struct Motor);" + with_first("variables.parameters.load = T::from(1.0);"),
         "cannot assign to `variables.parameters.load`, which is behind a `&` reference",
     ),
     "another_word": (
@@ -210,12 +216,18 @@ def test_a_library_of_another_name_than_the_model_is_told_with_both(tmp_path: Pa
 def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_path: Path) -> None:
     package(tmp_path, 'fmu_export_build::generate("model.json");')
     clock = {
-        "name": "sample", "type": "Clock", "causality": "input", "interval_variability": "constant", "interval": 0.1
+        "name": "sample",
+        "type": "Clock",
+        "causality": "input",
+        "interval_variability": "constant",
+        "interval": 0.1,
     }
     declaration = {"variables": [*DECLARATION["variables"], clock]}
     tmp_path.joinpath("model.json").write_text(json.dumps(declaration))
     tmp_path.joinpath("src").mkdir()
-    tmp_path.joinpath("src", "lib.rs").write_text(USE + "fmu_export::fmu!(equations struct Motor);" + EQUATIONS)
+    tmp_path.joinpath("src", "lib.rs").write_text(
+        USE + "fmu_export::fmu!(equations struct Motor);" + EQUATIONS
+    )
     # The compiler looks at it as it makes code.
     result = cargo("build", tmp_path)
     print(result.stderr)

@@ -66,9 +66,9 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = TARGET.resolve() / "own_model" / os.environ.get("PYTEST_XDIST_WORKER", "alone")
     target.mkdir(parents=True, exist_ok=True)
     (package / "target").symlink_to(target)
-    shown, replacement = "--show-plot", "--output-file result.csv"
-    assert f"replace `{shown}` by `{replacement}`" in PAGE
-    output = shell(lines.replace(shown, replacement), package)
+    assert "`--out result.csv`" in PAGE
+    output = shell(lines.replace("--plot", "--out result.csv --plot"), package)
+    assert "plotly" in (package / "motor.html").read_text()
     assert "1 passed" in output
     assert "0 errors, 0 warnings" in output
     return package

@@ -9,7 +9,6 @@
 use core::cell::RefCell;
 use core::ffi::CStr;
 use core::fmt;
-use core::mem;
 use std::ffi::CString;
 use std::sync::Arc;
 

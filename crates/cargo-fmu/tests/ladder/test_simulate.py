@@ -29,7 +29,11 @@ def test_a_record_agrees_with_fmpy(fmu, model: str, tmp_path: Path) -> None:
     step, out = float(experiment.stepSize), tmp_path / "record.csv"
     run("simulate", fmu(model), "--tolerance", str(TOLERANCE), "--step", repr(step), "--out", out)
     expected = simulate_fmu(
-        fmu(model), fmi_type="CoSimulation", relative_tolerance=TOLERANCE, step_size=step, output_interval=step
+        fmu(model),
+        fmi_type="CoSimulation",
+        relative_tolerance=TOLERANCE,
+        step_size=step,
+        output_interval=step,
     )
     found = read_csv(out)
     assert len(found) == len(expected) > 10
@@ -47,9 +51,7 @@ def test_the_summary_says_what_ran_and_where_it_ended(fmu) -> None:
 
 def test_inputs_come_from_a_file(fmu, tmp_path: Path) -> None:
     inputs, out = tmp_path / "in.csv", tmp_path / "out.csv"
-    inputs.write_text(
-        "time,Float64_continuous_input,Int32_input\n0,0,1\n0.5,1,1\n0.5,3,2\n1,4,2\n"
-    )
+    inputs.write_text("time,Float64_continuous_input,Int32_input\n0,0,1\n0.5,1,1\n0.5,3,2\n1,4,2\n")
     run("simulate", fmu("Feedthrough"), "--input", inputs, "--stop-time", "1", "--step", "0.25", "--out", out)
     found = read_csv(out)
     # On lines between rows, with the jump at its time, as inputs are set before a step.
