@@ -220,7 +220,7 @@ fn a_file_that_is_not_an_fmu_is_refused() {
     let missing = Path::new("missing.fmu");
     assert!(
         refusal(Fmu::open(missing))
-            .starts_with("cannot import missing.fmu: there is no such file; `cargo run")
+            .starts_with("cannot import missing.fmu: there is no such file; `export` writes")
     );
     let folder = tempfile::tempdir().unwrap();
     let text = folder.path().join("text.fmu");
