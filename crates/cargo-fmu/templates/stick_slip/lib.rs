@@ -52,7 +52,9 @@ impl Equations for {Type} {
             _ if force.abs() < variables.parameters.static_friction => Mode::Sticks,
             _ => Mode::Slips(force.signum()),
         };
-        states.speed = if self.mode == Mode::Sticks { 0.0 } else { states.speed };
+        if self.mode == Mode::Sticks {
+            states.speed = 0.0;
+        }
         Ok(())
     }
 }
