@@ -85,7 +85,7 @@ MISTAKES = {
         "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
     ),
     "evaluation_changes_a_state": (
-        "fmu!(equations struct Motor);" + with_first("variables.states.speed *= T::from(0.5);"),
+        "fmu!(equations struct Motor);" + with_first("variables.states.speed = T::from(0.5);"),
         "cannot assign to `variables.states.speed`, which is behind a `&` reference",
     ),
     "evaluation_changes_an_input": (
@@ -220,7 +220,7 @@ def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_
         "type": "Clock",
         "causality": "input",
         "interval_variability": "constant",
-        "interval": 0.1,
+        "interval_decimal": 0.1,
     }
     declaration = {"variables": [*DECLARATION["variables"], clock]}
     tmp_path.joinpath("model.json").write_text(json.dumps(declaration))
