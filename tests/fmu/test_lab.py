@@ -623,14 +623,13 @@ def test_study_of_the_document(lab: Run, clone: Path) -> None:
 @pytest.mark.parametrize(
     ("sources", "least"),
     [
-        (["scenario/mod.rs", "scenario/signal.rs"], 30),
-        (["sweep/mod.rs", "sweep/design.rs", "sweep/measures.rs"], 15),
+        (["fmu-master/src/scenario/mod.rs", "fmu-master/src/scenario/signal.rs"], 30),
+        ([f"cargo-fmu/src/run/sweep/{name}.rs" for name in ("mod", "design", "measures")], 15),
     ],
 )
 def test_document_has_every_key(sources: list[str], least: int) -> None:
     """The keys in the parser's source."""
-    folder = ROOT / "crates" / "boost-lab" / "src"
-    source = "".join((folder / name).read_text() for name in sources)
+    source = "".join((ROOT / "crates" / name).read_text() for name in sources)
     keys = set(re.findall(r'(?:optional|required|number|time)\(\s*"(\w+)"', source))
     keys |= set(re.findall(r'^    \("(\w+)", (?:Statistic|Quality)::', source, re.MULTILINE))
     assert len(keys) > least

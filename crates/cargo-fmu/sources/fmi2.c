@@ -84,7 +84,7 @@ EXPORT Component FMI(fmi2Instantiate)(String instanceName, int fmuType, String f
   if (!instance) {
     if (callbacks.logger) {
       callbacks.logger(callbacks.componentEnvironment, instanceName ? instanceName : "", STATUS_ERROR, "logStatusError",
-                       "fmi2Instantiate: out of memory for an instance");
+                       "%s", "fmi2Instantiate: out of memory for an instance");
     }
     return NULL;
   }

@@ -47,7 +47,7 @@ def still(browser: Browser, live: Path) -> Iterator[Page]:
     messages: list[str] = []
     page = visit(browser, live, messages, reduced_motion="reduce")
     assert page.evaluate("live.run.now") == 0
-    assert "less motion" in page.locator("#status").text_content()
+    assert "reduced motion" in page.locator("#status").text_content()
     yield page
     page.context.close()
     assert messages == []

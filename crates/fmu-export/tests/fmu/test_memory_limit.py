@@ -25,7 +25,7 @@ instance = Instance(fmu, Library(fmu.library))
 def limit(spare):
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     size = pages * resource.getpagesize() + spare
-    resource.setrlimit(resource.RLIMIT_AS, (size, size))
+    resource.setrlimit(resource.RLIMIT_AS, (size, resource.RLIM_INFINITY))
 """
 
 TEXT = """
@@ -45,8 +45,10 @@ for place in range(len(made)):
 """
 
 END = """
+resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
 (message,) = instance.messages
 assert message.status == Status.ERROR and "memory" in message.text, message
+instance.ok("fmi2Reset")
 instance.initialize()
 print("goes on")
 """
