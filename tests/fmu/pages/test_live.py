@@ -248,7 +248,7 @@ def test_drawing_shows_the_plant(paused: Page) -> None:
     paused.wait_for_function(f"{opening} !== '{before}'")
     paused.locator(".values summary").press("Enter")
     run(paused, 1)
-    row = paused.locator("#values tr", has_text="boost pressure as measured")
+    row = paused.locator("#values tr", has_text="measured boost pressure")
     paused.wait_for_timeout(1500)
     assert row.locator("td").text_content() == shown.text_content()
 
