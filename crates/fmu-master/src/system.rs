@@ -213,10 +213,7 @@ fn take_start(
             })?;
             conversion.apply(*value)
         }
-        Value::Real(value, _) => *value,
-        Value::Integer(value) => f64::from(*value),
-        Value::Boolean(value) => f64::from(u8::from(*value)),
-        Value::String(text) | Value::Enumeration(text) => bail!("{name} is not a number: {text}"),
+        value => value.number().with_context(|| format!("{name} is not a number: {value}"))?,
     };
     let location = Location::argument(&format!("the system's {name}"));
     scenario.inputs.retain(|input| input.name != name);

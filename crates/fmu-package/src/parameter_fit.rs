@@ -106,6 +106,17 @@ impl Value {
         }
     }
 
+    /// The value as a number, of Booleans 0 or 1; none for texts and items.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Real(value, _) => Some(*value),
+            Self::Integer(value) => Some(f64::from(*value)),
+            Self::Boolean(value) => Some(f64::from(u8::from(*value))),
+            Self::String(_) | Self::Enumeration(_) => None,
+        }
+    }
+
     fn refused(&self, variable: &FmuVariable, reason: &str) -> io::Error {
         broken(format!("the value {self} of {} cannot be used: {reason}", variable.name))
     }

@@ -11,12 +11,11 @@ use std::path::PathBuf;
 
 use crate::mapping;
 use anyhow::Result;
-use cargo_fmu::run::{self, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, write};
+use cargo_fmu::run::{
+    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, write,
+};
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
-
-/// Where `boost-fmu export` writes FMUs.
-const FMUS: &str = "target/fmu";
 
 const EXIT_STATUSES: &str = "\
 Exit status:

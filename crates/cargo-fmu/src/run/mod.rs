@@ -26,7 +26,7 @@ pub use sweep::Sweep;
 pub use sweep::design::latin_fractions;
 
 /// Where `export` writes FMUs in a workspace.
-const FMUS: &str = "target/fmu";
+pub const FMUS: &str = "target/fmu";
 
 /// Maps of names, for commands that have them.
 #[derive(Clone, Copy)]

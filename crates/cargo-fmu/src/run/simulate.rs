@@ -165,7 +165,9 @@ impl Simulate {
         let (mut scenario, folder) = match ending.to_str() {
             Some("fmu") => {
                 fmus.refuse_files("single FMUs")?;
-                (system::alone(subject, times)?, None)
+                let mut scenario = system::alone(subject, times)?;
+                fmus.give(&mut scenario, maps)?;
+                (scenario, None)
             }
             Some("ssp") => {
                 fmus.refuse_files("systems")?;
@@ -186,9 +188,6 @@ impl Simulate {
                 (scenario, None)
             }
         };
-        if ending == "fmu" {
-            fmus.give(&mut scenario, maps)?;
-        }
         if let Some(names) = &self.record {
             let location = Location::argument("--record");
             let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
@@ -286,12 +285,7 @@ fn set(
     let [(index, variable, value, conversion), others @ ..] = &found[..] else {
         return Err(location.error(not_found(scenario, loaded, name)?));
     };
-    let number = match value {
-        Value::Real(number, _) => Some(*number),
-        Value::Integer(number) => Some(f64::from(*number)),
-        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
-        Value::String(_) | Value::Enumeration(_) => None,
-    };
+    let number = value.number();
     if let (Some(conversion), Some(number)) = (conversion, number) {
         // A plain number is in the signal's own unit.
         let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));

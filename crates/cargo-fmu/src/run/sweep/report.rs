@@ -99,7 +99,7 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
     let mut panels = vec![];
     for (index, parameter) in study.parameters.iter().enumerate() {
         let points = outcomes.iter().filter_map(|outcome| {
-            let value = study.points[outcome.run][index].as_ref().and_then(as_number)?;
+            let value = study.points[outcome.run][index].as_ref().and_then(Value::number)?;
             Some((value, outcome.measures[measure]?))
         });
         let (x, y): (Vec<_>, Vec<_>) = points.unzip();
@@ -119,18 +119,9 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
     panels.chunks(MOST_IN_ROW).fold(Figure::new(), |figure, row| figure.row(row.iter().cloned()))
 }
 
-fn as_number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Real(value, _) => Some(*value),
-        Value::Integer(value) => Some(f64::from(*value)),
-        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
-        Value::String(_) | Value::Enumeration(_) => None,
-    }
-}
-
 /// A summary of a parameter's values.
 fn range(values: &[&Value], unit: &str) -> String {
-    let mut numbers: Vec<_> = values.iter().filter_map(|value| as_number(value)).collect();
+    let mut numbers: Vec<_> = values.iter().filter_map(|value| value.number()).collect();
     numbers.sort_by(f64::total_cmp);
     numbers.dedup();
     match numbers[..] {
