@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
+use cargo_fmu::run::name_and_value;
 use clap::Args;
 use fmu_master::Fmu;
 use fmu_package::ParameterSet;
@@ -26,10 +27,10 @@ pub struct Arguments {
     /// Plant parameters, such as the membrane area; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    #[arg(long, value_name = "QUANTITY=NAME", value_parser = name_and_value, help = columns_help())]
+    #[arg(long, value_name = "QUANTITY=NAME", value_parser = name_and_value::<String>("QUANTITY=NAME"), help = columns_help())]
     column: Vec<(String, String)>,
     /// Unit of a quantity, if the header does not give it in brackets
-    #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value)]
+    #[arg(long, value_name = "QUANTITY=UNIT", value_parser = name_and_value::<String>("QUANTITY=UNIT"))]
     unit: Vec<(String, String)>,
     /// Share of the data kept for validation
     #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = super::number_in(0.0..=0.9, "a number from 0 to 0.9"))]
@@ -68,13 +69,4 @@ pub fn run(arguments: Arguments) -> Result<()> {
         (JSON, json(&identification)?),
     ];
     super::write(&out, texts)
-}
-
-fn name_and_value(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
-            Ok((name.to_owned(), value.to_owned()))
-        }
-        _ => Err("expected QUANTITY=NAME or QUANTITY=UNIT".to_owned()),
-    }
 }

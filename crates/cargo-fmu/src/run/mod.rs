@@ -64,7 +64,7 @@ pub struct FmuArguments {
     #[arg(long = "fmus", value_name = "DIR", default_value = FMUS)]
     pub folder: PathBuf,
     /// Replace an FMU of the scenario, by its name there, with another file
-    #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_path)]
+    #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_value::<PathBuf>("NAME=FILE.fmu"))]
     pub files: Vec<(String, PathBuf)>,
 }
 
@@ -153,23 +153,15 @@ pub fn positive() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync 
     number_in(f64::MIN_POSITIVE..=f64::MAX, "a finite number above 0")
 }
 
-/// Reads `NAME=VALUE`.
-///
-/// # Errors
-/// When it is nothing of the kind.
-pub fn name_and_value(text: &str) -> Result<(String, String)> {
-    match text.split_once('=') {
+/// Parses a name, an equals sign and a value, both not empty.
+pub fn name_and_value<V: From<String>>(
+    expected: &'static str,
+) -> impl Fn(&str) -> Result<(String, V), String> + Clone + Send + Sync {
+    move |text| match text.split_once('=') {
         Some((name, value)) if !name.is_empty() && !value.is_empty() => {
-            Ok((name.to_owned(), value.to_owned()))
+            Ok((name.to_owned(), V::from(value.to_owned())))
         }
-        _ => bail!("expected NAME=VALUE"),
-    }
-}
-
-fn name_and_path(text: &str) -> Result<(String, PathBuf)> {
-    match text.split_once('=') {
-        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.to_owned(), path.into())),
-        _ => bail!("expected NAME=FILE.fmu"),
+        _ => Err(format!("expected {expected}")),
     }
 }
 

@@ -35,7 +35,7 @@ pub struct Simulate {
     fmus: FmuArguments,
     /// Set a variable before initialization, or an input throughout, in its own or the given unit:
     /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
-    #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value)]
+    #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value::<String>("NAME=VALUE"))]
     values: Vec<(String, String)>,
     /// Parameter set, for the FMU that has its parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]

@@ -133,7 +133,7 @@ fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
             else {
                 continue;
             };
-            // Cut bytes are damaged ones, of which there are random ones.
+            // Damaged states, truncated ones among them, are in random_calls.rs.
             if function.name.to_lowercase().contains("deserialize") {
                 continue;
             }
