@@ -44,6 +44,7 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
+use fmu_export::display::Rounded;
 use fmu_export::{
     Context, Dual, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step,
     Tape, Variables as _,
@@ -408,7 +409,7 @@ fn weigh<'t>(
 
 /// Why the start has no derivative.
 fn not_settled() -> Error {
-    Error::new("the experiment does not start settled, so that its start has no derivative")
+    Error::new("the experiment does not start settled, so its start has no derivative")
 }
 
 /// The integration tolerance: the parameter's, or the importer's if smaller.
@@ -421,18 +422,19 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        NoSteadyState::NotIsolated => "there is no isolated steady state",
+        NoSteadyState::NotIsolated => "no isolated steady state exists",
         NoSteadyState::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
-        format!("what a running engine has come to after {} s", shortcoming.followed)
+        format!("the state of a running engine after {} s", shortcoming.followed)
     } else {
-        "a running engine, whose transient cannot be integrated".to_owned()
+        "a running engine, as its transient cannot be integrated".to_owned()
     };
     context.warn(format_args!(
         "initialization.mode = settled: {reason} with engine_speed = {} rpm, throttle = {} and the other \
-         inputs as they are; the experiment starts from {instead}",
-        inputs.engine_speed, inputs.throttle
+         inputs; the experiment starts from {instead}",
+        Rounded(inputs.engine_speed),
+        Rounded(inputs.throttle)
     ));
 }
 
@@ -449,7 +451,7 @@ fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
         .collect();
     if !ignored.is_empty() {
         context.warn(format_args!(
-            "the start values of {} are ignored: they hold with initialization.mode = given only",
+            "the start values of {} are ignored: only initialization.mode = given uses them",
             ignored.join(", ")
         ));
     }
