@@ -28,7 +28,6 @@ mod gas;
 mod initialization;
 mod integration;
 mod intercooler;
-pub mod linearization;
 mod orifice;
 mod port;
 pub mod scalar;
