@@ -30,7 +30,6 @@ mod integration;
 mod intercooler;
 mod orifice;
 mod port;
-pub mod scalar;
 mod shaft;
 mod solenoid_valve;
 mod supply;
@@ -48,7 +47,6 @@ use fmu_export::{
     Context, Dual, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step,
     Tape, Variables as _,
 };
-use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, differentiate_settled, record_settled, running, settled};
@@ -192,13 +190,13 @@ impl Model for BoostPlant {
         inputs: &Inputs,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
-        let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
+        let mut inputs = inputs.combine(direction.inputs(), &mut Dual::new);
         if variables.parameters.valve.duty_latch {
             // A new command does not act before the next period.
-            inputs.hp_wastegate_pwm = Dual64::from(self.latch.held);
+            inputs.hp_wastegate_pwm = Dual::from(self.latch.held);
         }
-        let states = variables.states.combine(&direction.start, &mut Dual64::new);
+        let states = variables.states.combine(&direction.start, &mut Dual::new);
         Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
     }
 
@@ -209,9 +207,9 @@ impl Model for BoostPlant {
         inputs: &Inputs,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
-        let inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
-        let start = variables.start.combine(&direction.start, &mut Dual64::new);
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
+        let inputs = inputs.combine(direction.inputs(), &mut Dual::new);
+        let start = variables.start.combine(&direction.start, &mut Dual::new);
         let system = System::new(&parameters);
         let states = match variables.parameters.initialization.mode {
             InitializationMode::Settled => {
@@ -377,14 +375,14 @@ impl BoostPlant {
 }
 
 /// The derivatives of all variables calculated from inputs and states.
-fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
+fn derivatives_of(system: &System<Dual>, inputs: &Inputs<Dual>, states: &States<Dual>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
     let (outputs, locals) = system.quantities(inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
-    derivatives.states = states.map(|state| state.eps);
-    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
-    derivatives.locals = locals.map(|local| local.eps);
-    derivatives.outputs = outputs.map(|output| output.eps);
+    derivatives.states = states.map(|state| state.derivative);
+    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.derivative);
+    derivatives.locals = locals.map(|local| local.derivative);
+    derivatives.outputs = outputs.map(|output| output.derivative);
     derivatives
 }
 

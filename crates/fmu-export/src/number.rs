@@ -43,6 +43,10 @@ pub trait Number:
     #[must_use]
     fn mapped(self, value: f64, derivative: f64) -> Self;
 
+    /// Whether the number is a constant of this value, without a derivative: for shortcuts that would lose derivatives.
+    #[must_use]
+    fn is_constant(self, value: f64) -> bool;
+
     /// 1 divided by the number.
     #[must_use]
     fn recip(self) -> Self {
@@ -315,6 +319,12 @@ impl Number for f64 {
     fn mapped(self, value: f64, _derivative: f64) -> f64 {
         value
     }
+
+    #[inline]
+    #[allow(clippy::float_cmp, reason = "shortcuts are for exact values")]
+    fn is_constant(self, value: f64) -> bool {
+        self == value
+    }
 }
 
 /// A number with its derivative along a direction (a dual number).
@@ -345,6 +355,11 @@ impl Number for Dual {
         // A constant has the derivative 0 even where the function's is infinite, like that of the root at 0.
         let derivative = if self.derivative == 0.0 { 0.0 } else { derivative * self.derivative };
         Self { value, derivative }
+    }
+
+    #[inline]
+    fn is_constant(self, value: f64) -> bool {
+        self.value.is_constant(value) && self.derivative == 0.0
     }
 }
 
