@@ -560,6 +560,14 @@ mod tests {
     }
 
     #[test]
+    fn only_numbers_without_a_derivative_are_constants() {
+        let tape = Tape::new();
+        assert!(Number::is_constant(0.0, -0.0) && !Number::is_constant(0.0, 1.0));
+        assert!(Dual::from(2.0).is_constant(2.0) && !Dual::new(2.0, 1.0).is_constant(2.0));
+        assert!(crate::Recorded::from(2.0).is_constant(2.0) && !tape.variable(2.0).is_constant(2.0));
+    }
+
+    #[test]
     fn what_does_not_change_has_no_derivative_where_the_slope_is_infinite() {
         assert_eq!(Number::sqrt(Dual::from(0.0)).derivative.to_bits(), 0.0_f64.to_bits());
         assert!(Number::sqrt(Dual::new(0.0, 1.0)).derivative.is_infinite());
