@@ -7,11 +7,13 @@
 
 use std::array;
 
-use fmu_export::{Dual, Number, Recorded};
+use fmu_export::{Dual, Error, Number};
 
 use super::integration::{IntervalInputs, Pace, budget};
 use super::system::{GAS_PATH_SCALES, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
+use super::variables::{
+    ActuationStates, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States,
+};
 use crate::solver::course::Interval;
 use crate::solver::linear;
 use crate::solver::steady_state::{self, NoSteadyState};
@@ -62,6 +64,28 @@ pub struct Shortcoming {
     pub failure: NoSteadyState,
     /// The time in s for which the transient from [`running`] was simulated instead.
     pub followed: f64,
+}
+
+/// The states at the start of an experiment as a function of parameters, inputs and start values, near the one that
+/// started at `states`.
+///
+/// # Errors
+/// When the mode is settled, and the states are not an isolated steady state.
+pub fn started<D: Number>(
+    mode: InitializationMode,
+    parameters: &Parameters<D>,
+    inputs: &Inputs<D>,
+    start: &States<D>,
+    states: &States,
+) -> Result<States<D>, Error> {
+    match mode {
+        InitializationMode::Settled => follow_settled(parameters, inputs, states, start.tank.pressure)
+            .ok_or_else(|| {
+                Error::new("the experiment does not start settled, so its start has no derivative")
+            }),
+        InitializationMode::Running => Ok(running(&System::new(parameters), inputs, start.tank.pressure)),
+        InitializationMode::Given => Ok(*start),
+    }
 }
 
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
@@ -117,52 +141,15 @@ fn settled_rates_along(
     settled_rates(system, inputs, chamber_pressure.into(), &unknowns).map(|rate| rate.derivative)
 }
 
-/// The settled states with their derivatives along the direction in which parameters, inputs and the
-/// tank's pressure change, by the implicit function theorem.
+/// The settled states as a function of parameters, inputs and the tank's pressure, by the implicit function theorem:
+/// the unknowns keep their values, and change such that the rates along them stay 0.
 ///
 /// `None` if the states are not a steady state, or not an isolated one.
-pub fn differentiate_settled(
-    parameters: &Parameters<Dual>,
-    inputs: &Inputs<Dual>,
-    settled: &States,
-    tank_pressure: Dual,
-) -> Option<States<Dual>> {
-    let scales = GAS_PATH_SCALES.to_array();
-    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
-        let change = linear::solve(*jacobian, array::from_fn(|i| -along[i].derivative / scales[i]))?;
-        Some(array::from_fn(|i| Dual::new(found[i], change[i] * scales[i])))
-    })
-}
-
-/// The same as a function of recorded numbers.
-pub fn record_settled<'t>(
-    parameters: &Parameters<Recorded<'t>>,
-    inputs: &Inputs<Recorded<'t>>,
-    settled: &States,
-    tank_pressure: Recorded<'t>,
-) -> Option<States<Recorded<'t>>> {
-    let scales = GAS_PATH_SCALES.to_array();
-    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
-        let mut unknowns = found.map(Recorded::from);
-        for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
-            let change =
-                linear::solve(*jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
-            for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
-                *unknown += Number::mapped(*along, 0.0, change * scale);
-            }
-        }
-        Some(unknowns)
-    })
-}
-
-/// The settled states as a function of parameters, inputs and tank pressure. `solve` returns the gas path's unknowns,
-/// at their values, such that the rates along them vanish; it also receives the rates' scaled Jacobian.
 fn follow_settled<D: Number>(
     parameters: &Parameters<D>,
     inputs: &Inputs<D>,
     settled: &States,
     tank_pressure: D,
-    solve: impl FnOnce(&[[f64; GAS_PATH]; GAS_PATH], [D; GAS_PATH], [f64; GAS_PATH]) -> Option<[D; GAS_PATH]>,
 ) -> Option<States<D>> {
     let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
@@ -182,7 +169,13 @@ fn follow_settled<D: Number>(
             jacobian[row][column] = slopes[row] / scales[row] * scales[column];
         }
     }
-    let unknowns = solve(&jacobian, along, found)?;
+    let mut unknowns = found.map(D::from);
+    for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
+        let change = linear::solve(jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
+        for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
+            *unknown += along.mapped(0.0, change * scale);
+        }
+    }
     Some(settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns)))
 }
 

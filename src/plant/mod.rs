@@ -49,7 +49,7 @@ use fmu_export::{
 };
 
 use self::duty_latch::DutyLatch;
-use self::initialization::{Settled, differentiate_settled, record_settled, running, settled};
+use self::initialization::{Settled, running, settled, started};
 use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -210,16 +210,9 @@ impl Model for BoostPlant {
         let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
         let inputs = inputs.combine(direction.inputs(), &mut Dual::new);
         let start = variables.start.combine(&direction.start, &mut Dual::new);
-        let system = System::new(&parameters);
-        let states = match variables.parameters.initialization.mode {
-            InitializationMode::Settled => {
-                differentiate_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
-                    .ok_or_else(not_settled)?
-            }
-            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
-            InitializationMode::Given => start,
-        };
-        Ok(derivatives_of(&system, &inputs, &states))
+        let mode = variables.parameters.initialization.mode;
+        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
+        Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
     }
 
     fn differentiate_backwards(
@@ -270,16 +263,9 @@ impl Model for BoostPlant {
         let parameters = variables.parameters.map(variable);
         let inputs = inputs.map(variable);
         let start = variables.start.map(variable);
-        let system = System::new(&parameters);
-        let states = match variables.parameters.initialization.mode {
-            InitializationMode::Settled => {
-                record_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
-                    .ok_or_else(not_settled)?
-            }
-            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
-            InitializationMode::Given => start,
-        };
-        weigh(&system, &inputs, &states, weights, tape);
+        let mode = variables.parameters.initialization.mode;
+        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
+        weigh(&System::new(&parameters), &inputs, &states, weights, tape);
         let derivative = |number| tape.derivative(number);
         Ok(Variables {
             parameters: parameters.map(derivative),
@@ -402,11 +388,6 @@ fn weigh<'t>(
     let _ = locals.combine(&weights.locals, &mut weigh);
     let _ = outputs.combine(&weights.outputs, &mut weigh);
     tape.go_back();
-}
-
-/// Why the start has no derivative.
-fn not_settled() -> Error {
-    Error::new("the experiment does not start settled, so its start has no derivative")
 }
 
 /// The integration tolerance: the parameter's, or the importer's if smaller.
