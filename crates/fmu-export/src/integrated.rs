@@ -89,6 +89,7 @@ impl<E: Equations> crate::Persistent for Integrated<E> {
 
 impl<E: Equations> Model for Integrated<E> {
     type Variables = E::Variables;
+    const LONGEST_STEP: f64 = E::LONGEST_STEP;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         E::check_parameters(variables)
@@ -126,6 +127,9 @@ impl<E: Equations> Model for Integrated<E> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        if E::ADVANCES_ITSELF {
+            return self.equations.advance(variables, step, context);
+        }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
@@ -157,6 +161,7 @@ impl<E: Equations> Model for Integrated<E> {
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
+        self.equations.check_start()?;
         let mut started = variables.clone();
         started.states_from_start();
         Ok(self.derivatives(start_time, &started, inputs, direction, |variables| {
@@ -195,6 +200,7 @@ impl<E: Equations> Model for Integrated<E> {
         weights: &Self::Variables,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
+        self.equations.check_start()?;
         let mut started = variables.clone();
         started.states_from_start();
         let known = started.combined(&started, |_, _| 1.0);
