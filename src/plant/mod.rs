@@ -73,14 +73,29 @@ pub type BoostPlant = Integrated<Plant>;
 ///
 /// In Model Exchange the importer's takes its place. PWM periods are time events. Kinks of the equations, such as the
 /// rod's stops and reversals, are not events: solvers do not need them (`docs/integration.md`).
-#[derive(Clone, Debug, Default, Persistent)]
+#[derive(Clone, Debug, Persistent)]
 pub struct Plant {
+    /// Derived from the parameters, for the integration.
+    #[persistent(skip)]
+    system: System,
     latch: DutyLatch,
     pace: Pace,
     /// Where the experiment starts if it starts settled, …
     found: States,
     /// … and whether that is a steady state.
     is_settled: bool,
+}
+
+impl Default for Plant {
+    fn default() -> Self {
+        Self {
+            system: System::new(&Parameters::default()),
+            latch: DutyLatch::default(),
+            pace: Pace::default(),
+            found: States::default(),
+            is_settled: true,
+        }
+    }
 }
 
 impl Equations for Plant {
@@ -120,7 +135,6 @@ impl Equations for Plant {
     fn prepare(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
         let Variables { parameters, inputs, start, .. } = variables;
         self.latch = DutyLatch::new(context.experiment.start_time);
-        self.is_settled = true;
         if parameters.initialization.mode == InitializationMode::Settled {
             let settled = settled(parameters, inputs, start.tank.pressure);
             warn_of_unsettled_start(&settled, inputs, context);
@@ -128,6 +142,10 @@ impl Equations for Plant {
         }
         warn_of_ignored_starts(variables, context);
         Ok(())
+    }
+
+    fn take_parameters(&mut self, variables: &Variables) {
+        self.system = System::new(&variables.parameters);
     }
 
     fn initialize<T: Number>(&self, variables: &mut Variables<T>) {
@@ -171,7 +189,6 @@ impl Equations for Plant {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let parameters = &variables.parameters;
-        let system = System::new(parameters);
         let mut states = variables.states;
         let tolerance = tolerance(parameters, context.experiment);
         let budget = budget(step.size);
@@ -183,17 +200,17 @@ impl Equations for Plant {
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 done = (instant - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
-                self.integrate(&system, &mut states, parameters, step, interval)?;
+                self.integrate(&mut states, parameters, step, interval)?;
                 self.latch.take_until(begin + step.size, frequency, step.inputs.initial().hp_wastegate_pwm);
             }
         }
         let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
-        let instant = self.integrate(&system, &mut states, parameters, step, interval)?;
+        let instant = self.integrate(&mut states, parameters, step, interval)?;
         let inputs = self.latch.hold(parameters, step.inputs.at(step.size));
-        let instant = instant.unwrap_or_else(|| system.evaluate(&inputs, &states));
+        let instant = instant.unwrap_or_else(|| self.system.evaluate(&inputs, &states));
         variables.states = states;
         variables.derivatives = instant.derivatives();
-        (variables.outputs, variables.locals) = system.quantities(&inputs, &states, &instant);
+        (variables.outputs, variables.locals) = self.system.quantities(&inputs, &states, &instant);
         Ok(())
     }
 
@@ -220,7 +237,6 @@ impl Plant {
     /// it is empty.
     fn integrate(
         &mut self,
-        system: &System,
         states: &mut States,
         parameters: &Parameters,
         step: &Step<'_, Inputs>,
@@ -229,7 +245,7 @@ impl Plant {
         if interval.to <= interval.from {
             return Ok(None);
         }
-        let Self { latch, pace, .. } = self;
+        let Self { system, latch, pace, .. } = self;
         let signal: &InputSignal<Inputs> = step.inputs;
         let (initial, is_constant) = (latch.hold(parameters, *signal.initial()), signal.is_constant());
         let at = |time: f64| if is_constant { initial } else { latch.hold(parameters, signal.at(time)) };

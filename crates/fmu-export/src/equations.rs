@@ -62,6 +62,12 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
+    /// Derives what depends on parameters alone, such as tables or what [`Equations::advance`] computes with. Called
+    /// after [`Equations::prepare`], after a change of tunable parameters, and for a restored state.
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        let _ = variables;
+    }
+
     /// Computes initial states that differ from the start values, to which all states are set before.
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;

@@ -144,6 +144,14 @@ impl<E: Equations> Model for Integrated<E> {
         with_inputs(variables, inputs, |variables| evaluate(&self.equations, time, variables));
     }
 
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        self.equations.take_parameters(variables);
+    }
+
+    fn restored(&mut self, variables: &Self::Variables) {
+        self.equations.take_parameters(variables);
+    }
+
     fn differentiate(
         &self,
         time: Dual,
@@ -280,6 +288,7 @@ impl<E: Equations> Integrated<E> {
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
         *self = Self { time: context.experiment.start_time, ..Self::default() };
         self.equations.prepare(variables, context)?;
+        self.equations.take_parameters(variables);
         variables.states_from_start();
         self.equations.initialize::<f64>(variables);
         self.check_evaluation(variables)?;
