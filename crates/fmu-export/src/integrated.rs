@@ -263,6 +263,9 @@ impl<E: Equations> EventMode for Integrated<E> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
+        if E::ADVANCES_ITSELF {
+            return self.equations.advance(variables, step, context).map(|()| None);
+        }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
