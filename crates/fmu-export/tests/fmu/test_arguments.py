@@ -11,7 +11,7 @@ from ctypes import byref, c_double, c_int
 from typing import Any
 
 import pytest
-from fmi2 import STEP, Fmu, Instance, Status, integers, numbers_in, reals, strings
+from importer import STEP, Fmu, Instance, Status, integers, numbers_in, reals, strings
 
 Make = Callable[..., Instance]
 

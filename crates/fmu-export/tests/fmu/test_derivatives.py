@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from fmi2 import STEP, Instance, Status, integers, reals
 from fmpy.model_description import ScalarVariable
+from importer import STEP, Instance, Status, integers, reals
 
 Make = Callable[..., Instance]
 

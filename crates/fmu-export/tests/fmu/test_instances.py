@@ -25,12 +25,9 @@ from ctypes import (
 from math import nan
 
 import pytest
-from fmi2 import (
-    CO_SIMULATION,
-    COMMON,
-    MODEL_EXCHANGE,
-    OF_CO_SIMULATION,
-    OF_MODEL_EXCHANGE,
+from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
+from importer import (
+    DECLARED,
     STEP,
     CallbackFunctions,
     Fmu,
@@ -115,16 +112,23 @@ def test_what_is_not_a_type_is_refused(make: Make, fmu_type: int) -> None:
     assert str(fmu_type) in text
 
 
+_OF_EACH = [*DECLARED[2]]
+_FIRST = [_OF_EACH.index(name) for name in ("fmi2EnterEventMode", "fmi2SetRealInputDerivatives")]
+COMMON, OF_CO_SIMULATION = _OF_EACH[: _FIRST[0]], _OF_EACH[_FIRST[1] :]
+OF_MODEL_EXCHANGE = _OF_EACH[_FIRST[0] : _FIRST[1]]
+"""The header has them one after the other."""
+
+
 @pytest.mark.parametrize(
     ("interfaces", "functions", "counted"),
     [
-        ("cs", {**COMMON, **OF_CO_SIMULATION}, 34),
-        ("me", {**COMMON, **OF_MODEL_EXCHANGE}, 35),
-        ("cs,me", {**COMMON, **OF_MODEL_EXCHANGE, **OF_CO_SIMULATION}, 44),
+        ("cs", COMMON + OF_CO_SIMULATION, 34),
+        ("me", COMMON + OF_MODEL_EXCHANGE, 35),
+        ("cs,me", [*DECLARED[2]], 44),
     ],
 )
 def test_the_functions_of_the_interfaces_are_exported(
-    exported: Callable[[str], Fmu], interfaces: str, functions: dict, counted: int
+    exported: Callable[[str], Fmu], interfaces: str, functions: list[str], counted: int
 ) -> None:
     """Those of the declared ones, and no other global symbol."""
     fmu = exported(interfaces)
@@ -141,15 +145,15 @@ def test_the_functions_of_the_interfaces_are_exported(
 @pytest.mark.parametrize(
     ("interfaces", "missing", "names"),
     [
-        ("cs", MODEL_EXCHANGE, "this FMU is for Co-Simulation, not for Model Exchange"),
-        ("me", CO_SIMULATION, "this FMU is for Model Exchange, not for Co-Simulation"),
+        ("cs", fmi2ModelExchange, "this FMU is for Co-Simulation, not for Model Exchange"),
+        ("me", fmi2CoSimulation, "this FMU is for Model Exchange, not for Co-Simulation"),
     ],
 )
 def test_an_interface_that_is_not_there_is_refused(
     exported: Callable[[str], Fmu], interfaces: str, missing: int, names: str
 ) -> None:
     fmu = exported(interfaces)
-    library = Library(fmu.library, fmu.functions)
+    library = Library(fmu.library)
     assert names in refused(Instance(fmu, library, fmu_type=missing))
     instance = Instance(fmu, library, fmu_type=1 - missing)
     instance.initialize()
@@ -166,13 +170,13 @@ def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
     """The struct is required (section 2.1.5). Without a logger, the only result is NULL."""
     guid = fmu.guid.encode()
     for name, this_guid in itertools.product([b"name", None], [guid, None, b"wrong"]):
-        assert library.fmi2Instantiate(name, CO_SIMULATION, this_guid, None, None, 0, 1) is None
+        assert library.fmi2Instantiate(name, fmi2CoSimulation, this_guid, None, None, 0, 1) is None
 
 
 def test_refusals_without_a_logger(fmu: Fmu, library: Library) -> None:
     """Each of the refusals above, with `logger` NULL."""
     callbacks = CallbackFunctions()
-    right, wrong = (b"name", CO_SIMULATION, fmu.guid.encode()), (None, 2, None)
+    right, wrong = (b"name", fmi2CoSimulation, fmu.guid.encode()), (None, 2, None)
     for choice in itertools.product([False, True], repeat=3):
         arguments = [w if is_wrong else r for r, w, is_wrong in zip(right, wrong, choice, strict=True)]
         component = library.fmi2Instantiate(*arguments, None, byref(callbacks), 0, 1)
@@ -194,7 +198,7 @@ def test_without_a_logger(make: Make, visible: int, memory_functions: bool) -> N
         callbacks.allocate_memory, callbacks.free_memory = 8, 8
     instance = make()
     guid = instance.fmu.guid.encode()
-    instead(instance, b"silent", CO_SIMULATION, guid, None, byref(callbacks), visible, 1)
+    instead(instance, b"silent", fmi2CoSimulation, guid, None, byref(callbacks), visible, 1)
     assert instance.initialize().run(4) == expected
     assert instance.step(0.0, nan) == Status.ERROR
     assert instance.set({"rate": -11.0}) == Status.WARNING
@@ -307,7 +311,7 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
     instead(
         instance,
         page.string(b"gone afterwards"),
-        CO_SIMULATION,
+        fmi2CoSimulation,
         page.string(instance.fmu.guid.encode()),
         page.string(b"file:///tmp/resources"),
         cast(struct, POINTER(CallbackFunctions)),

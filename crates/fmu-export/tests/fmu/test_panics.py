@@ -14,7 +14,7 @@ from ctypes import byref, c_double, c_size_t, c_void_p
 from pathlib import Path
 
 import pytest
-from fmi2 import STEP, Fmu, Instance, Library, Status
+from importer import STEP, Fmu, Instance, Library, Status
 
 Make = Callable[..., Instance]
 
