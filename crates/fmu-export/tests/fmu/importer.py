@@ -178,9 +178,9 @@ def integers(*values: int) -> Any:
     return array(c_int, *values)
 
 
-def strings(*values: bytes | None) -> Any:
+def strings(*values: bytes | str | None) -> Any:
     """An array of fmi2String."""
-    return array(c_char_p, *values)
+    return array(c_char_p, *(value.encode() if isinstance(value, str) else value for value in values))
 
 
 def buffer(data: bytes) -> Any:

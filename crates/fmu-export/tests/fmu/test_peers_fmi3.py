@@ -14,12 +14,12 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from ctypes import byref, c_double, c_uint8, c_uint32, c_void_p
+from ctypes import c_double, c_uint32
 from functools import cached_property
 from pathlib import Path
 
 import fmpy
-from importer import CO_SIMULATION, DECLARED, LOGGER, Instance3, Library, Status
+from importer import CO_SIMULATION, DECLARED, LOGGER, Instance3, Library
 from test_fmi3 import described
 
 PEER = """
@@ -138,23 +138,15 @@ def restored(fmu: Fmu) -> str:
     """Whether a saved and serialized state leads back."""
     instance = fmu.instance()
     instance.initialize()
-    state, other = c_void_p(), c_void_p()
-    if instance.call("fmi3GetFMUState", byref(state)) != Status.OK:
-        return "ERROR"
-    references = [unknown.variable.valueReference for unknown in fmu.description.outputs]
-    references = [
+    outputs = [
         v.valueReference
-        for v in fmu.description.modelVariables
-        if v.valueReference in references and v.type == "Float64" and not v.dimensions
+        for v in (unknown.variable for unknown in fmu.description.outputs)
+        if v.type == "Float64" and not v.dimensions
     ]
-    before = instance.get("Float64", references)
+    before, content = instance.get("Float64", outputs), instance.snapshot()
     instance.step(0.0, 0.125)
-    content = instance.serialize(state)
-    data = (c_uint8 * len(content))(*content)
-    if instance.call("fmi3DeserializeFMUState", data, len(content), byref(other)) != Status.OK:
-        return "ERROR"
-    instance.ok("fmi3SetFMUState", FMUState=other)
-    return "yes" if instance.get("Float64", references) == before else "no"
+    instance.restore(content)
+    return "yes" if instance.get("Float64", outputs) == before else "no"
 
 
 def event_mode(fmu: Fmu) -> str:
