@@ -14,7 +14,6 @@ from ctypes import (
     c_uint32,
     c_uint64,
     c_void_p,
-    string_at,
 )
 from typing import Any
 
@@ -34,6 +33,7 @@ from test_fmi3 import CLOCKED, CLOCKED_SCHEDULED, libraries, make
 __all__ = ["libraries", "make"]
 
 CONSTANT, SAMPLE, GIVEN, TUNED, ADAPTED, PULSE, ALARM, TRIGGER, THIRD = range(11, 20)
+DATA = 44
 PERIODIC = [CONSTANT, SAMPLE, GIVEN, TUNED, ADAPTED]
 AMOUNT, LEVEL, SAMPLE_TIME, DELAY, TUNED_TIME = range(21, 26)
 SUM, COUNT, ORDER, LAST, LAST_SUM = range(31, 36)
@@ -455,57 +455,3 @@ def test_partitions_and_times_that_are_refused(new: Callable[..., Instance3]) ->
     instance = new(SCHEDULED_EXECUTION, "activation")
     status = instance.call("fmi3GetClock", array(c_uint32, CONSTANT), 1, array(c_bool, False))
     assert refused(instance, status, "the clock constant is an input")
-
-
-# Types of FMI 3.0 alone, which the test model of both versions does not have.
-
-RATIO, SMALL, SIGNED, DATA = range(41, 45)
-
-
-@pytest.mark.parametrize(
-    ("kind", "reference", "allowed", "wrong"),
-    [
-        ("Float32", RATIO, [-1.0, 0.25, 1.0], [1.0 + 2.0**-23, float("nan"), float("-inf"), -3e38]),
-        ("UInt8", SMALL, [5, 200], [4, 201, 255, 0]),
-        ("Int64", SIGNED, [-3, 4], [5, -4, 2**63 - 1, -(2**63)]),
-    ],
-)
-def test_bounds_of_types(
-    new: Callable[..., Instance3], kind: str, reference: int, allowed: list[Any], wrong: list[Any]
-) -> None:
-    instance = new(MODEL_EXCHANGE, "initialization")
-    for value in allowed:
-        assert instance.set(kind, [reference], [value]) == Status.OK, instance.messages
-        assert instance.get(kind, [reference]) == [value]
-    content = instance.snapshot()
-    for value in wrong:
-        assert instance.set(kind, [reference], [value]) == Status.ERROR, value
-        instance.restore(content)
-        assert instance.get(kind, [reference]) == [allowed[-1]]
-
-
-def get_binary(instance: Instance3) -> bytes:
-    sizes, values = array(c_size_t, 0), array(c_void_p, None)
-    status = instance.call("fmi3GetBinary", array(c_uint32, DATA), 1, sizes, values, 1)
-    assert status == Status.OK, instance.messages
-    return string_at(values[0], sizes[0]) if sizes[0] else b""
-
-
-def set_binary(instance: Instance3, value: bytes) -> None:
-    data = (c_uint8 * len(value)).from_buffer_copy(value)
-    sizes, values = array(c_size_t, len(value)), array(c_void_p, addressof(data))
-    status = instance.call("fmi3SetBinary", array(c_uint32, DATA), 1, sizes, values, 1)
-    assert status == Status.OK, instance.messages
-
-
-@pytest.mark.parametrize("value", [b"", b"\0", bytes(range(256)) * 20])
-def test_a_binary_is_part_of_a_saved_state(new: Callable[..., Instance3], value: bytes) -> None:
-    instance, other = new(MODEL_EXCHANGE, "event"), new(MODEL_EXCHANGE)
-    assert get_binary(instance) == b"\x0a\xff"
-    set_binary(instance, value)
-    state = instance.save()
-    content = instance.serialize(state)
-    set_binary(instance, b"another")
-    instance.ok("fmi3SetFMUState", FMUState=state)
-    other.restore(content)
-    assert [get_binary(one) for one in (instance, other)] == [value, value]

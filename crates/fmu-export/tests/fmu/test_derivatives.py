@@ -132,8 +132,6 @@ def test_what_is_refused(make: Make) -> None:
     output, twice = refs("output"), refs("rate", "rate")
     arguments = [output, 1, twice, 2, reals(1.0, 1.0), reals(0.0)]
     assert "rate occurs twice" in instance.refuses(DIRECTIONAL, *arguments)
-    arguments = [output, 1, twice, 1, reals(float("nan")), reals(0.0)]
-    instance.refuses(DIRECTIONAL, *arguments, names=["rate"], numbers=[float("nan")])
     for order in (0, 2):
         text = instance.refuses(OVER_TIME, output, 1, integers(order), reals(0.0), names=["output"])
         assert f"order {order}" in text

@@ -9,19 +9,7 @@ import itertools
 import mmap
 import subprocess
 from collections.abc import Callable
-from ctypes import (
-    CDLL,
-    POINTER,
-    byref,
-    c_char_p,
-    c_int,
-    c_long,
-    c_size_t,
-    c_void_p,
-    cast,
-    memmove,
-    memset,
-)
+from ctypes import POINTER, addressof, byref, c_char, c_char_p, cast
 from math import nan
 
 import pytest
@@ -235,24 +223,11 @@ def test_the_name_is_passed_back_byte_for_byte(make: Make, name: bytes) -> None:
 LOCATIONS = [
     None,
     b"",
-    b"file:/tmp/fmu/resources",
-    b"file:///tmp/fmu/resources",
-    b"file:////tmp/fmu/resources/",
-    b"file:///tmp/fmu/resources///",
-    b"file://localhost/tmp/fmu/resources",
-    b"file://server/share/fmu/resources",
     b"file:///C:/Users/A%20B/fmu/resources",
-    b"file:///C:/Users/A B/100%/fmu/resources",
     b"file:///tmp/%zz%/%",
     b"file:///tmp/%s%n%d#resources",
-    "file:///tmp/Prüfstand/増圧機/resources".encode(),
     b"file:///tmp/\xff\xfe/resources",
-    b"FILE:///TMP",
-    b"file:",
     b"C:\\fmu\\resources",
-    b"resources",
-    b"https://example.org/fmu/resources",
-    b"fmi2://fmu/resources",
     b"file:///tmp/" + b"x" * LONG,
 ]
 
@@ -269,35 +244,21 @@ def test_resources_may_be_anywhere(make: Make) -> None:
 class Page:
     """Memory for arguments, which can be removed."""
 
-    def __init__(self, size: int) -> None:
-        self.library = CDLL(None)
-        self.library.mmap.restype = c_void_p
-        self.library.mmap.argtypes = [c_void_p, c_size_t, c_int, c_int, c_int, c_long]
-        self.library.munmap.argtypes = [c_void_p, c_size_t]
-        access, kind = mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
-        self.size = size
-        self.address = self.library.mmap(None, size, access, kind, -1, 0)
+    def __init__(self) -> None:
+        self.memory = mmap.mmap(-1, 2 * mmap.PAGESIZE)
+        self.address = addressof(c_char.from_buffer(self.memory))
         self.used = 0
 
     def put(self, content: bytes) -> int:
         """Copies bytes here; returns their address."""
-        address = self.address + self.used
-        self.used += (len(content) + 15) // 16 * 16
-        assert self.used <= self.size
-        memmove(address, content, len(content))
-        return address
+        begin, end = self.used, self.used + len(content)
+        self.memory[begin:end] = content
+        self.used = (end + 15) // 16 * 16
+        return self.address + begin
 
     def string(self, text: bytes) -> c_char_p:
         """Copies a string here."""
         return c_char_p(self.put(text + b"\0"))
-
-    def overwrite(self) -> None:
-        """Overwrites everything."""
-        memset(self.address, 0xA5, self.size)
-
-    def remove(self) -> None:
-        """From now on reading this memory crashes."""
-        assert self.library.munmap(self.address, self.size) == 0
 
 
 @pytest.mark.parametrize("removed", [False, True], ids=["overwritten", "removed"])
@@ -305,7 +266,7 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
     """The arguments of fmi2Instantiate are valid during the call only (section 2.1.5): the struct and the
     strings. The logger is still called with the struct's environment and the name."""
     instance = make()
-    page = Page(2 * mmap.PAGESIZE)
+    page = Page()
     callbacks = CallbackFunctions(instance.callbacks.logger, None, None, None, 0xC0FFEE)
     struct = page.put(bytes(callbacks))
     instead(
@@ -318,9 +279,9 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
         0,
         1,
     )
-    page.overwrite()
+    page.memory[:] = b"\xa5" * len(page.memory)
     if removed:
-        page.remove()
+        page.memory.close()
     provoke(instance.initialize())
     assert instance.step(0.0, STEP) == Status.OK
     assert instance.call("fmi2Reset") == Status.OK
@@ -332,9 +293,9 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
 def test_category_names_are_copied(make: Make) -> None:
     """The importer may reuse the strings of fmi2SetDebugLogging as well."""
     instance = make()
-    page = Page(mmap.PAGESIZE)
+    page = Page()
     instance.ok("fmi2SetDebugLogging", 1, 1, (c_char_p * 1)(page.string(b"logEvents")))
-    page.remove()
+    page.memory.close()
     instance.initialize().run(4)
     instance.refuses("fmi2DoStep", 0.0, -STEP, 1)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from ctypes import byref, c_double, c_int, c_void_p
+from ctypes import byref
 from typing import Any
 
 import pytest
 from fmpy.fmi2 import fmi2ModelExchange
-from importer import STEP, EventInfo, Fmu, Instance, Status, buffer, reals
+from importer import STEP, EventInfo, Fmu, Instance, Status, reals
 from test_panics import NOT_FINITE
 
 Make = Callable[..., Instance]
@@ -524,14 +524,11 @@ def test_a_step_to_the_end_of_the_model(make: Make) -> None:
     assert instance.step(STEP, STEP) == Status.DISCARD
     told = f"fmi2DoStep: the model requests the end of the simulation at {1.5 * STEP} s"
     assert (instance.messages[-1].status, instance.messages[-1].text) == (Status.DISCARD, told)
-    time, terminated = c_double(), c_int()
-    instance.ok("fmi2GetRealStatus", 2, byref(time))
-    instance.ok("fmi2GetBooleanStatus", 3, byref(terminated))
-    assert (time.value, terminated.value) == (1.5 * STEP, 1)
-    instance.refuses("fmi2DoStep", time.value, STEP, 1, names=["stepFailed"])
+    assert instance.end() == (1.5 * STEP, True)
+    instance.refuses("fmi2DoStep", 1.5 * STEP, STEP, 1, names=["stepFailed"])
     other = make()
     other.restore(instance.snapshot())
-    other.refuses("fmi2DoStep", time.value, STEP, 1, names=["stepFailed"])
+    other.refuses("fmi2DoStep", 1.5 * STEP, STEP, 1, names=["stepFailed"])
     instance.ok("fmi2Terminate")
 
 
@@ -543,9 +540,7 @@ def test_an_end_that_is_off_by_rounding(make: Make, begin: float, late: float) -
     assert instance.step(0.0, STEP) == Status.OK
     assert instance.set({"events.end": begin + STEP + late}) == Status.OK
     assert instance.step(STEP, STEP) == Status.DISCARD
-    time = c_double()
-    instance.ok("fmi2GetRealStatus", 2, byref(time))
-    assert time.value == min(max(begin + STEP + late, STEP), 2 * STEP)
+    assert instance.end()[0] == min(max(begin + STEP + late, STEP), 2 * STEP)
 
 
 def test_an_end_before_the_first_step(make: Make) -> None:
@@ -554,10 +549,7 @@ def test_an_end_before_the_first_step(make: Make) -> None:
     assert instance.set({"events.end": 0.5}) == Status.OK
     instance.initialize(start_time=1.0)
     assert instance.step(1.0, STEP) == Status.DISCARD
-    time, terminated = c_double(), c_int()
-    instance.ok("fmi2GetRealStatus", 2, byref(time))
-    instance.ok("fmi2GetBooleanStatus", 3, byref(terminated))
-    assert (time.value, terminated.value) == (1.0, 1)
+    assert instance.end() == (1.0, True)
 
 
 def test_saved_within_an_event(make: Make) -> None:
@@ -571,9 +563,7 @@ def test_saved_within_an_event(make: Make) -> None:
         if restore is state:
             instance.ok("fmi2SetFMUstate", state)
         elif restore is data:
-            made = c_void_p()
-            instance.ok("fmi2DeSerializeFMUstate", buffer(data), len(data), byref(made))
-            instance.ok("fmi2SetFMUstate", made)
+            instance.restore(data)
         assert [info.newDiscreteStatesNeeded for info in finish_event(instance)] == [1, 1, 0]
         ends.append((instance.snapshot(), everything(instance)))
     assert ends[0] == ends[1] == ends[2]

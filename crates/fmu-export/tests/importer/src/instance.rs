@@ -437,19 +437,31 @@ impl<'f> Instance<'f> {
     /// Sets a scalar: a whole number, or sixteenths.
     pub fn set(&mut self, name: &str, value: i32) {
         let variable = self.fmu.description.variable(name).unwrap();
-        let is_fmi3 = self.fmu.description.is_fmi3();
-        let (kind, value) = match (variable.value_type(), is_fmi3) {
-            (ValueType::Real, _) => {
-                (if is_fmi3 { "Float64" } else { "Real" }, Argument::of(&[f64::from(value) / 16.0]))
-            }
-            (ValueType::Enumeration, true) => ("Int64", Argument::of(&[i64::from(value)])),
-            (_, _) => (if is_fmi3 { "Int32" } else { "Integer" }, Argument::of(&[value])),
+        let unit = if variable.value_type() == ValueType::Real { 16.0 } else { 1.0 };
+        assert_eq!(self.set_to(variable, f64::from(value) / unit), Status::Ok);
+    }
+
+    /// Sets all elements of a variable to a number, as its type.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers are small")]
+    pub fn set_to(&mut self, variable: &FmuVariable, value: f64) -> Status {
+        let (is_fmi3, count) = (self.fmu.description.is_fmi3(), self.fmu.size(variable));
+        let kind = match (&variable.data_type[..], is_fmi3) {
+            ("Enumeration", false) => "Integer",
+            ("Enumeration", true) => "Int64",
+            (kind, _) => kind,
         };
-        let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), value];
+        let values = match kind {
+            "Real" | "Float64" => Argument::of(&vec![value; count]),
+            "Float32" => Argument::of(&vec![value as f32; count]),
+            "UInt8" => Argument::of(&vec![value as u8; count]),
+            "Int64" => Argument::of(&vec![value as i64; count]),
+            _ => Argument::of(&vec![value as i32; count]),
+        };
+        let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
         if is_fmi3 {
-            arguments.push(Argument::Whole(1));
+            arguments.push(Argument::Whole(count as u64));
         }
-        assert_eq!(self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0, Status::Ok);
+        self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0
     }
 
     /// Calls a function that must succeed, with valid arguments.
