@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 #[path = "../crates/cargo-fmu/tests/support/mod.rs"]
 mod support;
@@ -243,37 +243,6 @@ fn a_description_does_not_control_the_terminal() {
     assert!(printed(&["info", &broken]).contains(r"\u{1b}[2J"));
     let entry = archive("harm_in_entry.fmu", "../\u{1b}[2J", "");
     assert!(printed(&["info", &entry]).contains(r"'../\u{1b}[2J'"));
-}
-
-/// The file is one of theirs, and other files beside it are kept.
-#[test]
-fn two_processes_with_one_output_leave_one_complete_file() {
-    let folder = empty("race");
-    let packages = ["One", "Another"].map(|name| {
-        let [plant, controller] = fitting(name);
-        let plant = archive(&format!("race_{name}_plant.fmu"), "modelDescription.xml", &plant);
-        let controller = archive(&format!("race_{name}_controller.fmu"), "modelDescription.xml", &controller);
-        let arguments = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "race.ssp"];
-        let arguments = arguments.map(str::to_owned);
-        let output = boost_fmu_in(&folder, &arguments.each_ref().map(String::as_str));
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        (arguments, fs::read(folder.join("race.ssp")).unwrap())
-    });
-    assert_ne!(packages[0].1, packages[1].1);
-    fs::write(folder.join("race.ssp.new"), "mine").unwrap();
-    for _ in 0..20 {
-        let both = packages.each_ref().map(|(arguments, _)| {
-            let mut command = Command::new(env!("CARGO_BIN_EXE_boost-fmu"));
-            command.args(arguments).current_dir(&folder).stdout(Stdio::null()).spawn().unwrap()
-        });
-        for mut process in both {
-            assert!(process.wait().unwrap().success());
-        }
-        let written = fs::read(folder.join("race.ssp")).unwrap();
-        assert!(packages.iter().any(|(_, package)| *package == written));
-    }
-    assert_eq!(fs::read_to_string(folder.join("race.ssp.new")).unwrap(), "mine");
-    assert_eq!(names(&folder), ["race.ssp", "race.ssp.new"]);
 }
 
 #[test]

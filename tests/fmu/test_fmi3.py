@@ -18,7 +18,6 @@ from conftest import ROOT, TARGET, Run
 from experiments import BOOST_STEPS, BOOST_STEPS_END, SCENARIOS, couple, staircase
 from fmpy import __file__ as fmpy_file
 from fmpy.validation import validate_fmu
-from lxml import etree
 from master import Fmu, Instance, Master, Reals, Value
 from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
 
@@ -43,19 +42,9 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> Exports:
     return {(name, version): extracted(name, version) for name in NAMES for version in VERSIONS}
 
 
-def schema(version: int, name: str) -> etree.XMLSchema:
-    """A schema of the standard."""
-    return etree.XMLSchema(
-        etree.parse(Path(fmpy_file).parent / "schema" / f"fmi{version}" / f"fmi3{name}.xsd")
-    )
-
-
 @BOTH
-def test_fmpy_and_the_schemas_find_no_problem(exports: Exports, name: str) -> None:
-    path = exports[name, 3].path
-    assert validate_fmu(path) == []
-    with zipfile.ZipFile(path) as archive:
-        schema(3, "ModelDescription").assertValid(etree.fromstring(archive.read("modelDescription.xml")))
+def test_fmpy_finds_no_problem(exports: Exports, name: str) -> None:
+    assert validate_fmu(exports[name, 3].path) == []
 
 
 @BOTH
@@ -266,34 +255,7 @@ def test_ecos_couples_both_versions(
 FIGURE_13 = SCENARIOS / "figure_13.toml"
 
 
-@pytest.fixture(scope="module")
-def parameter_set(boost_fmu: Run, exports: Exports, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The controller's parameters, with another strategy and schedule than by default."""
-    folder = tmp_path_factory.mktemp("parameters")
-    files = []
-    for version in VERSIONS:
-        files.append(folder / f"{version}.ssv")
-        done = boost_fmu(
-            "parameters", exports["BoostController", version].path, "--out", files[-1], folder=folder
-        )
-        assert done.returncode == 0, done.stderr
-    # Elements of arrays are parameters in both.
-    text = files[0].read_text()
-    assert files[1].read_text() == text
-    tree = etree.fromstring(text.encode())
-    values = {parameter.get("name"): parameter[0] for parameter in tree.iter("{*}Parameter")}
-    values["strategy"].set("value", "by_speed")
-    element = values["schedule.feedforward[4,2]"]
-    element.set("value", str(0.8 * float(element.get("value"))))
-    changed = folder / "changed.ssv"
-    changed.write_bytes(etree.tostring(tree))
-    return changed
-
-
-@pytest.mark.parametrize("has_parameters", [False, True], ids=["default", "parameters"])
-def test_the_laboratory_couples_both_versions(
-    lab: Run, exports: Exports, parameter_set: Path, tmp_path: Path, has_parameters: bool
-) -> None:
+def test_the_laboratory_couples_both_versions(lab: Run, exports: Exports, tmp_path: Path) -> None:
     """Fig. 13 by `simulate`: the same record, byte by byte, whatever versions plant and controller have."""
     records = {}
     for plant, controller in ((2, 2), (3, 3), (3, 2), (2, 3)):
@@ -301,9 +263,8 @@ def test_the_laboratory_couples_both_versions(
             f"--fmu={name}={exports[model, version].path}"
             for name, model, version in (("plant", NAMES[0], plant), ("controller", NAMES[1], controller))
         ]
-        parameters = ["--parameters", parameter_set] if has_parameters else []
         out = tmp_path / f"{plant}{controller}.csv"
-        done = lab("simulate", FIGURE_13, *fmus, *parameters, "--out", out)
+        done = lab("simulate", FIGURE_13, *fmus, "--out", out)
         assert done.returncode == 0, done.stderr
         records[plant, controller] = out.read_bytes()
     assert len(records[2, 2].splitlines()) > 124 * 80

@@ -471,31 +471,16 @@ def test_known_values_are_used(
         assert larger[name][0] == pytest.approx(1.1 * smaller[name][0], abs=0.1 * smaller[name][1]), name
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("0.025,20.0,", "0.025,?,", 'line 4, hp_wastegate_pwm: expected a number, found "?"'),
-        ("0.025,20.0,", "0.0125,20.0,", "line 4, time: expected a time after 0.0125 s, found 0.0125 s"),
-        ("tank_pressure", "tank", "line 1: expected a column tank_pressure (the absolute vacuum tank"),
-        ("tank_pressure", "tank_pressure (psi)", "line 1, tank_pressure: expected one of the units Pa, hPa"),
-        (
-            "tank_pressure",
-            "tank_pressure (MPa)",
-            "line 2, tank_pressure: expected 1000 to 1000000 Pa, found 3",
-        ),
-    ],
-)
-def test_errors_in_the_data_are_named(
-    lab: Run, exported: Path, benches: dict[str, Table], tmp_path: Path, old: str, new: str, message: str
+def test_a_unit_that_makes_no_sense_of_the_data_is_named(
+    lab: Run, exported: Path, benches: dict[str, Table], tmp_path: Path
 ) -> None:
     data = benches["defaults"].between(0, 1).write(tmp_path / "data.csv")
-    text = data.read_text()
-    assert old in text
-    data.write_text(text.replace(old, new))
-    arguments = ["--plant", exported / "BoostPlant.fmu", "--out", tmp_path / "out"]
-    done = lab("identify", "actuator", data, *arguments)
+    data.write_text(data.read_text().replace("tank_pressure", "tank_pressure (MPa)"))
+    done = lab(
+        "identify", "actuator", data, "--plant", exported / "BoostPlant.fmu", "--out", tmp_path / "out"
+    )
     assert done.returncode == 2
-    assert f"data.csv: {message}" in done.stderr
+    assert "data.csv: line 2, tank_pressure: expected 1000 to 1000000 Pa, found 3" in done.stderr
     assert not (tmp_path / "out").exists()
 
 

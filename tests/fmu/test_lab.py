@@ -9,7 +9,6 @@ import shlex
 import shutil
 import subprocess
 import tomllib
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -88,18 +87,6 @@ def test_simulate_gets_the_numbers_of_fmpy(
     extremes = 1e-3 * np.array([found["boost_pressure"].min(), found["boost_pressure"].max()])
     assert [min(drawn), max(drawn)] == pytest.approx(extremes, abs=0.01)
     assert {line["name"] for plot in report.plots for line in plot["data"]} == set(found) - {"time"}
-
-
-def test_both_orders_differ(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """Otherwise the test above would test one order only."""
-    text = (SCENARIOS / "figure_13.toml").read_text()
-    columns = []
-    for stepping in ["in_turn", "at_once"]:
-        file = tmp_path / f"{stepping}.toml"
-        file.write_text(f'stepping = "{stepping}"\n{text}')
-        assert lab("simulate", file, "--fmus", exported, "--out", tmp_path).returncode == 0
-        columns.append(read(tmp_path / f"{stepping}.csv")["boost_pressure"])
-    assert (columns[0] != columns[1]).any()
 
 
 def test_noise_is_the_same_each_time_and_reaches_the_measurement_only(
@@ -346,33 +333,9 @@ RUN_IN = r"line \d+, fmu\[2\].run_in.during"
 
 WRONG = [
     (
-        "boost_reference]",
-        "boost_refrence]",
-        r"line \d+, inputs.boost_refrence: no FMU has an input boost_refrence; the nearest is boost_ref",
-    ),
-    (
-        "BoostPlant.fmu",
-        "BoostPlan.fmu",
-        r"line \d+, fmu\[2\].file: BoostPlan.fmu does not exist: `export` writes FMUs to .*; "
-        r"the nearest is BoostPlant.fmu; or name another folder with --fmus DIR "
-        r"or another file with --fmu plant=FILE.fmu",
-    ),
-    (
         '"tank.frozen" = true',
         '"tank.frosen" = true',
         RUN_IN + r'."tank.frosen": BoostPlant.fmu has no variable tank.frosen; the nearest is tank.frozen',
-    ),
-    (
-        '"tank.frozen" = true',
-        '"tank.frozen" = 1',
-        RUN_IN + r'."tank.frozen": the value 1 of tank.frozen cannot be used: '
-        r"it is of the type Integer, not Boolean",
-    ),
-    (
-        '= "running"',
-        '= "runing"',
-        RUN_IN + r".*: the value runing of initialization.mode cannot be used: "
-        r"it is not one of settled, running, given",
     ),
     (
         "[inputs.boost_reference]",
@@ -381,18 +344,8 @@ WRONG = [
     ),
     (
         "step = 0.0125",
-        "step = 0.0125\nrecord = ['boost_pressur']",
-        r"line \d+, record\[1\]: no FMU has a variable boost_pressur; the nearest is boost_pressure",
-    ),
-    (
-        "step = 0.0125",
         "step = 0.0125\nrecord = ['engine:boost_pressure']",
         r"line \d+, record\[1\]: no FMU has the name engine",
-    ),
-    (
-        "step = 0.0125",
-        "step = 0.013",
-        r"line \d+, stop_time: 124 s is not a multiple of the communication step, 0.013 s",
     ),
     (
         "step = 0.0125",
@@ -430,19 +383,6 @@ def test_a_refused_value_is_reported_with_its_place_and_the_fmus_message(
     )
     assert "lambda" in message.splitlines()[1]
     assert "-1" in message.splitlines()[1]
-
-
-def test_fmu_that_would_write_outside_of_its_folder_is_refused(
-    lab: Run, exported: Path, tmp_path: Path
-) -> None:
-    fmus = tmp_path / "fmus"
-    fmus.mkdir()
-    shutil.copy(exported / "BoostController.fmu", fmus)
-    shutil.copy(exported / "BoostPlant.fmu", fmus)
-    with zipfile.ZipFile(fmus / "BoostPlant.fmu", "a") as archive:
-        archive.writestr("../../outside", "harm")
-    message = refusal(lab, tmp_path, fmus, FIGURE_13)
-    assert "its entry '../../outside': it would be extracted outside of its folder" in message
 
 
 def test_units_that_differ_are_converted(lab: Run, exported: Path, tmp_path: Path) -> None:
@@ -510,14 +450,9 @@ def test_one_fmu_runs_with_its_default_experiment(
     assert set(plant_fmu.named("output")) <= {name.split(" (")[0] for name in found}
 
 
-def test_fmu_can_be_given_by_its_name(lab: Run, exported: Path, tmp_path: Path) -> None:
-    file = SCENARIOS / "figure_1.toml"
-    out = tmp_path / "one.csv"
-    plant = exported / "BoostPlant.fmu"
-    done = lab("simulate", file, "--fmu", f"plant={plant}", "--out", out)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(read(out)["time"]) == 641
-    done = lab("simulate", file, "--fmu", f"engine={plant}", "--out", out)
+def test_an_fmu_that_the_scenario_does_not_have_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
+    file, plant = SCENARIOS / "figure_1.toml", exported / "BoostPlant.fmu"
+    done = lab("simulate", file, "--fmu", f"engine={plant}", "--out", tmp_path)
     assert done.returncode == 2
     assert done.stderr.endswith("has no FMU engine: there are plant\n")
 

@@ -110,18 +110,10 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ([("tank.volumn", 'Real value="1"')], "has no variable tank.volumn"),
-        (
-            [("tank.volume", 'Real value="-1"')],
-            "tank.volume cannot be used: -1 m3 is not within 0.00001..10000",
-        ),
         ([("tank.volume", 'Real value="NaN"')], "tank.volume cannot be used: NaN m3 is not within"),
         ([("tank.volume", 'Real value="1" unit="N"')], "the unit N does not convert to m3"),
         ([("tank.volume", 'Real value="1" unit="gallon"')], "the unit gallon is not defined"),
-        ([("tank.volume", 'Boolean value="true"')], "it is of the type Boolean, not Real"),
         ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
-        ([("mode", 'Enumeration value="bost"')], "it is not one of boost, position, open_loop"),
-        ([("sample_count", 'Integer value="1"')], "sample_count cannot be set: its causality is local"),
         ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda occurs twice"),
         (
             [("lambda", 'Real value="1"'), ("tank.volume", 'Real value="1"')],

@@ -93,25 +93,6 @@ def results(lab: Run, exported: Path, study: Path) -> Path:
     return out
 
 
-def test_a_grid_has_all_combinations(results: Path) -> None:
-    found = [
-        (
-            int(row["run"]),
-            float(row["plant:valve.time_constant"]),
-            row["controller:structure"],
-            float(row["plant:tank.volume"]),
-        )
-        for row in rows(results / "results.csv")
-    ]
-    values = [
-        (constant, structure, volume)
-        for constant in (0.008, 0.04)
-        for structure in ("model_reference", "paper")
-        for volume in (1e-3, -1.0, 2e-3)
-    ]
-    assert found == [(run, *point) for run, point in enumerate(values)]
-
-
 def test_a_run_that_fails_is_a_row_with_the_message(results: Path) -> None:
     for row in rows(results / "results.csv"):
         fails = float(row["plant:tank.volume"]) < 0
@@ -255,20 +236,11 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (MEASURES, "line 1, the file: expected one of grid, latin_hypercube and list"),
         (
             '[grid]\n"plant:tank.volum" = [1]\n' + MEASURES,
             "no variable tank.volum; the nearest is tank.volume",
         ),
         ('[grid]\n"engine:tank.volume" = [1]\n' + MEASURES, "has no FMU engine: there are controller, plant"),
-        (
-            '[grid]\n"plant:tank.frozen" = [1]\n' + MEASURES,
-            "the value 1 of tank.frozen cannot be used: it is of the type Integer, not Boolean",
-        ),
-        (
-            '[grid]\n"controller:structure" = ["papers"]\n' + MEASURES,
-            "the value papers of structure cannot be used: it is not one of model_reference, paper",
-        ),
         ('[grid]\n"plant:boost_pressure" = [1]\n' + MEASURES, "boost_pressure is calculated by the FMU"),
         (GRID + '[measures]\na = { finale = "boost_pressure" }', "line 8, measures.a: expected a table with"),
         (GRID + '[measures]\na = { final = "boost" }', "no FMU has a variable boost"),
@@ -290,40 +262,6 @@ def test_errors_in_a_study_are_named(
     done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert message in done.stderr
-
-
-def test_a_hypercube_and_a_list_run(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """A value that a list leaves out is the scenario's."""
-    hypercube = """
-    [latin_hypercube]
-    runs = 4
-    seed = 3
-    [latin_hypercube.ranges]
-    "plant:actuator.spring_preload" = { from = 16, to = 22 }
-    "plant:tank.volume" = { from = 1e-3, to = 1e-1, spacing = "logarithmic" }
-    """
-    listed = """
-    [[list]]
-    "plant:actuator.spring_preload" = 19
-    [[list]]
-    "plant:tank.volume" = 0.001
-    """
-    found = {}
-    for name, text in [("hypercube", hypercube), ("list", listed)]:
-        study = write_study(tmp_path / name, text + MEASURES)
-        done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / name)
-        assert done.returncode == 0, done.stderr
-        found[name] = rows(tmp_path / name / "results.csv")
-        assert not any(row["error"] for row in found[name])
-    preloads = sorted(float(row["plant:actuator.spring_preload"]) for row in found["hypercube"])
-    assert [int((preload - 16) / 1.5) for preload in preloads] == [0, 1, 2, 3]
-    volumes = sorted(np.log10(float(row["plant:tank.volume"])) for row in found["hypercube"])
-    assert [int((volume + 3) / 0.5) for volume in volumes] == [0, 1, 2, 3]
-    assert len({row["last"] for row in found["hypercube"]}) == 4
-    # The defaults, each given in one row and left out in the other.
-    one, other = found["list"]
-    assert (one["plant:tank.volume"], other["plant:actuator.spring_preload"]) == ("", "")
-    assert one["last"] == other["last"]
 
 
 def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_path: Path) -> None:

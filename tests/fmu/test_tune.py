@@ -379,13 +379,6 @@ def test_required_variables_of_a_plant(
     assert message in done.stderr
 
 
-def test_controller_without_a_schedule_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
-    plant = exported / "BoostPlant.fmu"
-    done = lab("tune", "--plant", plant, "--controller", plant, "--out", tmp_path)
-    assert done.returncode == 2
-    assert "the controller BoostPlant has no range_schedule.engine_speed[1]" in done.stderr
-
-
 def test_plant_that_does_not_respond_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
     """Without an area of its wastegate the plant's boost pressure does not depend on the duty."""
     text = (ROOT / "parameters" / "small_wastegate.ssv").read_text()

@@ -15,24 +15,13 @@ from master import Fmu
 
 NAMES = ["BoostPlant", "BoostController"]
 
-INPUT = r'(<ScalarVariable name="boost_reference"[^>]*>\s*<Real[^>]*?)'
-"""An input of the controller, up to the attributes of its type."""
-
-BREAKS = {
-    "causality": (r'causality="input"', 'causality="entry"'),
-    "start": (INPUT + r' start="[^"]*"', r"\1"),
-    "variability": (r'variability="discrete"([^>]*>\s*<Boolean)', r'variability="continuous"\1'),
-    "outputs": (r"<Outputs>\s*<Unknown[^>]*/>", "<Outputs>"),
-}
-"""The breaks of the controller, by the name of a test."""
-
 
 @pytest.fixture
-def broken(request: pytest.FixtureRequest, exported: Path, tmp_path: Path) -> Path:
-    """The controller with the break that the test's parameter names."""
-    pattern, replacement = BREAKS[request.param]
+def broken(exported: Path, tmp_path: Path) -> Path:
+    """The controller without the start value of an input."""
+    pattern = r'(<ScalarVariable name="boost_reference"[^>]*>\s*<Real[^>]*?) start="[^"]*"'
     file = "BoostController.fmu"
-    return copy_with(exported / file, tmp_path / file, pattern, replacement)
+    return copy_with(exported / file, tmp_path / file, pattern, r"\1")
 
 
 class Message(NamedTuple):
@@ -60,19 +49,10 @@ def test_fmutool_finds_nothing(exported: Path, name: str) -> None:
     assert "No semantic error against the FMI-2 standard." in texts
 
 
-@pytest.mark.parametrize(
-    ("broken", "found"),
-    [
-        ("causality", "attribute causality='entry': value must be one of"),
-        ("start", "Variable 'boost_reference': a start value is required"),
-        ("variability", "a Boolean variable cannot be continuous"),
-        ("outputs", "is not listed in <Outputs>"),
-    ],
-    indirect=["broken"],
-)
-def test_fmutool_finds_what_is_broken(broken: Path, found: str) -> None:
+def test_fmutool_finds_what_is_broken(broken: Path) -> None:
     code, messages = fmutool(broken)
     assert code != 0
+    found = "Variable 'boost_reference': a start value is required"
     assert any(message.level == "ERROR" and found in message.text for message in messages)
 
 
@@ -130,15 +110,7 @@ def test_libcosim_finds_nothing(fmus: dict[str, Fmu], name: str) -> None:
     assert set(libcosim(fmus[name].path)) == expected_of_libcosim(fmus[name])
 
 
-@pytest.mark.parametrize(
-    ("broken", "found"),
-    [
-        ("causality", "could not parse value for enumeration attribute 'causality'='entry'"),
-        ("start", "Start attribute is required for this causality, variability and initial combination"),
-        ("variability", "Only Real variables can have variability='continuous'"),
-    ],
-    indirect=["broken"],
-)
-def test_libcosim_finds_what_is_broken(controller_fmu: Fmu, broken: Path, found: str) -> None:
+def test_libcosim_finds_what_is_broken(controller_fmu: Fmu, broken: Path) -> None:
+    found = "Start attribute is required for this causality, variability and initial combination"
     more = set(libcosim(broken)) - expected_of_libcosim(controller_fmu)
     assert any(message.level == "error" and found in message.text for message in more)

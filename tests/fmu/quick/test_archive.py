@@ -19,34 +19,10 @@ NAMES = ["BoostPlant", "BoostController"]
 LARGEST = 600_000
 """Bytes of an FMU."""
 
-FUNCTIONS = """
-fmi2GetTypesPlatform fmi2GetVersion fmi2SetDebugLogging
-fmi2Instantiate fmi2FreeInstance
-fmi2SetupExperiment fmi2EnterInitializationMode fmi2ExitInitializationMode fmi2Terminate fmi2Reset
-fmi2GetReal fmi2GetInteger fmi2GetBoolean fmi2GetString
-fmi2SetReal fmi2SetInteger fmi2SetBoolean fmi2SetString
-fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
-fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate
-fmi2GetDirectionalDerivative
-fmi2SetRealInputDerivatives fmi2GetRealOutputDerivatives
-fmi2DoStep fmi2CancelStep
-fmi2GetStatus fmi2GetRealStatus fmi2GetIntegerStatus fmi2GetBooleanStatus fmi2GetStringStatus
-""".split()
-"""All functions of FMI 2.0 for co-simulation."""
-
 
 @pytest.mark.parametrize("name", NAMES)
 def test_fmpy_finds_no_problem(exported: Path, name: str) -> None:
     assert validate_fmu(str(exported / f"{name}.fmu")) == []
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_description_follows_the_schema(exported: Path, name: str) -> None:
-    file = Path(fmpy_file).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
-    schema = etree.XMLSchema(etree.parse(file))
-    with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
-        document = etree.fromstring(archive.read("modelDescription.xml"))
-    schema.assertValid(document)
 
 
 def test_the_terminals_connect_plant_and_controller(fmus: dict[str, Fmu]) -> None:
@@ -71,8 +47,11 @@ def test_library_defines_the_standards_functions_only(fmus: dict[str, Fmu], name
     library = Path(fmus[name].folder) / "binaries" / "linux64" / f"{name}.so"
     command = ["nm", "-D", "--defined-only", str(library)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert len(FUNCTIONS) == 34
-    assert sorted(line.split()[-1] for line in lines) == sorted(FUNCTIONS)
+    header = (Path(fmpy_file).parent / "c-code" / "fmi2Functions.h").read_text()
+    functions = set(re.findall(r"^ *FMI2_Export \w+ +(\w+);", header, re.MULTILINE))
+    symbols = {line.split()[-1] for line in lines}
+    # All but the ten of Model Exchange.
+    assert (len(functions), len(symbols), symbols - functions) == (44, 34, set())
 
 
 @pytest.mark.parametrize("name", NAMES)

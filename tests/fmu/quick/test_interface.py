@@ -1,222 +1,55 @@
-"""The interface of plant and controller, on which users rely who replace one of them."""
+"""The interface of plant and controller, on which users rely who replace one of them.
+
+`PYTHONPATH=tests/fmu python tests/fmu/quick/test_interface.py` writes promised.txt after an intended change,
+such as a new variable.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from itertools import groupby
+from pathlib import Path
 
 import pytest
+from fmpy import read_model_description
 from fmpy.model_description import ScalarVariable
 from master import Fmu
 
-
-@dataclass
-class Row:
-    """The promised attributes of a variable."""
-
-    name: str
-    unit: str | None
-    start: float | None
-    minimum: float | None
-    maximum: float | None
-    variability: str
+PROMISED = Path(__file__).with_name("promised.txt")
 
 
-PLANT_INPUTS = [
-    Row("hp_wastegate_pwm", "%", 40, 0, 100, "discrete"),
-    Row("vacuum_pump", "1", 0, 0, 1, "discrete"),
-    Row("lp_wastegate", "1", 0, 0, 1, "continuous"),
-    Row("hp_bypass", "1", 0, 0, 1, "continuous"),
-    Row("surge_valve", "1", 0, 0, 1, "continuous"),
-    Row("throttle", "1", 1, 0, 1, "continuous"),
-    Row("supply_voltage", "V", 12, 0, 32, "continuous"),
-    Row("engine_speed", "rpm", 1500, 0, 8000, "continuous"),
-    Row("ambient_pressure", "Pa", 101325, 5e4, 1.1e5, "continuous"),
-    Row("ambient_temperature", "K", 298, 230, 330, "continuous"),
-]
-
-PLANT_OUTPUTS = {
-    "boost_pressure": "Pa",
-    "tank_pressure": "Pa",
-    "actuator_pressure": "Pa",
-    "intake_manifold_pressure": "Pa",
-    "exhaust_manifold_pressure": "Pa",
-    "interstage_exhaust_pressure": "Pa",
-    "hp_wastegate_position": "1",
-    "supply_voltage_measured": "V",
-    "engine_torque": "N.m",
-    "air_mass_flow": "kg/s",
-    "hp_turbo_speed": "rpm",
-    "lp_turbo_speed": "rpm",
-    "exhaust_temperature": "K",
-    "charge_temperature": "K",
-}
-
-PLANT_STATES = [
-    "tank.pressure",
-    "actuator.chamber_pressure",
-    "actuator.position",
-    "actuator.velocity",
-    "actuator.friction_force",
-    "valve.plunger_duty",
-    "air_filter.pressure",
-    "lp_compressor.outlet_pressure",
-    "hp_compressor.outlet_pressure",
-    "intercooler.outlet_pressure",
-    "intake_manifold.pressure",
-    "exhaust_manifold.pressure",
-    "interstage_exhaust.pressure",
-    "exhaust.pressure",
-    "hp_shaft.speed",
-    "lp_shaft.speed",
-    "supply_sensor.voltage",
-]
-
-CONTROLLER_INPUTS = [
-    Row("boost_reference", "Pa", 125000, 0, 1e6, "continuous"),
-    Row("boost_pressure", "Pa", 101325, 0, 1e6, "continuous"),
-    Row("tank_pressure", "Pa", 32500, 0, 2e5, "continuous"),
-    Row("supply_voltage_measured", "V", 12, 0, 32, "continuous"),
-    Row("engine_speed", "rpm", 1500, 0, 8000, "continuous"),
-    Row("wastegate_reference", "1", 0, 0, 1, "continuous"),
-    Row("pwm_reference", "%", 40, 0, 100, "continuous"),
-    Row("ambient_pressure", "Pa", 0, 0, 1.1e5, "continuous"),
-    Row("ambient_temperature", "K", 0, 0, 330, "continuous"),
-    Row("hp_turbo_speed", "rpm", 0, 0, 1e6, "continuous"),
-]
-
-CONTROLLER_OUTPUTS = {
-    "hp_wastegate_pwm": "%",
-    "vacuum_pump": "1",
-    "lp_wastegate": "1",
-    "hp_bypass": "1",
-    "surge_valve": "1",
-    "fault_code": "1",
-}
-
-CONTROLLER_DIAGNOSTICS = {
-    "feedforward_pwm": ("Real", "%"),
-    "proportional_term": ("Real", "%"),
-    "integral_term": ("Real", "%"),
-    "derivative_term": ("Real", "%"),
-    "unsaturated_pwm": ("Real", "%"),
-    "reference_model_pressure": ("Real", "Pa"),
-    "voltage_compensation": ("Real", "1"),
-    "saturated": ("Boolean", None),
-    "sample_count": ("Integer", None),
-}
-
-CONTROLLER_PARAMETERS = [
-    Row("sample_time", "s", 0.0125, 1e-3, 1, "fixed"),
-    Row("nominal_voltage", "V", 12, 1, 48, "tunable"),
-    Row("lambda", "s", 0.3, 1e-3, 100, "tunable"),
-    Row("derivative_filter", "1", 8, 1, 100, "tunable"),
-    Row("pwm_min", "%", 25, 0, 100, "tunable"),
-    Row("pwm_max", "%", 75, 0, 100, "tunable"),
-    Row("boost_limit", "Pa", 240000, 5e4, 1e6, "tunable"),
-    Row("tank_pressure_on", "Pa", 35000, 1e3, 1.2e5, "tunable"),
-    Row("tank_pressure_off", "Pa", 30000, 1e3, 1.2e5, "tunable"),
-    Row("lp_wastegate_close_below", "rpm", 2000, 0, 8000, "tunable"),
-    Row("lp_wastegate_open_above", "rpm", 3500, 0, 8000, "tunable"),
-    Row("stage_hysteresis", "rpm", 100, 0, 1000, "tunable"),
-    Row("low_pressure_gain", "1/Pa", 2e-5, 0, 1e-2, "tunable"),
-    Row("low_pressure_integral_time", "s", 1.5, 1e-3, 100, "tunable"),
-]
-
-ENUMERATIONS = {
-    ("BoostPlant", "initialization.mode"): (["settled", "running", "given"], "settled"),
-    ("BoostController", "mode"): (["boost", "position", "open_loop"], "boost"),
-    ("BoostController", "structure"): (["model_reference", "paper"], "model_reference"),
-}
-
-
-def check(variable: ScalarVariable, row: Row, causality: str) -> None:
-    """Compares a variable with the promised attributes."""
-
-    def number(text: str | None) -> float | None:
-        return None if text is None else float(text)
-
-    found = Row(
-        variable.name,
-        variable.unit,
-        number(variable.start),
-        number(variable.min),
-        number(variable.max),
-        variable.variability,
-    )
-    assert found == row
-    assert variable.causality == causality
-    assert variable.type == "Real"
-
-
-@pytest.mark.parametrize(
-    ("name", "rows"),
-    [("BoostPlant", PLANT_INPUTS), ("BoostController", CONTROLLER_INPUTS)],
-)
-def test_inputs(fmus: dict[str, Fmu], name: str, rows: list[Row]) -> None:
-    assert fmus[name].named("input") == [row.name for row in rows]
-    for row in rows:
-        check(fmus[name].variables[row.name], row, "input")
-
-
-@pytest.mark.parametrize(
-    ("name", "units", "variability"),
-    [
-        ("BoostPlant", PLANT_OUTPUTS, "continuous"),
-        ("BoostController", CONTROLLER_OUTPUTS, "discrete"),
-    ],
-)
-def test_outputs(fmus: dict[str, Fmu], name: str, units: dict[str, str], variability: str) -> None:
-    fmu = fmus[name]
-    assert {n: fmu.variables[n].unit for n in fmu.named("output")} == units
-    assert {fmu.variables[n].variability for n in units} == {variability}
-    assert {fmu.variables[n].type for n in units} == {"Real"}
-
-
-def test_controller_diagnostics(controller_fmu: Fmu) -> None:
-    for name, (kind, unit) in CONTROLLER_DIAGNOSTICS.items():
-        variable = controller_fmu.variables[name]
-        assert (variable.type, variable.unit) == (kind, unit), name
-        assert (variable.causality, variable.variability) == ("local", "discrete"), name
-
-
-@pytest.mark.parametrize("row", CONTROLLER_PARAMETERS, ids=lambda row: row.name)
-def test_controller_parameter(controller_fmu: Fmu, row: Row) -> None:
-    check(controller_fmu.variables[row.name], row, "parameter")
-
-
-def test_voltage_compensation_is_a_tunable_switch(controller_fmu: Fmu) -> None:
-    variable = controller_fmu.variables["compensate_voltage"]
-    found = (variable.type, variable.variability, variable.causality, variable.start)
-    assert found == ("Boolean", "tunable", "parameter", "true")
-
-
-def test_schedule_and_inverse_of_the_actuator(controller_fmu: Fmu) -> None:
-    """The grid is always 16 x 7; grid points are fixed, the maps tunable."""
-    units = {"feedforward": "%", "gain": "Pa/%", "time_constant": "s", "delay": "s"}
-    promised = {f"schedule.engine_speed[{j}]": ("rpm", "fixed") for j in range(1, 8)}
-    promised |= {f"schedule.boost_reference[{i}]": ("Pa", "fixed") for i in range(1, 17)}
-    promised |= {
-        f"schedule.{name}[{i},{j}]": (unit, "tunable")
-        for name, unit in units.items()
-        for i in range(1, 17)
-        for j in range(1, 8)
+def attributes(variable: ScalarVariable) -> str:
+    """What is promised of a variable but its name and value reference."""
+    items = variable.declaredType.items if variable.type == "Enumeration" else []
+    known = {
+        "": f"{variable.causality} {variable.variability} {variable.initial or ''}".strip(),
+        "type ": "|".join(f"{item.value}={item.name}" for item in items) or variable.type,
+        "unit ": variable.unit,
+        "from ": variable.min,
+        "to ": variable.max,
+        # Those of other numbers are calibrated.
+        "start ": variable.start if variable.causality == "input" or variable.type != "Real" else None,
+        "derivative of ": variable.derivative and variable.derivative.name,
     }
-    found = {
-        name: (variable.unit, variable.variability)
-        for name, variable in controller_fmu.variables.items()
-        if name.startswith("schedule.")
-    }
-    assert found == promised
+    return ", ".join(f"{key}{value}" for key, value in known.items() if value is not None)
 
-    inverse = {name for name in controller_fmu.variables if name.startswith("actuator_inverse.")}
-    assert inverse == {
-        *(f"actuator_inverse.pressure_coefficient[{i}]" for i in range(1, 5)),
-        *(f"actuator_inverse.spring_{part}" for part in ("preload", "stiffness", "hardening")),
-        "actuator_inverse.membrane_area",
-        "actuator_inverse.stroke",
-        "actuator_inverse.ambient_pressure",
-    }
-    assert {controller_fmu.variables[name].variability for name in inverse} == {"tunable"}
+
+def interface(variables: list[ScalarVariable]) -> list[str]:
+    """A line for each variable, and one for all elements of an array."""
+    lines = []
+    for (_, has), group in groupby(variables, lambda v: (re.sub(r"\[.*", "[", v.name), attributes(v))):
+        first, *rest = group
+        name = f"{first.name}..{rest[-1].name.partition('[')[2]}" if rest else first.name
+        assert [v.valueReference for v in rest] == [first.valueReference + 1 + i for i in range(len(rest))]
+        lines.append(f"{first.valueReference} {name}: {has}")
+    return lines
+
+
+def test_the_variables_are_those_that_are_promised(fmus: dict[str, Fmu]) -> None:
+    found = []
+    for name, fmu in fmus.items():
+        found += [name, *interface(fmu.description.modelVariables)]
+    assert found == PROMISED.read_text().splitlines()
 
 
 def test_the_controllers_actuator_is_the_plants(fmus: dict[str, Fmu]) -> None:
@@ -231,34 +64,6 @@ def test_the_controllers_actuator_is_the_plants(fmus: dict[str, Fmu]) -> None:
     assert float(plant["ambient_pressure"].start) == float(ambient)
 
 
-@pytest.mark.parametrize(("key", "promised"), ENUMERATIONS.items(), ids=lambda v: str(v[1]))
-def test_enumerations(fmus: dict[str, Fmu], key: tuple[str, str], promised: tuple[list[str], str]) -> None:
-    items, start = promised
-    variable = fmus[key[0]].variables[key[1]]
-    found = {int(item.value): item.name for item in variable.declaredType.items}
-    assert found == dict(enumerate(items, start=1))
-    assert found[int(variable.start)] == start
-    assert (variable.causality, variable.variability) == ("parameter", "fixed")
-
-
-def test_plant_states(plant_fmu: Fmu) -> None:
-    """The states and their derivatives exist by name; all except the tank's pressure are guesses."""
-    assert plant_fmu.states() == sorted(
-        PLANT_STATES, key=lambda name: plant_fmu.variables[name].valueReference
-    )
-    for name in PLANT_STATES:
-        state = plant_fmu.variables[name]
-        assert (state.causality, state.variability) == ("local", "continuous"), name
-        assert state.initial == ("exact" if name == "tank.pressure" else "approx"), name
-        derivative = plant_fmu.variables[f"der({name})"]
-        assert derivative.derivative is state, name
-
-
-def test_tank_may_be_frozen_and_released(plant_fmu: Fmu) -> None:
-    variable = plant_fmu.variables["tank.frozen"]
-    assert (variable.type, variable.variability, variable.start) == ("Boolean", "tunable", "false")
-
-
 def test_no_loop_through_the_measurements(fmus: dict[str, Fmu]) -> None:
     """Measurements are states, and commands change at samples: there is no algebraic loop."""
     plant = {unknown.variable.name: unknown for unknown in fmus["BoostPlant"].description.outputs}
@@ -268,7 +73,7 @@ def test_no_loop_through_the_measurements(fmus: dict[str, Fmu]) -> None:
         assert [variable.name for variable in reads if variable.causality == "input"] == [], name
     outputs = fmus["BoostController"].description.outputs
     assert {unknown.variable.name: unknown.dependencies for unknown in outputs} == {
-        name: [] for name in CONTROLLER_OUTPUTS
+        name: [] for name in fmus["BoostController"].named("output")
     }
 
 
@@ -284,12 +89,12 @@ def test_initial_system_of_both_has_no_loop(fmus: dict[str, Fmu]) -> None:
         }
         for name, fmu in fmus.items()
     }
-    for output in CONTROLLER_OUTPUTS:
+    commands = set(fmus["BoostController"].named("output"))
+    for output in commands:
         reads = initial["BoostController"][output]
         assert not {"boost_pressure", "tank_pressure"} & reads, output
     assert "boost_reference" in initial["BoostController"]["hp_wastegate_pwm"]
-    commands = set(CONTROLLER_OUTPUTS) - {"vacuum_pump"}
-    assert not commands & initial["BoostPlant"]["supply_voltage_measured"]
+    assert not (commands - {"vacuum_pump"}) & initial["BoostPlant"]["supply_voltage_measured"]
     assert "hp_wastegate_pwm" in initial["BoostPlant"]["boost_pressure"]
     assert "tank.pressure" not in initial["BoostPlant"]
 
@@ -318,3 +123,10 @@ def test_every_variable_is_described(fmus: dict[str, Fmu], name: str) -> None:
     for variable in fmus[name].description.modelVariables:
         assert variable.description, variable.name
         assert variable.type != "Real" or variable.unit, f"{variable.name} has no unit"
+
+
+if __name__ == "__main__":
+    with PROMISED.open("w") as file:
+        for name in ("BoostPlant", "BoostController"):
+            variables = read_model_description(f"target/fmu/{name}.fmu").modelVariables
+            print(name, *interface(variables), sep="\n", file=file)

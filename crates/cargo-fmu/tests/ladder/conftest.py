@@ -5,13 +5,17 @@ from __future__ import annotations
 
 import itertools
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from importer import Instance
 
 ROOT = Path(__file__).resolve().parents[4]
+sys.path.append(str(ROOT / "crates" / "fmu-export" / "tests" / "fmu"))
+
+from exchange import Exchange  # noqa: E402
+
 FMUS = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "ladder" / "fmu"
 
 
@@ -35,14 +39,14 @@ def fmu2() -> Callable[[str], Path]:
 
 
 @pytest.fixture
-def instance(fmu2: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
-    """Makes initialized instances of FMI 2.0 in the second importer, each of its own copy of the library, and
-    frees them after the test."""
-    made: list[Instance] = []
+def instance(fmu2: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Exchange]]:
+    """Makes initialized instances of FMI 2.0 in the importer of the exporter's tests, each of its own copy of
+    the library, and frees them after the test."""
+    made: list[Exchange] = []
     folders = (tmp_path / str(number) for number in itertools.count())
 
-    def instance(model: str, kind: int, **arguments: object) -> Instance:
-        made.append(Instance(fmu2(model), next(folders), kind, **arguments))
+    def instance(model: str, kind: int, **arguments: object) -> Exchange:
+        made.append(Exchange(fmu2(model), next(folders), kind, **arguments))
         return made[-1]
 
     yield instance

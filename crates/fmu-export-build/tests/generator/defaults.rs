@@ -42,31 +42,12 @@ fn generated_files_equal_the_golden_files() {
     }
 }
 
-/// The attributes as the package and the standard have them, and the lists of `ModelStructure` by hand: 1 time,
+/// The lists of `ModelStructure` by hand: 1 time,
 /// 2 force, 3 position, 4 its derivative, 5 velocity, 6 its derivative, 7 energy, 8 power, 9 loss, 10 stiffness,
 /// 11 to 14 wear with its derivatives.
 #[test]
-fn what_is_left_out_follows_from_the_package_and_the_standard() {
+fn dependencies_that_are_left_out_may_be_any() {
     let xml = read(&generate(&folder("defaults in XML")).model_description);
-    for part in [
-        r#"modelName="mass_oscillator""#,
-        r#"description="A mass on a spring" author="A. Author &lt;a@example.org&gt;, B. Author" version="0.3.0" license="MIT" generationTool="#,
-        r#"canHandleVariableCommunicationStepSize="true" canInterpolateInputs="true" maxOutputDerivativeOrder="1""#,
-        r#"canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true""#,
-        r#"<Category name="logStatusError" description="errors"/>"#,
-        r#"<Category name="logStatusWarning" description="warnings"/>"#,
-        r#"<Category name="logEvents" description="Impacts"/>"#,
-        r#"<Category name="logWear" description="Wear"/>"#,
-        r#"<DefaultExperiment stopTime="5.0"/>"#,
-        r#"<BaseUnit kg="1" m="1" s="-2" factor="1000.0"/>"#,
-        r#"<BaseUnit m="1" s="-2"/>"#,
-        r#"<DisplayUnit name="km/h" factor="3.6"/>"#,
-        r#"<ScalarVariable name="position" valueReference="3" causality="output" variability="continuous" initial="exact">"#,
-        r#"<ScalarVariable name="wear[2]" valueReference="11" causality="local" variability="continuous" initial="approx">"#,
-        r#"<Real unit="m/s2" derivative="5"/>"#,
-    ] {
-        assert!(xml.contains(part), "{part}");
-    }
     let (_, structure) = xml.split_once("<ModelStructure>").expect("it is there");
     let structure: Vec<_> =
         structure.lines().map(str::trim).filter(|line| line.starts_with("<Unknown")).collect();

@@ -9,28 +9,13 @@ import itertools
 import mmap
 import subprocess
 from collections.abc import Callable
-from ctypes import (
-    CDLL,
-    POINTER,
-    byref,
-    c_char_p,
-    c_int,
-    c_long,
-    c_size_t,
-    c_void_p,
-    cast,
-    memmove,
-    memset,
-)
+from ctypes import POINTER, addressof, byref, c_char, c_char_p, cast
 from math import nan
 
 import pytest
-from fmi2 import (
-    CO_SIMULATION,
-    COMMON,
-    MODEL_EXCHANGE,
-    OF_CO_SIMULATION,
-    OF_MODEL_EXCHANGE,
+from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
+from importer import (
+    DECLARED,
     STEP,
     CallbackFunctions,
     Fmu,
@@ -115,16 +100,23 @@ def test_what_is_not_a_type_is_refused(make: Make, fmu_type: int) -> None:
     assert str(fmu_type) in text
 
 
+_OF_EACH = [*DECLARED[2]]
+_FIRST = [_OF_EACH.index(name) for name in ("fmi2EnterEventMode", "fmi2SetRealInputDerivatives")]
+COMMON, OF_CO_SIMULATION = _OF_EACH[: _FIRST[0]], _OF_EACH[_FIRST[1] :]
+OF_MODEL_EXCHANGE = _OF_EACH[_FIRST[0] : _FIRST[1]]
+"""The header has them one after the other."""
+
+
 @pytest.mark.parametrize(
     ("interfaces", "functions", "counted"),
     [
-        ("cs", {**COMMON, **OF_CO_SIMULATION}, 34),
-        ("me", {**COMMON, **OF_MODEL_EXCHANGE}, 35),
-        ("cs,me", {**COMMON, **OF_MODEL_EXCHANGE, **OF_CO_SIMULATION}, 44),
+        ("cs", COMMON + OF_CO_SIMULATION, 34),
+        ("me", COMMON + OF_MODEL_EXCHANGE, 35),
+        ("cs,me", [*DECLARED[2]], 44),
     ],
 )
 def test_the_functions_of_the_interfaces_are_exported(
-    exported: Callable[[str], Fmu], interfaces: str, functions: dict, counted: int
+    exported: Callable[[str], Fmu], interfaces: str, functions: list[str], counted: int
 ) -> None:
     """Those of the declared ones, and no other global symbol."""
     fmu = exported(interfaces)
@@ -141,15 +133,15 @@ def test_the_functions_of_the_interfaces_are_exported(
 @pytest.mark.parametrize(
     ("interfaces", "missing", "names"),
     [
-        ("cs", MODEL_EXCHANGE, "this FMU is for Co-Simulation, not for Model Exchange"),
-        ("me", CO_SIMULATION, "this FMU is for Model Exchange, not for Co-Simulation"),
+        ("cs", fmi2ModelExchange, "this FMU is for Co-Simulation, not for Model Exchange"),
+        ("me", fmi2CoSimulation, "this FMU is for Model Exchange, not for Co-Simulation"),
     ],
 )
 def test_an_interface_that_is_not_there_is_refused(
     exported: Callable[[str], Fmu], interfaces: str, missing: int, names: str
 ) -> None:
     fmu = exported(interfaces)
-    library = Library(fmu.library, fmu.functions)
+    library = Library(fmu.library)
     assert names in refused(Instance(fmu, library, fmu_type=missing))
     instance = Instance(fmu, library, fmu_type=1 - missing)
     instance.initialize()
@@ -166,13 +158,13 @@ def test_no_instance_without_callbacks(fmu: Fmu, library: Library) -> None:
     """The struct is required (section 2.1.5). Without a logger, the only result is NULL."""
     guid = fmu.guid.encode()
     for name, this_guid in itertools.product([b"name", None], [guid, None, b"wrong"]):
-        assert library.fmi2Instantiate(name, CO_SIMULATION, this_guid, None, None, 0, 1) is None
+        assert library.fmi2Instantiate(name, fmi2CoSimulation, this_guid, None, None, 0, 1) is None
 
 
 def test_refusals_without_a_logger(fmu: Fmu, library: Library) -> None:
     """Each of the refusals above, with `logger` NULL."""
     callbacks = CallbackFunctions()
-    right, wrong = (b"name", CO_SIMULATION, fmu.guid.encode()), (None, 2, None)
+    right, wrong = (b"name", fmi2CoSimulation, fmu.guid.encode()), (None, 2, None)
     for choice in itertools.product([False, True], repeat=3):
         arguments = [w if is_wrong else r for r, w, is_wrong in zip(right, wrong, choice, strict=True)]
         component = library.fmi2Instantiate(*arguments, None, byref(callbacks), 0, 1)
@@ -194,7 +186,7 @@ def test_without_a_logger(make: Make, visible: int, memory_functions: bool) -> N
         callbacks.allocate_memory, callbacks.free_memory = 8, 8
     instance = make()
     guid = instance.fmu.guid.encode()
-    instead(instance, b"silent", CO_SIMULATION, guid, None, byref(callbacks), visible, 1)
+    instead(instance, b"silent", fmi2CoSimulation, guid, None, byref(callbacks), visible, 1)
     assert instance.initialize().run(4) == expected
     assert instance.step(0.0, nan) == Status.ERROR
     assert instance.set({"rate": -11.0}) == Status.WARNING
@@ -231,24 +223,11 @@ def test_the_name_is_passed_back_byte_for_byte(make: Make, name: bytes) -> None:
 LOCATIONS = [
     None,
     b"",
-    b"file:/tmp/fmu/resources",
-    b"file:///tmp/fmu/resources",
-    b"file:////tmp/fmu/resources/",
-    b"file:///tmp/fmu/resources///",
-    b"file://localhost/tmp/fmu/resources",
-    b"file://server/share/fmu/resources",
     b"file:///C:/Users/A%20B/fmu/resources",
-    b"file:///C:/Users/A B/100%/fmu/resources",
     b"file:///tmp/%zz%/%",
     b"file:///tmp/%s%n%d#resources",
-    "file:///tmp/Prüfstand/増圧機/resources".encode(),
     b"file:///tmp/\xff\xfe/resources",
-    b"FILE:///TMP",
-    b"file:",
     b"C:\\fmu\\resources",
-    b"resources",
-    b"https://example.org/fmu/resources",
-    b"fmi2://fmu/resources",
     b"file:///tmp/" + b"x" * LONG,
 ]
 
@@ -265,35 +244,21 @@ def test_resources_may_be_anywhere(make: Make) -> None:
 class Page:
     """Memory for arguments, which can be removed."""
 
-    def __init__(self, size: int) -> None:
-        self.library = CDLL(None)
-        self.library.mmap.restype = c_void_p
-        self.library.mmap.argtypes = [c_void_p, c_size_t, c_int, c_int, c_int, c_long]
-        self.library.munmap.argtypes = [c_void_p, c_size_t]
-        access, kind = mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
-        self.size = size
-        self.address = self.library.mmap(None, size, access, kind, -1, 0)
+    def __init__(self) -> None:
+        self.memory = mmap.mmap(-1, 2 * mmap.PAGESIZE)
+        self.address = addressof(c_char.from_buffer(self.memory))
         self.used = 0
 
     def put(self, content: bytes) -> int:
         """Copies bytes here; returns their address."""
-        address = self.address + self.used
-        self.used += (len(content) + 15) // 16 * 16
-        assert self.used <= self.size
-        memmove(address, content, len(content))
-        return address
+        begin, end = self.used, self.used + len(content)
+        self.memory[begin:end] = content
+        self.used = (end + 15) // 16 * 16
+        return self.address + begin
 
     def string(self, text: bytes) -> c_char_p:
         """Copies a string here."""
         return c_char_p(self.put(text + b"\0"))
-
-    def overwrite(self) -> None:
-        """Overwrites everything."""
-        memset(self.address, 0xA5, self.size)
-
-    def remove(self) -> None:
-        """From now on reading this memory crashes."""
-        assert self.library.munmap(self.address, self.size) == 0
 
 
 @pytest.mark.parametrize("removed", [False, True], ids=["overwritten", "removed"])
@@ -301,22 +266,22 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
     """The arguments of fmi2Instantiate are valid during the call only (section 2.1.5): the struct and the
     strings. The logger is still called with the struct's environment and the name."""
     instance = make()
-    page = Page(2 * mmap.PAGESIZE)
+    page = Page()
     callbacks = CallbackFunctions(instance.callbacks.logger, None, None, None, 0xC0FFEE)
     struct = page.put(bytes(callbacks))
     instead(
         instance,
         page.string(b"gone afterwards"),
-        CO_SIMULATION,
+        fmi2CoSimulation,
         page.string(instance.fmu.guid.encode()),
         page.string(b"file:///tmp/resources"),
         cast(struct, POINTER(CallbackFunctions)),
         0,
         1,
     )
-    page.overwrite()
+    page.memory[:] = b"\xa5" * len(page.memory)
     if removed:
-        page.remove()
+        page.memory.close()
     provoke(instance.initialize())
     assert instance.step(0.0, STEP) == Status.OK
     assert instance.call("fmi2Reset") == Status.OK
@@ -328,9 +293,9 @@ def test_arguments_are_copied(make: Make, removed: bool) -> None:
 def test_category_names_are_copied(make: Make) -> None:
     """The importer may reuse the strings of fmi2SetDebugLogging as well."""
     instance = make()
-    page = Page(mmap.PAGESIZE)
+    page = Page()
     instance.ok("fmi2SetDebugLogging", 1, 1, (c_char_p * 1)(page.string(b"logEvents")))
-    page.remove()
+    page.memory.close()
     instance.initialize().run(4)
     instance.refuses("fmi2DoStep", 0.0, -STEP, 1)
 

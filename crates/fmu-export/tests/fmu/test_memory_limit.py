@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fmi2 import Fmu
+from importer import Fmu
 
 BEGIN = """
 import resource
@@ -16,7 +16,8 @@ from ctypes import byref, c_void_p
 from pathlib import Path
 
 sys.path.insert(0, sys.argv[1])
-from fmi2 import CO_SIMULATION, Fmu, Instance, Library, Status
+from fmpy.fmi2 import fmi2CoSimulation
+from importer import Fmu, Instance, Library, Status
 
 fmu = Fmu(Path(sys.argv[2]), Path(sys.argv[3]))
 instance = Instance(fmu, Library(fmu.library))
@@ -36,7 +37,7 @@ assert instance.call(*call) == Status.ERROR
 
 INSTANCES = """
 made = (c_void_p * 1_000_000)()
-arguments = (b"more", CO_SIMULATION, fmu.guid.encode(), None, byref(instance.callbacks), 0, 0)
+arguments = (b"more", fmi2CoSimulation, fmu.guid.encode(), None, byref(instance.callbacks), 0, 0)
 limit(64 << 20)
 for place in range(len(made)):
     made[place] = instance.library.fmi2Instantiate(*arguments)

@@ -14,12 +14,12 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from ctypes import byref, c_double, c_uint8, c_uint32, c_void_p
+from ctypes import c_double, c_uint32
 from functools import cached_property
 from pathlib import Path
 
 import fmpy
-from fmi3 import CO_SIMULATION, DECLARED, LOGGER, Instance, Library, Status
+from importer import CO_SIMULATION, DECLARED, LOGGER, Instance3, Library
 from test_fmi3 import described
 
 PEER = """
@@ -61,10 +61,10 @@ class Fmu:
         """The functions."""
         return Library(self.binary)
 
-    def instance(self, **arguments: object) -> Instance:
+    def instance(self, **arguments: object) -> Instance3:
         """An instance with its resources, unless the arguments differ."""
         token = self.description.instantiationToken
-        return Instance(self.library, token, CO_SIMULATION, **{"resourcePath": self.resources, **arguments})
+        return Instance3(self.library, token, CO_SIMULATION, **{"resourcePath": self.resources, **arguments})
 
     def parameter(self) -> int:
         """A parameter that is a number."""
@@ -77,11 +77,11 @@ class Fmu:
 
 def instantiated(**arguments: object) -> Callable[[Fmu], str]:
     """Whether fmi3InstantiateCoSimulation makes an instance."""
-    return lambda fmu: "accepted" if fmu.instance(**arguments).address else "NULL"
+    return lambda fmu: "accepted" if fmu.instance(**arguments).component else "NULL"
 
 
 def stepped(
-    time: float, size: float, prepare: Callable[[Instance], object] = Instance.initialize
+    time: float, size: float, prepare: Callable[[Instance3], object] = Instance3.initialize
 ) -> Callable[[Fmu], str]:
     """The status of fmi3DoStep after a preparation."""
 
@@ -93,19 +93,19 @@ def stepped(
     return case
 
 
-def ended(instance: Instance) -> None:
+def ended(instance: Instance3) -> None:
     """Initialized up to a stop time of 1 s."""
     instance.ok("fmi3EnterInitializationMode", stopTimeDefined=True, stopTime=1.0)
     instance.ok("fmi3ExitInitializationMode")
 
 
-def terminated(instance: Instance) -> None:
+def terminated(instance: Instance3) -> None:
     """Initialized and terminated."""
     instance.initialize()
     instance.ok("fmi3Terminate")
 
 
-def failed(instance: Instance) -> None:
+def failed(instance: Instance3) -> None:
     """Initialized, and then called wrongly."""
     instance.initialize()
     instance.call("fmi3ExitInitializationMode")
@@ -138,23 +138,15 @@ def restored(fmu: Fmu) -> str:
     """Whether a saved and serialized state leads back."""
     instance = fmu.instance()
     instance.initialize()
-    state, other = c_void_p(), c_void_p()
-    if instance.call("fmi3GetFMUState", byref(state)) != Status.OK:
-        return "ERROR"
-    references = [unknown.variable.valueReference for unknown in fmu.description.outputs]
-    references = [
+    outputs = [
         v.valueReference
-        for v in fmu.description.modelVariables
-        if v.valueReference in references and v.type == "Float64" and not v.dimensions
+        for v in (unknown.variable for unknown in fmu.description.outputs)
+        if v.type == "Float64" and not v.dimensions
     ]
-    before = instance.get("Float64", references)
+    before, content = instance.get("Float64", outputs), instance.snapshot()
     instance.step(0.0, 0.125)
-    content = instance.serialized(state)
-    data = (c_uint8 * len(content))(*content)
-    if instance.call("fmi3DeserializeFMUState", data, len(content), byref(other)) != Status.OK:
-        return "ERROR"
-    instance.ok("fmi3SetFMUState", FMUState=other)
-    return "yes" if instance.get("Float64", references) == before else "no"
+    instance.ok("fmi3SetFMUState", instance.deserialize(content))
+    return "yes" if instance.get("Float64", outputs) == before else "no"
 
 
 def event_mode(fmu: Fmu) -> str:
@@ -181,7 +173,7 @@ def crashes(fmu: Fmu) -> str:
 
 
 CALLED = sorted(
-    name for name, (_, parameters) in DECLARED.items() if parameters and parameters[0].name == "instance"
+    name for name, (_, parameters) in DECLARED[3].items() if parameters and parameters[0].name == "instance"
 )
 
 CASES: dict[str, tuple[Callable[[Fmu], str], str]] = {

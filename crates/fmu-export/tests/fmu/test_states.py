@@ -14,7 +14,7 @@ from collections.abc import Callable
 from ctypes import byref, c_void_p
 from pathlib import Path
 
-from fmi2 import STEP, Fmu, Instance, Library, Status, buffer
+from importer import STEP, Fmu, Instance, Library, Status, buffer
 
 Make = Callable[..., Instance]
 

@@ -16,7 +16,7 @@ from math import nan
 from pathlib import Path
 
 import pytest
-from fmi2 import STEP, Fmu, Instance, Library, Status, buffer
+from importer import STEP, Fmu, Instance, Library, Status, buffer
 
 THREADS = 8
 STEPS = 120

@@ -192,18 +192,6 @@ fn the_name_of_the_file_is_checked() {
 }
 
 #[test]
-fn findings_name_file_line_and_variable() {
-    let mut files = files(Good::Fmi2);
-    let text = include_str!("fmi2.xml").replace(r#"<Real start="0"/>"#, "<Real/>");
-    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
-    let report = report(&folder("good-fmus").join("place.fmu"), &zipped(&files));
-    let place = &report.findings[0].place;
-    let line = 1 + include_str!("fmi2.xml").lines().position(|line| line.contains("inflow")).unwrap();
-    assert_eq!(place.file.as_deref(), Some(DESCRIPTION));
-    assert_eq!((place.line, place.variable.as_deref()), (Some(line), Some("inflow")));
-}
-
-#[test]
 fn more_findings_than_anybody_reads_are_counted() {
     let mut files = files(Good::Fmi2);
     let variable =
@@ -214,16 +202,4 @@ fn more_findings_than_anybody_reads_are_counted() {
     let report = report(&folder("good-fmus").join("many.fmu"), &zipped(&files));
     // The first one is no duplicate.
     assert_eq!((report.findings.len(), report.omitted), (1000, 499));
-}
-
-#[test]
-fn a_missing_file_is_an_error() {
-    let missing = validate(Path::new("there is no such file.fmu"), &[]).unwrap_err().to_string();
-    assert!(missing.starts_with("cannot open there is no such file.fmu: "), "{missing}");
-    assert!(
-        validate(Path::new(env!("CARGO_MANIFEST_DIR")), &[])
-            .unwrap_err()
-            .to_string()
-            .ends_with(": it is a folder")
-    );
 }

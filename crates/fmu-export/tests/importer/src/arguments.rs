@@ -314,7 +314,7 @@ impl Instance<'_> {
 
         let [first, second] = self.selected(function, whim);
         let size = |list: &[&FmuVariable]| list.iter().map(|variable| self.fmu.size(variable)).sum();
-        let (of_states, of_indicators) = self.fmu.counts();
+        let (of_states, of_indicators) = self.fmu.counts;
         let mut counts: Vec<_> = function
             .parameters
             .iter()
@@ -435,7 +435,7 @@ impl Instance<'_> {
         if !self.allows(get) {
             return vec![];
         }
-        let count = self.fmu.counts().0;
+        let count = self.fmu.counts.0;
         let arguments = [Argument::of(&vec![0.0_f64; count]), Argument::Whole(count as u64)];
         let _ = self.call(get, &arguments);
         self.at.time = at.time;

@@ -86,9 +86,13 @@ pub struct Fmu {
     pub xml: String,
     /// The variables that belong to clocks.
     pub clocked: BTreeSet<String>,
+    /// The numbers of continuous states and event indicators.
+    pub counts: (usize, usize),
     /// Its table of calls.
     pub functions: Vec<&'static Function>,
-    library: Library,
+    /// The path of its library.
+    pub path: PathBuf,
+    library: Option<Library>,
     _folder: TempDir,
 }
 
@@ -110,7 +114,7 @@ impl Fmu {
         let identifier =
             description.interfaces[0].1.iter().find(|(name, _)| name == "modelIdentifier").unwrap();
         let platform = Platform::host().unwrap();
-        let library = folder.path().join(platform.library_path(&identifier.1, description.is_fmi3()));
+        let path = folder.path().join(platform.library_path(&identifier.1, description.is_fmi3()));
         // Of FMI 3.0 all, of FMI 2.0 those of the interfaces that it offers.
         let table = if description.is_fmi3() { FMI3 } else { FMI2 };
         let is_exported = |function: &&Function| {
@@ -119,15 +123,35 @@ impl Fmu {
                 .is_none_or(|of| description.is_fmi3() || description.interface(&format!("{of:?}")).is_some())
         };
         let xml = fs::read_to_string(folder.path().join("modelDescription.xml")).unwrap();
-        Self {
-            functions: table.iter().filter(is_exported).collect(),
+        let functions = table.iter().filter(is_exported).collect();
+        let indicators = description.attribute("numberOfEventIndicators").parse();
+        let counts = (
+            xml.matches(" derivative=\"").count(),
+            indicators.unwrap_or_else(|_| xml.matches("<EventIndicator ").count()),
+        );
+        let mut fmu = Self {
+            counts,
+            functions,
             clocked: clocked(&xml),
             xml,
-            // SAFETY: the library does nothing when it is loaded.
-            library: unsafe { Library::new(library) }.unwrap(),
+            path,
+            library: None,
             description,
             _folder: folder,
-        }
+        };
+        fmu.load();
+        fmu
+    }
+
+    /// Loads its library.
+    pub fn load(&mut self) {
+        // SAFETY: the library does nothing when it is loaded.
+        self.library = Some(unsafe { Library::new(&self.path) }.unwrap());
+    }
+
+    /// Unloads its library, until it is loaded again.
+    pub fn unload(&mut self) {
+        self.library = None;
     }
 
     /// The folder of the exported FMUs.
@@ -183,13 +207,6 @@ impl Fmu {
         self.description.sizes(variable).unwrap().iter().product()
     }
 
-    /// The numbers of continuous states and event indicators.
-    pub fn counts(&self) -> (usize, usize) {
-        let states = self.xml.matches(" derivative=\"").count();
-        let indicators = self.description.attribute("numberOfEventIndicators").parse();
-        (states, indicators.unwrap_or_else(|_| self.xml.matches("<EventIndicator ").count()))
-    }
-
     /// Calls a function with NULL for its instance.
     pub fn call_without_instance(&self, function: &Function, arguments: &[Argument]) -> Status {
         let raw: Vec<Raw> = arguments.iter().map(Argument::raw).collect();
@@ -200,7 +217,7 @@ impl Fmu {
     /// The address of a symbol.
     fn address(&self, symbol: &str) -> *const c_void {
         // SAFETY: only its address is used.
-        let symbol = unsafe { self.library.get::<unsafe extern "C" fn()>(symbol) };
+        let symbol = unsafe { self.library.as_ref().unwrap().get::<unsafe extern "C" fn()>(symbol) };
         *symbol.unwrap() as *const c_void
     }
 }
@@ -420,19 +437,31 @@ impl<'f> Instance<'f> {
     /// Sets a scalar: a whole number, or sixteenths.
     pub fn set(&mut self, name: &str, value: i32) {
         let variable = self.fmu.description.variable(name).unwrap();
-        let is_fmi3 = self.fmu.description.is_fmi3();
-        let (kind, value) = match (variable.value_type(), is_fmi3) {
-            (ValueType::Real, _) => {
-                (if is_fmi3 { "Float64" } else { "Real" }, Argument::of(&[f64::from(value) / 16.0]))
-            }
-            (ValueType::Enumeration, true) => ("Int64", Argument::of(&[i64::from(value)])),
-            (_, _) => (if is_fmi3 { "Int32" } else { "Integer" }, Argument::of(&[value])),
+        let unit = if variable.value_type() == ValueType::Real { 16.0 } else { 1.0 };
+        assert_eq!(self.set_to(variable, f64::from(value) / unit), Status::Ok);
+    }
+
+    /// Sets all elements of a variable to a number, as its type.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers are small")]
+    pub fn set_to(&mut self, variable: &FmuVariable, value: f64) -> Status {
+        let (is_fmi3, count) = (self.fmu.description.is_fmi3(), self.fmu.size(variable));
+        let kind = match (&variable.data_type[..], is_fmi3) {
+            ("Enumeration", false) => "Integer",
+            ("Enumeration", true) => "Int64",
+            (kind, _) => kind,
         };
-        let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), value];
+        let values = match kind {
+            "Real" | "Float64" => Argument::of(&vec![value; count]),
+            "Float32" => Argument::of(&vec![value as f32; count]),
+            "UInt8" => Argument::of(&vec![value as u8; count]),
+            "Int64" => Argument::of(&vec![value as i64; count]),
+            _ => Argument::of(&vec![value as i32; count]),
+        };
+        let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
         if is_fmi3 {
-            arguments.push(Argument::Whole(1));
+            arguments.push(Argument::Whole(count as u64));
         }
-        assert_eq!(self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0, Status::Ok);
+        self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0
     }
 
     /// Calls a function that must succeed, with valid arguments.
@@ -555,7 +584,7 @@ impl<'f> Instance<'f> {
             _ => true,
         };
         // FMI 2.0.5, section 3.2.3, note 8: that of an FMU without states, which need not leave Event Mode.
-        let stays = function.name == "fmi2SetTime" && self.fmu.counts().0 == 0;
+        let stays = function.name == "fmi2SetTime" && self.fmu.counts.0 == 0;
         let states = if stays { "EC" } else { function.states };
         is_of && is_capable && states.contains(self.at.state.letter())
     }

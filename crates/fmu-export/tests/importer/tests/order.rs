@@ -1,9 +1,8 @@
 //! The order of calls: each function in each state of each interface (FMI 2.0.5, sections 3.2.3 and 4.2.4; FMI 3.0.2,
 //! sections 2.3, 3.2, 4.2 and 5.2).
 
-use fmu_importer::arguments::reference;
 use fmu_importer::instance::instances;
-use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
+use fmu_importer::{Fmu, Instance, Interface, State, Status, Whim};
 
 const STATES: [State; 9] = [
     State::Instantiated,
@@ -119,23 +118,13 @@ fn which_variables_can_be_set() {
                 }
                 // Within its range, and other than its start value.
                 let start = variable.start.split(' ').next().unwrap().parse::<f64>().unwrap_or_default();
-                let count = fmu.size(variable);
-                let (kind, values) = if is_real {
-                    (&variable.data_type, Argument::of(&vec![start + 0.125; count]))
-                } else {
-                    #[allow(clippy::cast_possible_truncation, reason = "start values are small")]
-                    (
-                        &variable.data_type,
-                        Argument::of(&vec![if start > 0.0 { 0 } else { start as i32 + 1 }; count]),
-                    )
+                let other = match (is_real, start > 0.0) {
+                    (true, _) => start + 0.125,
+                    (false, true) => 0.0,
+                    (false, false) => start + 1.0,
                 };
-                let function = fmu.function(&format!("Set{kind}"));
-                let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
-                if fmu.description.is_fmi3() {
-                    arguments.push(Argument::Whole(count as u64));
-                }
                 let _ = instance.messages();
-                let (status, _) = instance.call(function, &arguments);
+                let status = instance.set_to(variable, other);
                 let messages = instance.messages();
                 let told =
                     format!("{} in {state:?} of {interface:?}: {status:?}, {messages:?}", variable.name);
