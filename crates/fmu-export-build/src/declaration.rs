@@ -1,4 +1,4 @@
-//! The files as written: a model's declaration, and its units.
+//! A model's declaration, as written.
 //!
 //! Editors show the fields' comments: schema/model.schema.json is generated from them.
 
@@ -8,17 +8,11 @@ use std::marker::PhantomData;
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
+use crate::data_type::DataType;
 use crate::error::Refusal;
-
-/// The types of FMI 3.0 only.
-pub(crate) const TYPES_OF_FMI3: [&str; 10] =
-    ["Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "Binary", CLOCK];
-
-/// The type of clocks.
-const CLOCK: &str = "Clock";
 
 /// A model: its name and variables.
 #[derive(Debug, Deserialize)]
@@ -138,22 +132,22 @@ impl Declaration {
         Ok(())
     }
 
-    /// The names of the variables' types.
-    fn types(&self) -> impl Iterator<Item = &str> {
+    /// The variables' built-in types.
+    fn types(&self) -> impl Iterator<Item = DataType> {
         let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
         let of_types = self.component_types.iter().map(|component_type| &component_type.variables);
         let variables = [&self.variables].into_iter().chain(of_components).chain(of_types).flatten();
-        variables.map(|variable| variable.data_type.as_str())
+        variables.filter_map(|variable| DataType::of_name(&variable.data_type))
     }
 
     /// Whether a variable's type does not exist in FMI 2.0.
     pub(crate) fn needs_fmi3(&self) -> bool {
-        self.types().any(|name| TYPES_OF_FMI3.contains(&name))
+        self.types().any(|data_type| !data_type.is_of_fmi2())
     }
 
     /// Whether a variable is a clock.
     pub(crate) fn has_clocks(&self) -> bool {
-        self.types().any(|name| name == CLOCK)
+        self.types().any(|data_type| data_type == DataType::Clock)
     }
 }
 
@@ -161,7 +155,7 @@ impl ClockDeclaration {
     /// The clock as a variable. Its interval is not declared, as it follows from parameters.
     fn variable(&self) -> VariableDeclaration {
         let variable = serde_json::json!({
-            "name": self.name, "description": self.description, "type": CLOCK, "causality": "input",
+            "name": self.name, "description": self.description, "type": "Clock", "causality": "input",
             "interval_variability": "fixed", "supports_fraction": true, "priority": 0,
         });
         serde_json::from_value(variable).expect("it is a variable")
@@ -183,7 +177,7 @@ pub(crate) struct TerminalDeclaration {
 }
 
 /// Which members of two connected terminals are connected.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum MatchingRule {
@@ -364,7 +358,7 @@ pub(crate) struct VariableDeclaration {
 }
 
 /// When a clock ticks (FMI 3.0.2, section 2.2.8).
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum IntervalVariability {
@@ -386,18 +380,6 @@ impl IntervalVariability {
     /// Whether ticks are equidistant.
     pub(crate) fn is_periodic(self) -> bool {
         matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
-    }
-
-    /// The text in the standard.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::Constant => "constant",
-            Self::Fixed => "fixed",
-            Self::Tunable => "tunable",
-            Self::Changing => "changing",
-            Self::Countdown => "countdown",
-            Self::Triggered => "triggered",
-        }
     }
 }
 
@@ -475,7 +457,7 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) value_reference: Option<u32>,
 }
 
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Causality {
@@ -487,9 +469,25 @@ pub(crate) enum Causality {
     Output,
     #[default]
     Local,
+    /// Of time only.
+    #[serde(skip_deserializing)]
+    Independent,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+/// A word of the standard, the same in a declaration and in XML.
+pub(crate) fn word(value: impl Serialize) -> impl fmt::Display {
+    struct Word<T>(T);
+
+    impl<T: Serialize> fmt::Display for Word<T> {
+        fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            self.0.serialize(formatter)
+        }
+    }
+
+    Word(value)
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Variability {
@@ -497,10 +495,11 @@ pub(crate) enum Variability {
     Fixed,
     Tunable,
     Discrete,
+    #[default]
     Continuous,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Initial {
@@ -541,96 +540,6 @@ pub(crate) struct ComponentDeclaration {
     /// The variables for the type's {placeholders} in this component.
     #[serde(default, deserialize_with = "without_duplicates")]
     pub(crate) connections: BTreeMap<String, String>,
-}
-
-/// A unit of the units file (FMI 2.0.5, section 2.2.2).
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct UnitDeclaration {
-    pub(crate) name: String,
-    /// Exponents of the SI base units; omitted for a built-in unit, or one without base.
-    #[serde(default, deserialize_with = "some_without_duplicates")]
-    pub(crate) base: Option<BTreeMap<BaseUnit, i32>>,
-    /// From this unit to the base unit.
-    #[serde(default = "one")]
-    pub(crate) factor: f64,
-    #[serde(default)]
-    pub(crate) offset: f64,
-    #[serde(default)]
-    pub(crate) display_units: Vec<DisplayUnitDeclaration>,
-}
-
-/// A display unit: the name of a known unit, or a new one.
-#[derive(Debug, Deserialize)]
-#[serde(untagged, deny_unknown_fields, expecting = "expected the name of a unit, or an object with a name")]
-pub(crate) enum DisplayUnitDeclaration {
-    Known(String),
-    New {
-        name: String,
-        /// From the unit to the display unit.
-        #[serde(default = "one")]
-        factor: f64,
-        #[serde(default)]
-        offset: f64,
-    },
-}
-
-impl DisplayUnitDeclaration {
-    pub(crate) fn name(&self) -> &str {
-        match self {
-            Self::Known(name) | Self::New { name, .. } => name,
-        }
-    }
-}
-
-/// The base units, in the order of the schema's attributes.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum BaseUnit {
-    #[serde(rename = "kg")]
-    Kilogram,
-    #[serde(rename = "m")]
-    Metre,
-    #[serde(rename = "s")]
-    Second,
-    A,
-    K,
-    #[serde(rename = "mol")]
-    Mole,
-    #[serde(rename = "cd")]
-    Candela,
-    #[serde(rename = "rad")]
-    Radian,
-}
-
-impl BaseUnit {
-    pub(crate) const ALL: [Self; 8] = [
-        Self::Kilogram,
-        Self::Metre,
-        Self::Second,
-        Self::A,
-        Self::K,
-        Self::Mole,
-        Self::Candela,
-        Self::Radian,
-    ];
-
-    /// The attribute that holds the exponent.
-    pub(crate) fn symbol(self) -> &'static str {
-        match self {
-            Self::Kilogram => "kg",
-            Self::Metre => "m",
-            Self::Second => "s",
-            Self::A => "A",
-            Self::K => "K",
-            Self::Mole => "mol",
-            Self::Candela => "cd",
-            Self::Radian => "rad",
-        }
-    }
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 /// `true` for a derivative that needs no details.
@@ -691,16 +600,6 @@ where
     }
 
     deserializer.deserialize_map(MapVisitor(PhantomData))
-}
-
-/// Likewise for an optional map.
-fn some_without_duplicates<'de, D, K, V>(deserializer: D) -> Result<Option<BTreeMap<K, V>>, D::Error>
-where
-    D: Deserializer<'de>,
-    K: Deserialize<'de> + Ord + fmt::Debug,
-    V: Deserialize<'de>,
-{
-    without_duplicates(deserializer).map(Some)
 }
 
 #[cfg(test)]

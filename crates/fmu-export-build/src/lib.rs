@@ -1,15 +1,25 @@
 #![doc = include_str!("../README.md")]
 
+mod assembly;
 mod check;
+mod data_type;
 mod declaration;
 mod dependencies;
 mod error;
+mod flatten;
 mod fragment;
 mod interfaces;
 mod model;
+mod names;
+mod package;
 mod page;
+mod resolve;
 mod resources;
 mod rust;
+mod source;
+mod start;
+mod texts;
+mod type_names;
 mod units;
 mod xml;
 
@@ -18,50 +28,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process;
 
-use declaration::{Declaration, UnitDeclaration};
-use error::{Refusal, Refusals, Source};
-use model::Model;
+use declaration::Declaration;
+use error::{Refusal, Refusals};
 use resources::Resources;
+use source::Source;
+use units::declaration::UnitDeclaration;
 
 pub use error::{Error, Finding};
-pub use interfaces::{Fmi, INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+pub use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+pub use interfaces::Fmi;
+pub use package::Package;
 
 /// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
-
-/// A model's package, whose metadata its declaration need not repeat.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Package {
-    /// Its name.
-    pub name: String,
-    /// Its version.
-    pub version: String,
-    /// Its description, or empty.
-    pub description: String,
-    /// Its authors, separated by colons, or empty.
-    pub authors: String,
-    /// Its license's SPDX expression, or empty.
-    pub license: String,
-}
-
-impl Package {
-    /// The package whose build script runs.
-    ///
-    /// # Panics
-    /// Outside a build script.
-    #[must_use]
-    pub fn of_build_script() -> Self {
-        let variable =
-            |name| env::var(name).unwrap_or_else(|_| panic!("{name} is set for build scripts only"));
-        Self {
-            name: variable("CARGO_PKG_NAME"),
-            version: variable("CARGO_PKG_VERSION"),
-            description: variable("CARGO_PKG_DESCRIPTION"),
-            authors: variable("CARGO_PKG_AUTHORS"),
-            license: variable("CARGO_PKG_LICENSE"),
-        }
-    }
-}
 
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -185,7 +164,8 @@ pub fn generate_into(
     };
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
-    let model = Model::new(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
+    let model =
+        assembly::model(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
     let structure = dependencies::Structure::new(&model.scalars, model.fmi.version)
         .map_err(|refusal| source.error([refusal]))?;
     let description = xml::Description::new(&model, &structure);
@@ -256,7 +236,7 @@ pub fn generate_into(
 fn read_units(file: &Path) -> Result<Vec<UnitDeclaration>, Error> {
     let (units, source) = Source::read::<Vec<UnitDeclaration>>(file)?;
     let mut refusals = Refusals::default();
-    check::units(&units, &mut refusals);
+    check::units::all(&units, &mut refusals);
     refusals.check().map_err(|refusals| source.error(refusals))?;
     Ok(units)
 }

@@ -8,16 +8,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::slice;
 
+use fmu_terms::{Unit, Version};
+use fmu_xml::page::{self as document, Document, breakable};
 use quick_xml::escape::escape;
 
-use crate::declaration::{Causality, UnitNames, VariableDeclaration};
+use crate::data_type::DataType;
+use crate::declaration::{Causality, UnitNames, VariableDeclaration, word};
 use crate::dependencies::{Structure, Unknown};
 use crate::fragment::Fragment;
-use crate::interfaces::Version;
-use crate::model::{DataType, Field, Model, Part, Place, Start};
-use crate::units::Unit;
+use crate::model::{Field, Model, Part, Place};
+use crate::start::Start;
 use crate::xml;
-use fmu_xml::page::{self as document, Document};
 
 /// A table of variables on the page.
 #[derive(Clone, Copy)]
@@ -316,7 +317,7 @@ impl<'m, 'a> Page<'m, 'a> {
             Start::Boolean(value) => Some(u8::from(*value).to_string()),
             Start::String(_) => None,
             Start::Real(value) => Some(number(*value)),
-            value => Some(xml::start(value)),
+            value => Some(value.to_string()),
         }
     }
 
@@ -405,8 +406,8 @@ impl<'m, 'a> Page<'m, 'a> {
             let _ = write!(text, "<td class=\"range\">{}</td>", range(field.declaration));
         }
         let kind = match first.initial {
-            Some(initial) if columns.initial => xml::initial(initial),
-            _ => xml::variability(first.variability),
+            Some(initial) if columns.initial => word(initial).to_string(),
+            _ => word(first.variability).to_string(),
         };
         if field.place == Place::Outputs {
             description += &self.dependencies(field);
@@ -490,7 +491,7 @@ impl<'m, 'a> Page<'m, 'a> {
                     item + 1
                 )
             }
-            (value, _) => xml::start(value),
+            (value, _) => value.to_string(),
         })
     }
 
@@ -571,21 +572,6 @@ struct Columns {
 
 fn code(name: &str) -> String {
     format!("<code>{}</code>", breakable(name))
-}
-
-/// A name with breaks between its words: after dots and underscores, and before capitals.
-pub(crate) fn breakable(name: &str) -> String {
-    let mut text = String::new();
-    let mut before = '.';
-    for letter in name.chars() {
-        let begins_word = matches!(before, '.' | '_') || before.is_lowercase() && letter.is_uppercase();
-        if begins_word && !text.is_empty() {
-            text += "<wbr/>";
-        }
-        text.push(letter);
-        before = letter;
-    }
-    text
 }
 
 fn range(variable: &VariableDeclaration) -> String {

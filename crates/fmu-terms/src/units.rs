@@ -1,11 +1,7 @@
 //! Units as defined by FMI 2.0 (section 2.2.2) and SSP 1.0 (section 4.4.4), and conversions between them.
 
-use std::io;
-
-use fmu_xml::{Attributes, XmlWriter, conversion, element, empty};
-
 /// The SI base units and rad, in the order of [`BaseUnit::exponents`].
-const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// A unit with its definition in SI units, if known.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,21 +46,9 @@ pub struct Linear {
 }
 
 impl BaseUnit {
-    /// The dimensionless unit, to build others from.
-    pub(crate) fn one() -> Self {
-        Self { exponents: [0; BASE_UNITS.len()], factor: 1.0, offset: 0.0 }
-    }
-
-    /// Sets a base unit's exponent by name; other names are ignored.
-    pub(crate) fn set_exponent(&mut self, name: &str, exponent: i32) {
-        if let Some(position) = BASE_UNITS.iter().position(|&base| base == name) {
-            self.exponents[position] = exponent;
-        }
-    }
-
-    /// Whether a base unit has this name.
-    pub(crate) fn is_exponent(name: &str) -> bool {
-        BASE_UNITS.contains(&name)
+    /// Its exponents other than 0, with the base units' names.
+    pub fn powers(&self) -> impl Iterator<Item = (&'static str, i32)> + use<> {
+        BASE_UNITS.into_iter().zip(self.exponents).filter(|(_, exponent)| *exponent != 0)
     }
 
     /// The conversion to another unit; none if the dimensions differ.
@@ -118,25 +102,6 @@ impl Linear {
 /// A number rounded to 15 digits: the reciprocal of 1e-5, inexact in doubles, becomes 100000.
 fn rounded(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
-}
-
-/// Writes the list of units in SSP files: only those defined in SI base units, as SSP has no others.
-pub(crate) fn write_units(writer: &mut XmlWriter, list: &'static str, units: &[Unit]) -> io::Result<()> {
-    let known: Vec<_> = units.iter().filter_map(|unit| unit.base.map(|base| (unit, base))).collect();
-    if known.is_empty() {
-        return Ok(());
-    }
-    element(writer, list, vec![], |writer| {
-        known.iter().try_for_each(|(unit, base)| {
-            element(writer, "ssc:Unit", vec![("name", unit.name.clone())], |writer| {
-                let exponents = BASE_UNITS.iter().zip(base.exponents).filter(|(_, exponent)| *exponent != 0);
-                let mut attributes: Attributes =
-                    exponents.map(|(name, exponent)| (*name, exponent.to_string())).collect();
-                attributes.extend(conversion(base.factor, base.offset));
-                empty(writer, "ssc:BaseUnit", attributes)
-            })
-        })
-    })
 }
 
 #[cfg(test)]
