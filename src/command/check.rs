@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, writing};
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::FmuDescription;
 
 /// Prints how an FMU fits, and optionally writes a map to edit. Returns whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {

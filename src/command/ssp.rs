@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmu_package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
+use fmu_io::{reading, writing};
+use fmu_package::{FmuDescription, ParameterSet, SystemPackage};
 
 use super::coupling::{Member, couple};
 

@@ -4,7 +4,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
-use fmu_package::terminal::{in_line, number};
+use fmu_io::terminal::{in_line, number};
 use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::name_map::{Entry, Meaning, NameMap};

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::terminal::number;
-use fmu_package::{FmuDescription, Linear, Unit, reading};
+use fmu_io::reading;
+use fmu_io::terminal::number;
+use fmu_package::{FmuDescription, Linear, Unit};
 use serde::{Deserialize, Serialize};
 
 use crate::{Port, Role};

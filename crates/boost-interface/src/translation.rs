@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{FmuVariable, Linear, Translation};
 
 use crate::Port;

@@ -6,7 +6,65 @@
 use std::io;
 use std::str::FromStr;
 
-use super::library::{Architecture, Format, Library};
+/// The formats of shared libraries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Linux.
+    Elf,
+    /// macOS.
+    MachO,
+    /// Windows.
+    Pe,
+}
+
+impl Format {
+    /// The suffix of a library's file.
+    #[must_use]
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::Elf => "so",
+            Self::MachO => "dylib",
+            Self::Pe => "dll",
+        }
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Elf => "ELF",
+            Self::MachO => "Mach-O",
+            Self::Pe => "PE",
+        }
+    }
+}
+
+/// The processors of FMU libraries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Architecture {
+    Aarch64,
+    X86,
+    X86_64,
+}
+
+impl Architecture {
+    /// The processor of this program.
+    pub(crate) fn host() -> Option<Self> {
+        match std::env::consts::ARCH {
+            "aarch64" => Some(Self::Aarch64),
+            "x86" => Some(Self::X86),
+            "x86_64" => Some(Self::X86_64),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Aarch64 => "aarch64",
+            Self::X86 => "x86",
+            Self::X86_64 => "x86-64",
+        }
+    }
+}
 
 /// A platform with a folder in FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -81,16 +139,6 @@ impl Platform {
             Format::Pe => "windows",
         };
         format!("{processor}-{system}")
-    }
-
-    /// A library's folders in `binaries/` of an FMU of FMI 2.0 or 3.0: in FMI 3.0 one per processor.
-    #[must_use]
-    pub fn folders(self, library: &Library, is_fmi3: bool) -> Vec<String> {
-        if is_fmi3 {
-            library.architectures.iter().map(|&architecture| self.tuple(architecture)).collect()
-        } else {
-            vec![self.folder().to_owned()]
-        }
     }
 
     /// The platform of a folder in `binaries/` of an FMU of FMI 2.0 or 3.0.

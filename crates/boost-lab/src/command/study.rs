@@ -10,8 +10,9 @@ use anyhow::{Result, bail};
 use boost_interface::NameMap;
 use cargo_fmu::run::journal::{Settings, digest};
 use clap::Args;
-use fmu_package::terminal::{complain, print};
-use fmu_package::{ParameterSet, writing};
+use fmu_io::terminal::{complain, print};
+use fmu_io::writing;
+use fmu_package::ParameterSet;
 
 const CSV: &str = "results.csv";
 const HTML: &str = "report.html";

@@ -4,8 +4,9 @@
 use anyhow::{Context, Result, bail};
 use boost_fmu::controller::variables::AllocationParameters;
 use boost_interface::Role;
-use fmu_package::terminal::number;
-use fmu_package::{FmuDescription, FmuVariable, Value, like};
+use fmu_io::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable, Value};
+use fmu_terms::like;
 
 use super::procedure::Strategy;
 
