@@ -86,6 +86,7 @@ fn scan(text: &str, longest_value: usize) -> Result<(), (Problem, u64, String)> 
             Event::Eof => {
                 return match open.last() {
                     Some(open) => refuse(Problem::Syntax, format!("it ends within the element {open}")),
+                    None if elements == 0 => refuse(Problem::Syntax, "it has no root element".to_owned()),
                     None => Ok(()),
                 };
             }
