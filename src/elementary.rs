@@ -3,7 +3,48 @@
 //! Those are correct to the last bit or two, differently on each platform; these are correct to 1e-14 (see the tests),
 //! bit-identical on every platform, and can be inlined, so that several run in parallel.
 
+use std::array;
 use std::f64::consts::{LN_2, LOG2_E};
+
+use fmu_export::Number;
+
+/// The functions for a model's numbers, with their derivatives.
+pub trait Elementary: Number {
+    /// A power with nonnegative base and exponent.
+    #[must_use]
+    fn power(self, exponent: Self) -> Self {
+        if self > 0.0 {
+            let [logarithm] = Self::logarithms([self]);
+            Self::powers_of_two([exponent * logarithm])[0]
+        } else {
+            // The derivative is 0 for exponents above 1, undefined below.
+            Self::from(self.value().powf(exponent.value()))
+        }
+    }
+
+    /// The logarithms to base 2 of several numbers, in parallel.
+    #[must_use]
+    fn logarithms<const N: usize>(numbers: [Self; N]) -> [Self; N] {
+        let values = log2s(numbers.map(Self::value));
+        array::from_fn(|index| numbers[index].mapped(values[index], LOG2_E / numbers[index].value()))
+    }
+
+    /// 2 to several powers, in parallel.
+    #[must_use]
+    fn powers_of_two<const N: usize>(exponents: [Self; N]) -> [Self; N] {
+        let values = exp2s(exponents.map(Self::value));
+        array::from_fn(|index| exponents[index].mapped(values[index], LN_2 * values[index]))
+    }
+
+    /// The exponential function.
+    #[must_use]
+    fn exponential(self) -> Self {
+        let value = exp2(LOG2_E * self.value());
+        self.mapped(value, value)
+    }
+}
+
+impl<T: Number> Elementary for T {}
 
 /// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on NaN.
 #[must_use]

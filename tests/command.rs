@@ -143,7 +143,26 @@ fn a_map_is_written_read_back_and_kept() {
         let (code, printed) = edited(&map_of("plant", "Other", &variables));
         assert!(code == expected && printed.contains(reason), "{duty}: {code} {printed}");
         assert!(printed.contains("boost_pressure = 100000 · pBoost"), "{printed}");
+        let open = "It replaces the plant only in part: the map leaves vacuum_pump, lp_wastegate, hp_bypass, \
+                    tank_pressure, supply_voltage_measured unconnected.";
+        assert_eq!(code == 0, printed.contains(open), "{printed}");
     }
+}
+
+/// What the table suggests for a variable, the map proposes, even if the variable is not required.
+#[test]
+fn a_map_proposes_what_the_table_suggests() {
+    let variables = r#"<ScalarVariable name="speed_engine" causality="input"><Real/></ScalarVariable>"#;
+    let fmu = archive("suggested.fmu", "modelDescription.xml", &description(variables));
+    let map = scratch("suggested.json");
+    let _ = fs::remove_file(&map);
+    let output = boost_fmu(&["check", &fmu, "--as", "plant", "--write-map", map.to_str().unwrap()]);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("missing; similar: speed_engine"), "{printed}");
+    assert!(printed.contains("Its names for engine_speed are proposals"), "{printed}");
+    let map = fs::read_to_string(&map).unwrap();
+    let proposal = "\"engine_speed\": {\n      \"name\": \"speed_engine\",\n      \"candidates\": [\n        \"speed_engine\"";
+    assert!(map.contains(proposal), "{map}");
 }
 
 /// The names in a folder.

@@ -18,8 +18,16 @@ pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;
     if let Some(file) = write_map {
-        writing::write_new(file, compatibility.to_map(map.as_ref()).to_json()?.as_bytes())?;
-        print(&format!("Wrote the map {}; edit it and pass it with --map.\n", file.display()))?;
+        let map = compatibility.to_map(map.as_ref());
+        writing::write_new(file, map.to_json()?.as_bytes())?;
+        let proposed: Vec<_> = map.proposed().collect();
+        let check = match proposed.as_slice() {
+            [] => String::new(),
+            names => {
+                format!(" Its names for {} are proposals, with candidates beside them.", names.join(", "))
+            }
+        };
+        print(&format!("Wrote the map {}; edit it and pass it with --map.{check}\n", file.display()))?;
     }
     Ok(compatibility.fits())
 }

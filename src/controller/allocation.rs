@@ -109,29 +109,25 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
         ("allocation.low_pressure_shut_below", of.low_pressure_shut_below),
         ("allocation.low_pressure_free_above", of.low_pressure_free_above),
         "rpm",
-        "the low-pressure wastegate must be shut at a lower speed than free",
     )?;
     refuse_not_below(
         ("allocation.bypass_shut_below", of.bypass_shut_below),
         ("allocation.bypass_free_above", of.bypass_free_above),
         "rpm",
-        "the bypass must be shut at a lower speed than free",
     )?;
     refuse_not_below(
         ("allocation.low_pressure_start", of.low_pressure_start),
         ("allocation.bypass_start", of.bypass_start),
         "%",
-        "the bypass must open after the low-pressure wastegate",
     )?;
     refuse_not_below(
         ("allocation.bypass_start", of.bypass_start),
         ("allocation.bypass_end", of.bypass_end),
         "%",
-        "the bypass must begin to open before it is open",
     )?;
     if parameters.pwm_min >= of.low_pressure_open() {
         return Err(Error::new(format!(
-            "pwm_min is {} %, but with allocation.low_pressure_start, low_pressure_span and low_pressure_shape the low-pressure wastegate is fully open at a virtual duty of {} %, which must be larger",
+            "pwm_min is {} % and must be below the virtual duty at which the low-pressure wastegate is fully open, {} % with allocation.low_pressure_start, low_pressure_span and low_pressure_shape",
             parameters.pwm_min,
             of.low_pressure_open()
         )));
@@ -143,7 +139,7 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     ] {
         if value < parameters.sample_time {
             return Err(Error::new(format!(
-                "{name} is {value} s and sample_time is {} s, but a time constant must not be shorter than a sample",
+                "{name} is {value} s and must be at least sample_time, which is {} s",
                 parameters.sample_time
             )));
         }
@@ -151,12 +147,12 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     Ok(())
 }
 
-fn refuse_not_below(lower: (&str, f64), upper: (&str, f64), unit: &str, reason: &str) -> Result<(), Error> {
+fn refuse_not_below(lower: (&str, f64), upper: (&str, f64), unit: &str) -> Result<(), Error> {
     if lower.1 < upper.1 {
         return Ok(());
     }
     Err(Error::new(format!(
-        "{} is {} {unit} and {} is {} {unit}, but {reason}",
+        "{} is {} {unit} and must be below {}, which is {} {unit}",
         lower.0, lower.1, upper.0, upper.1
     )))
 }

@@ -6,6 +6,7 @@
 //!
 //! The modes `position` and `open_loop` also use it for the other valves.
 
+use fmu_export::display::{Rounded, Seconds};
 use fmu_export::{Context, Error, Persistent};
 
 use super::Command;
@@ -108,8 +109,9 @@ impl BySpeed {
     /// Logs changes of the bypass since a sample.
     pub fn log_since(&self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
         if self.bypassed != before.bypassed {
-            let (is, speed) = (if self.bypassed { "bypassed" } else { "active" }, inputs.engine_speed);
-            context.event(format_args!("at {time} s: the high-pressure stage is {is}, {speed} rpm"));
+            let (state, speed) =
+                (if self.bypassed { "bypassed" } else { "active" }, Rounded(inputs.engine_speed));
+            context.event(format_args!("at {} s: high-pressure stage {state}, {speed} rpm", Seconds(time)));
         }
     }
 }
@@ -156,6 +158,6 @@ pub fn check(parameters: &Parameters) -> Result<(), Error> {
         return schedule::check("schedule", &parameters.schedule);
     }
     Err(Error::new(format!(
-        "lp_wastegate_close_below is {shut} rpm and lp_wastegate_open_above is {open} rpm, but the low-pressure wastegate must be shut at a lower speed than open"
+        "lp_wastegate_close_below is {shut} rpm and must be below lp_wastegate_open_above, which is {open} rpm"
     )))
 }

@@ -14,6 +14,7 @@
 
 use std::fmt;
 
+use fmu_export::display::{Rounded, Seconds};
 use fmu_export::{Context, Error, Persistent};
 
 use super::actuator_inverse;
@@ -49,11 +50,11 @@ pub struct Findings {
 impl Findings {
     fn all(self) -> [(bool, &'static str); 5] {
         [
-            (self.boost_sensor_implausible, "the boost sensor is implausible"),
-            (self.loop_not_answering, "the boost loop does not answer"),
-            (self.tank_not_filling, "the vacuum tank does not fill"),
-            (self.tank_sensor_implausible, "the tank's sensor is implausible"),
-            (self.supply_sensor_implausible, "the supply's sensor is implausible"),
+            (self.boost_sensor_implausible, "boost sensor implausible"),
+            (self.loop_not_answering, "boost does not respond to the duty"),
+            (self.tank_not_filling, "vacuum tank does not fill"),
+            (self.tank_sensor_implausible, "tank pressure sensor implausible"),
+            (self.supply_sensor_implausible, "supply voltage sensor implausible"),
         ]
     }
 
@@ -77,7 +78,7 @@ impl Findings {
     pub fn warn_since(self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
         for ((found, what), (was_found, _)) in self.all().into_iter().zip(before.all()) {
             if found && !was_found {
-                context.warn(format_args!("at {time} s: {what}, with {}", Measurements(inputs)));
+                context.warn(format_args!("at {} s: {what}; {}", Seconds(time), Measurements(inputs)));
             }
         }
     }
@@ -91,8 +92,11 @@ impl fmt::Display for Measurements<'_> {
         let Inputs { boost_pressure, tank_pressure, supply_voltage_measured, engine_speed, .. } = self.0;
         write!(
             formatter,
-            "boost_pressure = {boost_pressure} Pa, tank_pressure = {tank_pressure} Pa, \
-             supply_voltage_measured = {supply_voltage_measured} V and engine_speed = {engine_speed} rpm"
+            "boost_pressure = {} kPa, tank_pressure = {} kPa, supply_voltage_measured = {} V, engine_speed = {} rpm",
+            Rounded(boost_pressure / 1e3),
+            Rounded(tank_pressure / 1e3),
+            Rounded(*supply_voltage_measured),
+            Rounded(*engine_speed)
         )
     }
 }
@@ -447,7 +451,7 @@ pub fn check(parameters: &DiagnosisParameters) -> Result<(), Error> {
     ] {
         if lower.1 >= upper.1 {
             return Err(Error::new(format!(
-                "diagnosis.{} is {}{unit} and diagnosis.{} is {}{unit}, but the former must be less",
+                "diagnosis.{} is {}{unit} and must be below diagnosis.{}, which is {}{unit}",
                 lower.0, lower.1, upper.0, upper.1
             )));
         }

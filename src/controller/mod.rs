@@ -50,6 +50,7 @@ pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
+use fmu_export::display::{Rounded, Seconds};
 use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
@@ -117,7 +118,7 @@ impl Sampled for ControlLaw {
         let (least, most) = (parameters.pwm_min, parameters.pwm_max);
         if least >= most {
             return Err(Error::new(format!(
-                "pwm_min is {least} % and pwm_max is {most} %, but the least duty must be below the largest"
+                "pwm_min is {least} % and must be below pwm_max, which is {most} %"
             )));
         }
         tank_relay::check(parameters)?;
@@ -175,15 +176,16 @@ impl Sampled for ControlLaw {
                 return Ok(());
             }
             self.law = Some(BoostLaw::at(inputs.boost_pressure));
-            let pressure = inputs.boost_pressure;
-            context.event(format_args!("at {time} s: the first measurement of boost, {pressure} Pa"));
+            let pressure = Rounded(inputs.boost_pressure / 1e3);
+            context.event(format_args!("at {} s: first boost measurement, {pressure} kPa", Seconds(time)));
         }
         let (was_on, was_by_speed) = (self.relay, self.by_speed);
         let relay = self.relay.sample(parameters, inputs.tank_pressure);
         let vacuum_pump = self.diagnosis.pump(parameters, relay);
         if self.relay != was_on {
-            let (does, pressure) = (if relay { "on" } else { "off" }, inputs.tank_pressure);
-            context.event(format_args!("at {time} s: the vacuum pump goes {does}, tank at {pressure} Pa"));
+            let (state, pressure) = (if relay { "on" } else { "off" }, Rounded(inputs.tank_pressure / 1e3));
+            context
+                .event(format_args!("at {} s: vacuum pump {state}, tank at {pressure} kPa", Seconds(time)));
         }
 
         let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
@@ -286,8 +288,7 @@ impl ControlLaw {
 fn warn_of_ignored_schedule(parameters: &Parameters, context: &mut Context<'_>) {
     if parameters.strategy == Strategy::SplitRange && parameters.schedule != Parameters::default().schedule {
         context.warn(format_args!(
-            "the values of schedule are ignored: they hold with strategy = by_speed only; those of strategy = \
-             split_range are in range_schedule"
+            "schedule is ignored: only strategy = by_speed uses it; strategy = split_range uses range_schedule"
         ));
     }
 }

@@ -266,12 +266,12 @@ pub fn check<'a, const COLUMNS: usize>(
             let name = format_args!("{component}.gain[{},{}]", row + 1, column + 1);
             if gain.abs() < LEAST_GAIN {
                 return Err(Error::new(format!(
-                    "{name} is {gain} Pa/%, but the feedback divides by the gain: it must not be 0 (at least {LEAST_GAIN} Pa/% in magnitude)"
+                    "{name} is {gain} Pa/%, but the feedback divides by it: its magnitude must be at least {LEAST_GAIN} Pa/%"
                 )));
             }
             if gain.signum() != first.signum() {
                 return Err(Error::new(format!(
-                    "{component}.gain[1,1] is {first} Pa/% and {name} is {gain} Pa/%, but gains must be of one sign: between them the gain would be 0"
+                    "{component}.gain[1,1] is {first} Pa/% and {name} is {gain} Pa/%, but all gains must have the same sign: between them the gain would be 0"
                 )));
             }
         }
@@ -283,7 +283,7 @@ fn refuse_not_increasing(component: &str, name: &str, axis: &[f64]) -> Result<()
     match axis.windows(2).position(|pair| pair[0] >= pair[1]) {
         None => Ok(()),
         Some(below) => Err(Error::new(format!(
-            "{component}.{name}[{}] is {} and {component}.{name}[{}] is {}, but a grid must increase",
+            "{component}.{name}[{}] is {} and {component}.{name}[{}] is {}, but the grid must increase",
             below + 1,
             axis[below],
             below + 2,

@@ -29,6 +29,6 @@ pub fn check(parameters: &Parameters) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::new(format!(
-        "tank_pressure_on is {on} Pa and tank_pressure_off is {off} Pa, but the pump must be switched on at a higher pressure than off"
+        "tank_pressure_on is {on} Pa and must be above tank_pressure_off, which is {off} Pa"
     )))
 }

@@ -9,8 +9,8 @@
 //! beyond the Coulomb force does not raise a negative number to a power.
 
 use super::gas::Gas;
-use super::scalar::Scalar;
 use super::variables::{ActuatorLocals, ActuatorParameters};
+use crate::elementary::Elementary;
 
 /// A wastegate actuator.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +23,7 @@ pub struct Actuator<D = f64> {
     pub stuck: Option<D>,
 }
 
-impl<D: Scalar> Actuator<D> {
+impl<D: Elementary> Actuator<D> {
     /// The chamber volume and the forces on the rod at a position (m) and speed (m/s), for ambient and chamber pressure
     /// (Pa) and the pressure difference (Pa) across the wastegate.
     #[must_use]
@@ -63,9 +63,7 @@ impl<D: Scalar> Actuator<D> {
     #[must_use]
     pub fn stop_force(&self, position: D, velocity: D) -> D {
         let damped = |depth: D| {
-            self.parameters.stop_damping
-                * velocity
-                * (depth / self.parameters.stop_damping_depth).at_most(1.0)
+            self.parameters.stop_damping * velocity * (depth / self.parameters.stop_damping_depth).min(1.0)
         };
         if position < 0.0 {
             self.parameters.stop_stiffness * position + damped(-position)
@@ -82,7 +80,7 @@ impl<D: Scalar> Actuator<D> {
     pub fn friction_rate(&self, friction_force: D, velocity: D) -> D {
         let direction = if velocity < 0.0 { -1.0 } else { 1.0 };
         let margin = -friction_force / self.parameters.coulomb_friction * direction + 1.0;
-        let share = if (self.parameters.friction_exponent - 1.0).vanishes() {
+        let share = if (self.parameters.friction_exponent - 1.0).is_constant(0.0) {
             margin
         } else if margin < 0.0 {
             -(-margin).power(self.parameters.friction_exponent)
@@ -97,7 +95,7 @@ impl<D: Scalar> Actuator<D> {
     #[must_use]
     pub fn volume(&self, position: D) -> D {
         (self.parameters.chamber_volume - self.parameters.membrane_area * position)
-            .at_least(self.parameters.chamber_volume * 1e-3)
+            .max(self.parameters.chamber_volume * 1e-3)
     }
 
     /// Eq. (3) for a moving wall: rate of change of chamber pressure (Pa) in Pa/s, for a net inflow `mass_flow` in
@@ -112,7 +110,7 @@ impl<D: Scalar> Actuator<D> {
     #[must_use]
     pub fn opening(&self, position: D) -> D {
         match self.stuck {
-            None => (position / self.parameters.stroke).at_least(0.0).at_most(1.0),
+            None => (position / self.parameters.stroke).max(0.0).min(1.0),
             Some(opening) => opening,
         }
     }
@@ -125,18 +123,19 @@ impl<D: Scalar> Actuator<D> {
     pub fn position_at_rest(&self, opening_force: D) -> D {
         let excess =
             |x: f64| self.spring_force(x.into()) + self.stop_force(x.into(), 0.0.into()) - opening_force;
-        let (stroke, stop_stiffness) = (self.parameters.stroke.re(), self.parameters.stop_stiffness.re());
+        let (stroke, stop_stiffness) =
+            (self.parameters.stroke.value(), self.parameters.stop_stiffness.value());
         let stiffness = |x: f64| {
             let stop = if (0.0..=stroke).contains(&x) { 0.0 } else { stop_stiffness };
-            self.parameters.spring_stiffness.re()
-                + 7.0 * self.parameters.spring_hardening.re() * x.powi(6)
+            self.parameters.spring_stiffness.value()
+                + 7.0 * self.parameters.spring_hardening.value() * x.powi(6)
                 + stop
         };
-        let mut low = (-excess(0.0).re()).min(0.0) / stop_stiffness;
-        let mut high = stroke + (-excess(stroke).re()).max(0.0) / stop_stiffness;
+        let mut low = (-excess(0.0).value()).min(0.0) / stop_stiffness;
+        let mut high = stroke + (-excess(stroke).value()).max(0.0) / stop_stiffness;
         let mut position = 0.5 * (low + high);
         for _ in 0..200 {
-            let force = excess(position).re();
+            let force = excess(position).value();
             if force > 0.0 {
                 high = position;
             } else {
@@ -151,7 +150,7 @@ impl<D: Scalar> Actuator<D> {
         }
         // The derivative follows from the force balance, by the implicit function theorem.
         let left = excess(position);
-        (left - left.re()) / -stiffness(position) + position
+        (left - left.value()) / -stiffness(position) + position
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::flow_resistance::mass_flow;
 use super::gas::Volume;
-use super::scalar::Scalar;
 use super::variables::{AirFilterLocals, AirFilterParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct AirFilter<D = f64> {
@@ -12,7 +12,7 @@ pub struct AirFilter<D = f64> {
     pub volume: Volume<D>,
 }
 
-impl<D: Scalar> AirFilter<D> {
+impl<D: Number> AirFilter<D> {
     /// The flow from ambient (pressure in Pa, temperature in K) to a pressure (Pa) downstream of the filter.
     pub fn evaluate(&self, ambient: (D, D), pressure: D) -> AirFilterLocals<D> {
         let AirFilterParameters { flow_resistance, linear_pressure, .. } = self.parameters;

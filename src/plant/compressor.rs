@@ -9,8 +9,8 @@
 use std::f64::consts::PI;
 
 use super::gas::{Gas, Volume, signed_root, smooth_max};
-use super::scalar::Scalar;
 use super::variables::{CompressorLocals, CompressorParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Compressor<D = f64> {
@@ -28,7 +28,7 @@ pub struct Compressor<D = f64> {
     pub air: Gas<D>,
 }
 
-impl<D: Scalar> Compressor<D> {
+impl<D: Number> Compressor<D> {
     pub fn new(parameters: CompressorParameters<D>, air: Gas<D>) -> Self {
         let p = &parameters;
         Self {

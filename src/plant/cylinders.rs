@@ -6,8 +6,8 @@
 use std::f64::consts::PI;
 
 use super::gas::Gas;
-use super::scalar::Scalar;
 use super::variables::{CylindersLocals, CylindersParameters};
+use crate::elementary::Elementary;
 
 /// The cylinders of a four-stroke engine.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +35,7 @@ pub struct CylinderFlows<D = f64> {
     pub exhaust_temperature: D,
 }
 
-impl<D: Scalar> Cylinders<D> {
+impl<D: Elementary> Cylinders<D> {
     /// The flows at an engine speed (rpm) from the intake (pressure in Pa, temperature in K).
     ///
     /// The volumetric efficiency accounts for residual gas expanding to intake pressure by the volume ratio `residual`.
@@ -43,7 +43,7 @@ impl<D: Scalar> Cylinders<D> {
     pub fn flows(&self, engine_speed: D, intake: (D, D), residual: D) -> CylinderFlows<D> {
         let (pressure, temperature) = intake;
         let volumetric_efficiency = self.parameters.volumetric_efficiency_factor
-            * (self.parameters.compression_ratio - residual).at_least(0.0)
+            * (self.parameters.compression_ratio - residual).max(0.0)
             / (self.parameters.compression_ratio - 1.0);
         let density = pressure / (self.air.parameters.gas_constant * temperature);
         // One filling per two revolutions: rpm / 120 cycles per second.
@@ -73,9 +73,9 @@ impl<D: Scalar> Cylinders<D> {
         exhaust_pressure: D,
     ) -> (CylindersLocals<D>, D) {
         // The floor of 1 rpm is for standstill, where no fuel flows either.
-        let cycles_per_second = engine_speed.at_least(1.0) / 120.0;
-        let boost = (intake_pressure / 1e5 - 1.0).at_least(0.0);
-        let retarded = (-self.parameters.ignition_retard_loss * boost * boost + 1.0).at_least(0.0);
+        let cycles_per_second = engine_speed.max(1.0) / 120.0;
+        let boost = (intake_pressure / 1e5 - 1.0).max(0.0);
+        let retarded = (-self.parameters.ignition_retard_loss * boost * boost + 1.0).max(0.0);
         let efficiency = self.parameters.indicated_efficiency * retarded;
         let indicated_work =
             flows.fuel / cycles_per_second * self.parameters.lower_heating_value * efficiency;
@@ -85,7 +85,7 @@ impl<D: Scalar> Cylinders<D> {
         let motored =
             (piston_speed.power(1.8.into()) * 0.0072 + 0.464) * self.parameters.friction_boost_layout * 1e5;
         let friction_mean_effective_pressure = self.parameters.friction_auxiliary_factor
-            * (motored + load.at_least(0.0) * 0.0215)
+            * (motored + load.max(0.0) * 0.0215)
             * (self.parameters.bore.recip() * 0.075).sqrt();
         let pumping_pressure = exhaust_pressure - intake_pressure;
         let net = indicated_work

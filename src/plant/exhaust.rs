@@ -2,8 +2,8 @@
 
 use super::flow_resistance::mass_flow;
 use super::gas::Volume;
-use super::scalar::Scalar;
 use super::variables::{ExhaustLocals, ExhaustParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Exhaust<D = f64> {
@@ -12,7 +12,7 @@ pub struct Exhaust<D = f64> {
     pub volume: Volume<D>,
 }
 
-impl<D: Scalar> Exhaust<D> {
+impl<D: Number> Exhaust<D> {
     /// The flow from upstream of the catalyst to ambient, each given by pressure (Pa) and temperature (K).
     pub fn evaluate(&self, inlet: (D, D), ambient: (D, D)) -> ExhaustLocals<D> {
         let ExhaustParameters { flow_resistance, linear_pressure, .. } = self.parameters;

@@ -2,12 +2,12 @@
 //! (Eriksson, Modeling and control of turbocharged SI and DI engines, OGST 62(4), 2007).
 
 use super::gas::signed_root;
-use super::scalar::Scalar;
+use fmu_export::Number;
 
 /// The flow in kg/s by the law W = √(p·Δp/(H·T)) from the first to the second side, each given by pressure (Pa)
 /// and temperature (K), through a resistance H in Pa² s²/(kg² K), with upstream density. Below a pressure difference of
 /// `linear_pressure` (Pa) the flow is linear, to keep its slope finite.
-pub fn mass_flow<D: Scalar>(resistance: D, linear_pressure: D, first: (D, D), second: (D, D)) -> D {
+pub fn mass_flow<D: Number>(resistance: D, linear_pressure: D, first: (D, D), second: (D, D)) -> D {
     let difference = first.0 - second.0;
     let (pressure, temperature) = if difference >= 0.0 { first } else { second };
     (pressure / (resistance * temperature)).sqrt() * signed_root(difference, linear_pressure)

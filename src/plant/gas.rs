@@ -1,8 +1,8 @@
 //! Ideal gases with constant specific heats, and the smooth functions that keep the equations differentiable where
 //! flows reverse.
 
-use super::scalar::Scalar;
 use super::variables::GasParameters;
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<D = f64> {
@@ -11,7 +11,7 @@ pub struct Gas<D = f64> {
     pub isentropic_exponent: D,
 }
 
-impl<D: Scalar> Gas<D> {
+impl<D: Number> Gas<D> {
     pub fn new(parameters: GasParameters<D>) -> Self {
         let ratio = parameters.heat_capacity_ratio;
         Self { parameters, isentropic_exponent: (ratio - 1.0) / ratio }
@@ -29,7 +29,7 @@ pub struct Volume<D = f64> {
     stiffness: D,
 }
 
-impl<D: Scalar> Volume<D> {
+impl<D: Number> Volume<D> {
     /// dp/dt in Pa/s at a temperature (K) for a net inflow `mass_flow` (kg/s): the ideal gas law, neglecting
     /// temperature changes (paper, eq. (3)).
     pub fn pressure_rate(&self, temperature: D, mass_flow: D) -> D {
@@ -38,20 +38,20 @@ impl<D: Scalar> Volume<D> {
 }
 
 /// A differentiable max(a, b), smoothed where a and b differ by about `width`.
-pub fn smooth_max<D: Scalar>(a: D, b: D, width: D) -> D {
+pub fn smooth_max<D: Number>(a: D, b: D, width: D) -> D {
     let distance = a - b;
     (a + b + (distance * distance + width * width).sqrt()) * 0.5
 }
 
 /// A differentiable, odd √|x|·sgn x, linear within about `width` of 0.
-pub fn signed_root<D: Scalar>(x: D, width: D) -> D {
+pub fn signed_root<D: Number>(x: D, width: D) -> D {
     x / (x * x + width * width).sqrt().sqrt()
 }
 
 /// The temperature in K of two mixed flows (kg/s, K); reverse flows do not count.
 ///
 /// `width` in kg/s blends the temperatures where both flows vanish.
-pub fn mixed_temperature<D: Scalar>(first: (D, D), second: (D, D), width: D) -> D {
+pub fn mixed_temperature<D: Number>(first: (D, D), second: (D, D), width: D) -> D {
     let a = smooth_max(first.0, 0.0.into(), width);
     let b = smooth_max(second.0, 0.0.into(), width);
     // The flows are known first; this order combines them while the temperatures are computed.

@@ -7,13 +7,13 @@
 
 use std::array;
 
-use fmu_export::Recorded;
-use num_dual::Dual64;
+use fmu_export::{Dual, Error, Number};
 
 use super::integration::{IntervalInputs, Pace, budget};
-use super::scalar::Scalar;
 use super::system::{GAS_PATH_SCALES, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
+use super::variables::{
+    ActuationStates, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States,
+};
 use crate::solver::course::Interval;
 use crate::solver::linear;
 use crate::solver::steady_state::{self, NoSteadyState};
@@ -30,7 +30,7 @@ const AT_REST: f64 = 1e-9;
 const SETTLED: f64 = 1e-8;
 
 /// The states of an engine just started, with the vacuum tank at a pressure in Pa.
-pub fn running<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
+pub fn running<D: Number>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
     let ambient_pressure = inputs.ambient_pressure;
     // Shaft speeds and the rest of the actuator keep their declared start values.
     let mut states = States::default().map(D::from);
@@ -66,6 +66,28 @@ pub struct Shortcoming {
     pub followed: f64,
 }
 
+/// The states at the start of an experiment as a function of parameters, inputs and start values, near the one that
+/// started at `states`.
+///
+/// # Errors
+/// When the mode is settled, and the states are not an isolated steady state.
+pub fn started<D: Number>(
+    mode: InitializationMode,
+    parameters: &Parameters<D>,
+    inputs: &Inputs<D>,
+    start: &States<D>,
+    states: &States,
+) -> Result<States<D>, Error> {
+    match mode {
+        InitializationMode::Settled => follow_settled(parameters, inputs, states, start.tank.pressure)
+            .ok_or_else(|| {
+                Error::new("the experiment does not start settled, so its start has no derivative")
+            }),
+        InitializationMode::Running => Ok(running(&System::new(parameters), inputs, start.tank.pressure)),
+        InitializationMode::Given => Ok(*start),
+    }
+}
+
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
 /// If none is found, the states at the end of the transient from [`running`].
@@ -76,8 +98,8 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
     let actuated = settle_actuation(&system, inputs, start);
     let chamber_pressure = actuated.actuator.chamber_pressure;
     let rates = |unknowns: &[f64; GAS_PATH]| settled_rates(&system, inputs, chamber_pressure, unknowns);
-    let differentiated = System::new(&parameters.map(Dual64::from));
-    let constant_inputs = inputs.map(Dual64::from);
+    let differentiated = System::new(&parameters.map(Dual::from));
+    let constant_inputs = inputs.map(Dual::from);
     let rates_along = |unknowns: &[f64; GAS_PATH], position: usize| {
         settled_rates_along(&differentiated, &constant_inputs, chamber_pressure, unknowns, position)
     };
@@ -95,7 +117,7 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
 }
 
 /// The rates of the gas path with the rod at rest at the chamber pressure in Pa.
-fn settled_rates<D: Scalar>(
+fn settled_rates<D: Number>(
     system: &System<D>,
     inputs: &Inputs<D>,
     chamber_pressure: D,
@@ -108,83 +130,52 @@ fn settled_rates<D: Scalar>(
 
 /// Their derivatives with respect to the unknown at a position.
 fn settled_rates_along(
-    system: &System<Dual64>,
-    inputs: &Inputs<Dual64>,
+    system: &System<Dual>,
+    inputs: &Inputs<Dual>,
     chamber_pressure: f64,
     unknowns: &[f64; GAS_PATH],
     position: usize,
 ) -> [f64; GAS_PATH] {
-    let mut unknowns = unknowns.map(Dual64::from);
-    unknowns[position].eps = 1.0;
-    settled_rates(system, inputs, chamber_pressure.into(), &unknowns).map(|rate| rate.eps)
+    let mut unknowns = unknowns.map(Dual::from);
+    unknowns[position].derivative = 1.0;
+    settled_rates(system, inputs, chamber_pressure.into(), &unknowns).map(|rate| rate.derivative)
 }
 
-/// The settled states with their derivatives along the direction in which parameters, inputs and the
-/// tank's pressure change, by the implicit function theorem.
+/// The settled states as a function of parameters, inputs and the tank's pressure, by the implicit function theorem:
+/// the unknowns keep their values, and change such that the rates along them stay 0.
 ///
 /// `None` if the states are not a steady state, or not an isolated one.
-pub fn differentiate_settled(
-    parameters: &Parameters<Dual64>,
-    inputs: &Inputs<Dual64>,
-    settled: &States,
-    tank_pressure: Dual64,
-) -> Option<States<Dual64>> {
-    let scales = GAS_PATH_SCALES.to_array();
-    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
-        let change = linear::solve(*jacobian, array::from_fn(|i| -along[i].eps / scales[i]))?;
-        Some(array::from_fn(|i| Dual64::new(found[i], change[i] * scales[i])))
-    })
-}
-
-/// The same as a function of recorded numbers.
-pub fn record_settled<'t>(
-    parameters: &Parameters<Recorded<'t>>,
-    inputs: &Inputs<Recorded<'t>>,
-    settled: &States,
-    tank_pressure: Recorded<'t>,
-) -> Option<States<Recorded<'t>>> {
-    let scales = GAS_PATH_SCALES.to_array();
-    follow_settled(parameters, inputs, settled, tank_pressure, |jacobian, along, found| {
-        let mut unknowns = found.map(Recorded::from);
-        for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
-            let change =
-                linear::solve(*jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
-            for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
-                *unknown += Scalar::mapped(*along, 0.0, change * scale);
-            }
-        }
-        Some(unknowns)
-    })
-}
-
-/// The settled states as a function of parameters, inputs and tank pressure. `solve` returns the gas path's unknowns,
-/// at their values, such that the rates along them vanish; it also receives the rates' scaled Jacobian.
-fn follow_settled<D: Scalar>(
+fn follow_settled<D: Number>(
     parameters: &Parameters<D>,
     inputs: &Inputs<D>,
     settled: &States,
     tank_pressure: D,
-    solve: impl FnOnce(&[[f64; GAS_PATH]; GAS_PATH], [D; GAS_PATH], [f64; GAS_PATH]) -> Option<[D; GAS_PATH]>,
 ) -> Option<States<D>> {
     let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
     let chamber_pressure = actuated.actuator.chamber_pressure;
     let (found, scales) = (GasPathStates::of(settled).to_array(), GAS_PATH_SCALES.to_array());
     let along = settled_rates(&system, inputs, chamber_pressure, &found.map(D::from));
-    if (0..GAS_PATH).any(|i| along[i].re().abs() > SETTLED * scales[i]) {
+    if (0..GAS_PATH).any(|i| along[i].value().abs() > SETTLED * scales[i]) {
         return None;
     }
     // The same without the changes, so that only the unknowns change.
-    let still = System::new(&parameters.map(|parameter| Dual64::from(parameter.re())));
-    let still_inputs = inputs.map(|input| Dual64::from(input.re()));
+    let still = System::new(&parameters.map(|parameter| Dual::from(parameter.value())));
+    let still_inputs = inputs.map(|input| Dual::from(input.value()));
     let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
     for column in 0..GAS_PATH {
-        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.re(), &found, column);
+        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.value(), &found, column);
         for row in 0..GAS_PATH {
             jacobian[row][column] = slopes[row] / scales[row] * scales[column];
         }
     }
-    let unknowns = solve(&jacobian, along, found)?;
+    let mut unknowns = found.map(D::from);
+    for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
+        let change = linear::solve(jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
+        for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
+            *unknown += along.mapped(0.0, change * scale);
+        }
+    }
     Some(settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns)))
 }
 
@@ -192,7 +183,7 @@ fn follow_settled<D: Scalar>(
 ///
 /// The closed form works where a search would meet a double root: at low duties the valve's target is ambient pressure
 /// over a whole range.
-fn settle_actuation<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut states: States<D>) -> States<D> {
+fn settle_actuation<D: Number>(system: &System<D>, inputs: &Inputs<D>, mut states: States<D>) -> States<D> {
     let duty = system.command(inputs).1;
     states.valve.plunger_duty = duty;
     states.actuator.chamber_pressure =
@@ -201,7 +192,7 @@ fn settle_actuation<D: Scalar>(system: &System<D>, inputs: &Inputs<D>, mut state
 }
 
 /// The position in m at which the rod rests without friction: membrane and exhaust forces balance spring and stops.
-fn position_at_rest<D: Scalar>(
+fn position_at_rest<D: Number>(
     system: &System<D>,
     inputs: &Inputs<D>,
     chamber_pressure: D,
@@ -220,7 +211,7 @@ fn position_at_rest<D: Scalar>(
 }
 
 /// The states with the gas path at rest, and with it the rod.
-fn settle_gas_path<D: Scalar>(
+fn settle_gas_path<D: Number>(
     system: &System<D>,
     inputs: &Inputs<D>,
     actuated: States<D>,

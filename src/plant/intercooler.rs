@@ -2,8 +2,8 @@
 
 use super::flow_resistance::mass_flow;
 use super::gas::Volume;
-use super::scalar::Scalar;
 use super::variables::{IntercoolerLocals, IntercoolerParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Intercooler<D = f64> {
@@ -12,7 +12,7 @@ pub struct Intercooler<D = f64> {
     pub volume: Volume<D>,
 }
 
-impl<D: Scalar> Intercooler<D> {
+impl<D: Number> Intercooler<D> {
     /// Flow and cooling from the inlet (pressure in Pa, temperature in K) to a pressure (Pa) downstream of the
     /// intercooler, for a coolant temperature (K).
     pub fn evaluate(

@@ -28,10 +28,8 @@ mod gas;
 mod initialization;
 mod integration;
 mod intercooler;
-pub mod linearization;
 mod orifice;
 mod port;
-pub mod scalar;
 mod shaft;
 mod solenoid_valve;
 mod supply;
@@ -44,14 +42,14 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
+use fmu_export::display::Rounded;
 use fmu_export::{
     Context, Dual, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step,
     Tape, Variables as _,
 };
-use num_dual::Dual64;
 
 use self::duty_latch::DutyLatch;
-use self::initialization::{Settled, differentiate_settled, record_settled, running, settled};
+use self::initialization::{Settled, running, settled, started};
 use self::integration::{IntervalInputs, Pace, budget};
 use self::system::{Evaluation, System};
 use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
@@ -192,13 +190,13 @@ impl Model for BoostPlant {
         inputs: &Inputs,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
-        let mut inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
+        let mut inputs = inputs.combine(direction.inputs(), &mut Dual::new);
         if variables.parameters.valve.duty_latch {
             // A new command does not act before the next period.
-            inputs.hp_wastegate_pwm = Dual64::from(self.latch.held);
+            inputs.hp_wastegate_pwm = Dual::from(self.latch.held);
         }
-        let states = variables.states.combine(&direction.start, &mut Dual64::new);
+        let states = variables.states.combine(&direction.start, &mut Dual::new);
         Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
     }
 
@@ -209,19 +207,12 @@ impl Model for BoostPlant {
         inputs: &Inputs,
         direction: &Variables,
     ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual64::new);
-        let inputs = inputs.combine(direction.inputs(), &mut Dual64::new);
-        let start = variables.start.combine(&direction.start, &mut Dual64::new);
-        let system = System::new(&parameters);
-        let states = match variables.parameters.initialization.mode {
-            InitializationMode::Settled => {
-                differentiate_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
-                    .ok_or_else(not_settled)?
-            }
-            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
-            InitializationMode::Given => start,
-        };
-        Ok(derivatives_of(&system, &inputs, &states))
+        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
+        let inputs = inputs.combine(direction.inputs(), &mut Dual::new);
+        let start = variables.start.combine(&direction.start, &mut Dual::new);
+        let mode = variables.parameters.initialization.mode;
+        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
+        Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
     }
 
     fn differentiate_backwards(
@@ -272,16 +263,9 @@ impl Model for BoostPlant {
         let parameters = variables.parameters.map(variable);
         let inputs = inputs.map(variable);
         let start = variables.start.map(variable);
-        let system = System::new(&parameters);
-        let states = match variables.parameters.initialization.mode {
-            InitializationMode::Settled => {
-                record_settled(&parameters, &inputs, &variables.states, start.tank.pressure)
-                    .ok_or_else(not_settled)?
-            }
-            InitializationMode::Running => running(&system, &inputs, start.tank.pressure),
-            InitializationMode::Given => start,
-        };
-        weigh(&system, &inputs, &states, weights, tape);
+        let mode = variables.parameters.initialization.mode;
+        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
+        weigh(&System::new(&parameters), &inputs, &states, weights, tape);
         let derivative = |number| tape.derivative(number);
         Ok(Variables {
             parameters: parameters.map(derivative),
@@ -377,14 +361,14 @@ impl BoostPlant {
 }
 
 /// The derivatives of all variables calculated from inputs and states.
-fn derivatives_of(system: &System<Dual64>, inputs: &Inputs<Dual64>, states: &States<Dual64>) -> Variables {
+fn derivatives_of(system: &System<Dual>, inputs: &Inputs<Dual>, states: &States<Dual>) -> Variables {
     let evaluation = system.evaluate(inputs, states);
     let (outputs, locals) = system.quantities(inputs, states, &evaluation);
     let mut derivatives = Variables::zero();
-    derivatives.states = states.map(|state| state.eps);
-    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.eps);
-    derivatives.locals = locals.map(|local| local.eps);
-    derivatives.outputs = outputs.map(|output| output.eps);
+    derivatives.states = states.map(|state| state.derivative);
+    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.derivative);
+    derivatives.locals = locals.map(|local| local.derivative);
+    derivatives.outputs = outputs.map(|output| output.derivative);
     derivatives
 }
 
@@ -406,11 +390,6 @@ fn weigh<'t>(
     tape.go_back();
 }
 
-/// Why the start has no derivative.
-fn not_settled() -> Error {
-    Error::new("the experiment does not start settled, so that its start has no derivative")
-}
-
 /// The integration tolerance: the parameter's, or the importer's if smaller.
 fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
     let asked = experiment.tolerance.unwrap_or(f64::INFINITY);
@@ -421,18 +400,19 @@ fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
     let reason = match shortcoming.failure {
-        NoSteadyState::NotIsolated => "there is no isolated steady state",
+        NoSteadyState::NotIsolated => "no isolated steady state exists",
         NoSteadyState::NotConverged => "no steady state was found",
     };
     let instead = if shortcoming.followed > 0.0 {
-        format!("what a running engine has come to after {} s", shortcoming.followed)
+        format!("the state of a running engine after {} s", shortcoming.followed)
     } else {
-        "a running engine, whose transient cannot be integrated".to_owned()
+        "a running engine, as its transient cannot be integrated".to_owned()
     };
     context.warn(format_args!(
         "initialization.mode = settled: {reason} with engine_speed = {} rpm, throttle = {} and the other \
-         inputs as they are; the experiment starts from {instead}",
-        inputs.engine_speed, inputs.throttle
+         inputs; the experiment starts from {instead}",
+        Rounded(inputs.engine_speed),
+        Rounded(inputs.throttle)
     ));
 }
 
@@ -449,7 +429,7 @@ fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
         .collect();
     if !ignored.is_empty() {
         context.warn(format_args!(
-            "the start values of {} are ignored: they hold with initialization.mode = given only",
+            "the start values of {} are ignored: only initialization.mode = given uses them",
             ignored.join(", ")
         ));
     }

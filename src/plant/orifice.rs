@@ -7,7 +7,7 @@
 //! Linköping mean value engine models).
 
 use super::gas::Gas;
-use super::scalar::Scalar;
+use crate::elementary::Elementary;
 
 /// The flow function Ψ of a gas, and the gas itself.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ pub struct Orifice<D = f64> {
     linear_slope: D,
 }
 
-impl<D: Scalar> Orifice<D> {
+impl<D: Elementary> Orifice<D> {
     /// The flow function of a gas, linear above a pressure ratio.
     pub fn new(gas: Gas<D>, linear_ratio: D) -> Self {
         let ratio = gas.parameters.heat_capacity_ratio;
@@ -65,7 +65,7 @@ impl<D: Scalar> Orifice<D> {
     #[inline]
     pub fn mass_flow(&self, area: D, first: (D, D), second: (D, D)) -> D {
         let temperature_ratio = |pressure_ratio: D| pressure_ratio.power(self.gas.isentropic_exponent);
-        if area.vanishes() {
+        if area.is_constant(0.0) {
             0.0.into()
         } else if first.0 >= second.0 {
             self.downhill(area, first, second.0, temperature_ratio)
@@ -76,7 +76,7 @@ impl<D: Scalar> Orifice<D> {
 
     /// The same for a known temperature ratio of isentropic flow from the first to the second side.
     pub fn mass_flow_at(&self, area: D, first: (D, D), second: (D, D), temperature_ratio: D) -> D {
-        if area.vanishes() {
+        if area.is_constant(0.0) {
             0.0.into()
         } else if first.0 >= second.0 {
             self.downhill(area, first, second.0, |_| temperature_ratio)

@@ -1,8 +1,8 @@
 //! Valves in the gas path: wastegates, bypass and surge valve, each an area uncovered by its opening.
 
 use super::orifice::Orifice;
-use super::scalar::Scalar;
 use super::variables::{PortLocals, PortParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Port<D = f64> {
@@ -11,7 +11,7 @@ pub struct Port<D = f64> {
     orifice: Orifice<D>,
 }
 
-impl<D: Scalar> Port<D> {
+impl<D: Number> Port<D> {
     /// A valve with the flow function of its gas.
     pub fn new(parameters: PortParameters<D>, orifice: Orifice<D>) -> Self {
         Self { open_area: parameters.area * parameters.discharge_coefficient, orifice }

@@ -1,8 +1,8 @@
 //! A turbocharger shaft, between turbine power and compressor power.
 
 use super::gas::smooth_max;
-use super::scalar::Scalar;
 use super::variables::ShaftParameters;
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Shaft<D = f64> {
@@ -12,7 +12,7 @@ pub struct Shaft<D = f64> {
     damping_by_inertia: D,
 }
 
-impl<D: Scalar> Shaft<D> {
+impl<D: Number> Shaft<D> {
     pub fn new(parameters: ShaftParameters<D>) -> Self {
         let ShaftParameters { inertia, bearing_damping } = parameters;
         Self { inertia, damping_by_inertia: bearing_damping / inertia }
@@ -23,7 +23,7 @@ impl<D: Scalar> Shaft<D> {
     /// Torque is power over speed, kept finite below 100 rad/s. There the compressor power fades, so that its smoothed
     /// equations cannot drive a stationary shaft backwards.
     pub fn acceleration(&self, speed: D, turbine_power: D, compressor_power: D) -> D {
-        let net_power = turbine_power - compressor_power * (speed * 0.01).at_least(0.0).at_most(1.0);
+        let net_power = turbine_power - compressor_power * (speed * 0.01).max(0.0).min(1.0);
         net_power / (self.inertia * smooth_max(speed, 0.0.into(), 100.0.into()))
             - self.damping_by_inertia * speed
     }

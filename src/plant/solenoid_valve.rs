@@ -11,8 +11,8 @@
 //! chamber would rise above ambient), and the polynomial is limited to ambient pressure (exceeded below 9.6 %).
 
 use super::orifice::Orifice;
-use super::scalar::Scalar;
 use super::variables::{ValveLocals, ValveParameters};
+use crate::elementary::Elementary;
 
 #[derive(Clone, Copy, Debug)]
 pub struct SolenoidValve<D = f64> {
@@ -23,16 +23,16 @@ pub struct SolenoidValve<D = f64> {
     pub leak_area: D,
 }
 
-impl<D: Scalar> SolenoidValve<D> {
+impl<D: Elementary> SolenoidValve<D> {
     /// The duty in percent at nominal voltage equivalent to `duty` at `voltage` (V).
     pub fn commanded_duty(&self, duty: D, voltage: D) -> D {
         let relative = voltage / self.parameters.nominal_voltage;
-        let gain = if (self.parameters.voltage_exponent - 1.0).vanishes() {
+        let gain = if (self.parameters.voltage_exponent - 1.0).is_constant(0.0) {
             relative
         } else {
             relative.power(self.parameters.voltage_exponent)
         };
-        (duty * gain).at_least(0.0).at_most(100.0)
+        (duty * gain).max(0.0).min(100.0)
     }
 
     /// Rate of change of the plunger's duty in %/s.
@@ -44,7 +44,7 @@ impl<D: Scalar> SolenoidValve<D> {
     pub fn pressure(&self, plunger_duty: D, ambient_pressure: D) -> D {
         let [k1, k2, k3, k4] = self.parameters.pressure_coefficient;
         let u = plunger_duty;
-        (((k1 * u + k2) * u + k3) * u + k4).at_most(ambient_pressure)
+        (((k1 * u + k2) * u + k3) * u + k4).min(ambient_pressure)
     }
 
     /// The valve at a plunger duty in percent: the flows between ambient (pressure in Pa, temperature in K), chamber
@@ -66,7 +66,7 @@ impl<D: Scalar> SolenoidValve<D> {
         let opening = deviation / (deviation * deviation + 1.0).sqrt();
         let [k1, k2, k3] = self.parameters.leakage_coefficient;
         let leakage_area = self.parameters.leakage_area_scale
-            * ((k1 * plunger_duty + k2) * plunger_duty + k3).at_least(0.0)
+            * ((k1 * plunger_duty + k2) * plunger_duty + k3).max(0.0)
             + self.leak_area;
         // At the target itself, the tank port is about to open.
         let (tank_opening, ambient_opening) =
@@ -88,6 +88,6 @@ impl<D: Scalar> SolenoidValve<D> {
 
     /// The pressure in Pa at which the chamber settles: the target, within tank and ambient pressure.
     pub fn chamber_pressure_at_rest(&self, plunger_duty: D, ambient_pressure: D, tank_pressure: D) -> D {
-        self.pressure(plunger_duty, ambient_pressure).at_least(tank_pressure).at_most(ambient_pressure)
+        self.pressure(plunger_duty, ambient_pressure).max(tank_pressure).min(ambient_pressure)
     }
 }

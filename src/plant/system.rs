@@ -25,7 +25,6 @@ use super::gas::{Gas, Volume, mixed_temperature};
 use super::intercooler::Intercooler;
 use super::orifice::Orifice;
 use super::port::Port;
-use super::scalar::Scalar;
 use super::shaft::Shaft;
 use super::solenoid_valve::SolenoidValve;
 use super::supply::Supply;
@@ -39,6 +38,7 @@ use super::variables::{
     PortLocals, PortParameters, PumpLocals, ShaftStates, StateGroups, States, SupplySensorStates, TankStates,
     ThrottleBodyLocals, TurbineLocals, ValveLocals, ValveStates,
 };
+use crate::elementary::Elementary;
 
 /// The lower limit in Pa of pressures in the equations: trial states of a solver may be zero or negative, where powers
 /// and roots of pressure ratios do not exist.
@@ -130,7 +130,7 @@ pub struct Evaluation<D = f64> {
     pub gas_path: GasPath<D>,
 }
 
-impl<D: Scalar> Evaluation<D> {
+impl<D: Elementary> Evaluation<D> {
     /// The states' derivatives.
     #[must_use]
     pub fn derivatives(&self) -> States<D> {
@@ -141,7 +141,7 @@ impl<D: Scalar> Evaluation<D> {
     }
 }
 
-impl<D: Scalar> System<D> {
+impl<D: Elementary> System<D> {
     /// Builds the components.
     #[must_use]
     pub fn new(parameters: &Parameters<D>) -> Self {
@@ -247,7 +247,7 @@ impl<D: Scalar> System<D> {
     #[must_use]
     pub fn exhaust_difference(states: &GasPathStates<D>) -> D {
         let [upstream, downstream] = [states.exhaust_manifold.pressure, states.interstage_exhaust.pressure];
-        upstream.at_least(LOWEST_PRESSURE) - downstream.at_least(LOWEST_PRESSURE)
+        upstream.max(LOWEST_PRESSURE) - downstream.max(LOWEST_PRESSURE)
     }
 
     /// The actuation (fig. 3) at an instant. It depends on the gas path only through the pressure difference in Pa
@@ -263,7 +263,7 @@ impl<D: Scalar> System<D> {
         let plunger_duty = states.valve.plunger_duty;
         let ActuatorStates { chamber_pressure, position: x, velocity: v, friction_force } = states.actuator;
         let (p_tank, p_act) =
-            (states.tank.pressure.at_least(LOWEST_PRESSURE), chamber_pressure.at_least(LOWEST_PRESSURE));
+            (states.tank.pressure.max(LOWEST_PRESSURE), chamber_pressure.max(LOWEST_PRESSURE));
 
         let command = self.command(inputs);
         let valve = self.valve.flows(command, plunger_duty, ambient, p_act, p_tank);
@@ -324,7 +324,7 @@ impl<D: Scalar> System<D> {
             states.interstage_exhaust.pressure,
             states.exhaust.pressure,
         ]
-        .map(|pressure| pressure.at_least(LOWEST_PRESSURE));
+        .map(|pressure| pressure.max(LOWEST_PRESSURE));
         let (w_hp, w_lp) = (states.hp_shaft.speed, states.lp_shaft.speed);
 
         // All powers of pressure ratios at once, so that the processor computes them in parallel: temperature ratios of
@@ -480,7 +480,7 @@ impl<D: Scalar> System<D> {
         let boost_pressure = if fault.boost_sensor_stuck {
             fault.boost_sensor_stuck_pressure
         } else {
-            (states.intercooler.outlet_pressure + fault.boost_sensor_offset).at_least(0.0)
+            (states.intercooler.outlet_pressure + fault.boost_sensor_offset).max(0.0)
         };
         let outputs = Outputs {
             boost_pressure,
@@ -490,8 +490,7 @@ impl<D: Scalar> System<D> {
             exhaust_manifold_pressure: states.exhaust_manifold.pressure,
             interstage_exhaust_pressure: states.interstage_exhaust.pressure,
             hp_wastegate_position: actuation.hp_wastegate_opening,
-            supply_voltage_measured: (states.supply_sensor.voltage + fault.supply_sensor_offset)
-                .at_least(0.0),
+            supply_voltage_measured: (states.supply_sensor.voltage + fault.supply_sensor_offset).max(0.0),
             engine_torque,
             air_mass_flow: cylinders.air_mass_flow,
             hp_turbo_speed: states.hp_shaft.speed * rpm,

@@ -2,8 +2,8 @@
 //! control of turbocharged SI and DI engines, OGST 62(4), 2007).
 
 use super::gas::{Gas, signed_root, smooth_max};
-use super::scalar::Scalar;
 use super::variables::{TurbineLocals, TurbineParameters};
+use fmu_export::Number;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Turbine<D = f64> {
@@ -17,7 +17,7 @@ pub struct Turbine<D = f64> {
     pub gas: Gas<D>,
 }
 
-impl<D: Scalar> Turbine<D> {
+impl<D: Number> Turbine<D> {
     pub fn new(parameters: TurbineParameters<D>, gas: Gas<D>) -> Self {
         Self {
             radius: parameters.diameter * 0.5,

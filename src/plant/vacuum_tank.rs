@@ -5,8 +5,8 @@
 //! falls in proportion to the pressure, to zero at the pump's ultimate vacuum, the lowest pressure the tank can reach.
 
 use super::gas::Volume;
-use super::scalar::Scalar;
 use super::variables::{PumpLocals, PumpParameters, TankParameters};
+use fmu_export::Number;
 
 /// The pressure in Pa below which the pump flow falls.
 const PUMP_FADES_BELOW: f64 = 1000.0;
@@ -21,11 +21,11 @@ pub struct VacuumTank<D = f64> {
     pub volume: Volume<D>,
 }
 
-impl<D: Scalar> VacuumTank<D> {
+impl<D: Number> VacuumTank<D> {
     /// The pump (0 … 1) at a tank pressure (Pa).
     pub fn pump(&self, pump: D, pressure: D) -> PumpLocals<D> {
         let share = (pressure - ULTIMATE_VACUUM) / (PUMP_FADES_BELOW - ULTIMATE_VACUUM);
-        let drawn_mass_flow = self.pump.mass_flow * pump * share.at_least(0.0).at_most(1.0);
+        let drawn_mass_flow = self.pump.mass_flow * pump * share.max(0.0).min(1.0);
         PumpLocals { drawn_mass_flow }
     }
 

@@ -176,7 +176,7 @@ fn a_schedule_for_the_other_strategy_is_warned_of() {
             parameters.strategy = strategy;
             parameters.schedule.feedforward[3][2] += 1.0;
         });
-        bench.messages.iter().filter(|(_, message)| message.contains("schedule are ignored")).count()
+        bench.messages.iter().filter(|(_, message)| message.contains("schedule is ignored")).count()
     };
     assert_eq!((warnings(Strategy::SplitRange), warnings(Strategy::BySpeed)), (1, 0));
     assert!(Bench::new(&Inputs::default(), |_| {}).messages.is_empty());

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from broken import copy_with
 from conftest import ROOT, Make, Run
+from dcmReader.dcm_reader import DcmReader
 from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmpy.ssp.ssd import ns, read_ssv, validate_tree
 from lxml import etree
@@ -32,6 +33,12 @@ def values(file: Path) -> dict[str, Value]:
         parameter.name: float(parameter.value) if parameter.type == "Real" else parameter.value
         for parameter in read_ssv(file).parameters
     }
+
+
+def axes(tuned: Path) -> tuple[list[float], list[float]]:
+    """The engine speeds (rpm) and boost references (Pa) of a tuned grid."""
+    report = json.loads((tuned / "report.json").read_text())
+    return report["engine_speeds"], report["boost_references"]
 
 
 def tune(lab: Run, out: Path, plant: Path, *more: str | Path) -> Path:
@@ -92,6 +99,26 @@ def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller
         "tuning finds the maps of split_range: "
         + ", ".join(f"{name} within {100 * error:.1e} %" for name, error in worst.items())
     )
+
+
+def test_calibration_tools_read_the_same_values(tuned: Path) -> None:
+    """schedule.dcm by another reader of the format: the numbers of schedule.ssv."""
+    reader = DcmReader()
+    reader.read(str(tuned / "schedule.dcm"))
+    speeds, references = axes(tuned)
+    scalars = reader.get_parameters()
+    found = {scalar.name: scalar.value if scalar.text is None else scalar.text for scalar in scalars}
+    for axis, grid in [("engine_speed", speeds), ("boost_reference", references)]:
+        found |= {f"range_schedule.{axis}[{i}]": value for i, value in enumerate(grid, 1)}
+    (limit,) = reader.get_characteristic_lines()
+    assert (list(limit.values), limit.unit_x, limit.unit_values) == (speeds, "rpm", "Pa")
+    found |= {f"{limit.name}[{i}]": value for i, value in enumerate(limit.values.values(), 1)}
+    for table in reader.get_characteristic_maps():
+        assert (list(table.values), table.unit_x, table.unit_y) == (references, "rpm", "Pa")
+        for row, cells in enumerate(table.values.values(), 1):
+            assert list(cells) == speeds
+            found |= {f"{table.name}[{row},{column}]": cell for column, cell in enumerate(cells.values(), 1)}
+    assert found == values(tuned / "schedule.ssv")
 
 
 def test_maps_are_those_of_the_controller(tuned_by_speed: Path, controller_fmu: Fmu) -> None:

@@ -1,9 +1,7 @@
 //! The exact derivatives against difference quotients, and their zeros against the declared dependencies.
 
 use boost_fmu::plant::BoostPlant;
-use boost_fmu::plant::linearization::linearize;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
-use boost_fmu::solver::linear::solve;
 use fmu_export::description::{Causality, Initial, ValueReference};
 use fmu_export::{Context, Dual, Experiment, Model, Tape, Variables as _};
 
@@ -294,50 +292,4 @@ fn declared_initial_dependencies_are_where_derivatives_are_not_zero() {
         note(&mut observed, &point(&mut random, InitializationMode::Settled, way), &knowns, true, 1e-11);
     }
     assert_as_declared(&declared, &observed, true);
-}
-
-/// The unknown states with a settled rod and a frozen tank.
-const KEPT: usize = States::COUNT - 3;
-
-#[test]
-fn a_linearization_follows_the_plant_near_a_steady_state() {
-    // The gain of boost over duty from A, B and C, against two settled starts close to each other.
-    let settled = |duty: f64| {
-        let mut point = Variables::default();
-        point.set_real(reference("hp_wastegate_pwm"), duty);
-        point.parameters.tank.frozen = true;
-        initialized(&point).1
-    };
-    let here = settled(45.0);
-    let linear = linearize(&here.parameters, here.inputs(), &here.states);
-    let scales = States::from_array(here.states.to_array().map(|state| state.abs().max(1.0))).to_array();
-    assert!((0..States::COUNT).all(|i| linear.rates.to_array()[i].abs() < 1e-9 * scales[i]));
-    // 0 = A·Δx + B·Δu without the frozen tank and the friction, which is 0 at a settled rod.
-    let kept: Vec<_> = (0..States::COUNT)
-        .filter(|&i| {
-            !["tank.pressure", "actuator.friction_force", "actuator.velocity"].contains(&States::NAMES[i])
-        })
-        .collect();
-    assert_eq!(kept.len(), KEPT);
-    let velocity = States::NAMES.iter().position(|&name| name == "actuator.velocity").unwrap();
-    // The rod's position follows from its acceleration, since its rate is the velocity.
-    let row = |i: usize| if States::NAMES[i] == "actuator.position" { velocity } else { i };
-    let duty = 0;
-    let matrix: [[f64; KEPT]; KEPT] = std::array::from_fn(|r| {
-        std::array::from_fn(|c| {
-            linear.state_matrix[row(kept[r])][kept[c]] * scales[kept[c]] / scales[kept[r]]
-        })
-    });
-    let right: [f64; KEPT] =
-        std::array::from_fn(|r| -linear.input_matrix[row(kept[r])][duty] / scales[kept[r]]);
-    let change = solve(matrix, right).expect("an isolated steady state");
-    let boost = 0;
-    let gain: f64 =
-        (0..KEPT).map(|i| linear.output_matrix[boost][kept[i]] * change[i] * scales[kept[i]]).sum();
-    let quotient =
-        (settled(45.0 + 1e-3).outputs.boost_pressure - settled(45.0 - 1e-3).outputs.boost_pressure) / 2e-3;
-    // The quotient's rounding, 1e-10 of 1e5 Pa over 2e-3 %.
-    assert!((gain - quotient).abs() < 1e-4 * quotient.abs(), "{gain} Pa/%, but {quotient} by two starts");
-    assert!(quotient < -500.0);
-    assert!(linear.feedthrough_matrix[boost].iter().all(|&share| share == 0.0));
 }

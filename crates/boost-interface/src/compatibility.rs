@@ -65,6 +65,8 @@ pub enum Verdict {
     Fits,
     /// It is left out, and is not needed.
     LeftOut,
+    /// The map leaves a connection of the loop open.
+    Open,
     /// It cannot be connected.
     Wrong,
 }
@@ -135,11 +137,13 @@ impl<'a> Compatibility<'a> {
                 Match::Found { variable, .. } => {
                     Some(Entry { name: variable.name.clone(), ..Entry::default() })
                 }
-                Match::Missing { suggestions } if port.is_required() => Some(Entry {
-                    name: suggestions.first().map(|&name| name.to_owned()).unwrap_or_default(),
-                    candidates: suggestions.iter().map(|&name| name.to_owned()).collect(),
-                    ..Entry::default()
-                }),
+                Match::Missing { suggestions } if port.is_required() || !suggestions.is_empty() => {
+                    Some(Entry {
+                        name: suggestions.first().map(|&name| name.to_owned()).unwrap_or_default(),
+                        candidates: suggestions.iter().map(|&name| name.to_owned()).collect(),
+                        ..Entry::default()
+                    })
+                }
                 _ => None,
             });
             (port.name().to_owned(), entry)
@@ -225,6 +229,7 @@ impl<'a> Match<'a> {
     pub fn verdict(&self, port: &Port) -> Verdict {
         match self {
             Self::Found { problems, .. } if problems.is_empty() => Verdict::Fits,
+            Self::Unconnected if port.is_required() => Verdict::Open,
             Self::Unconnected => Verdict::LeftOut,
             Self::Missing { .. } if !port.is_required() => Verdict::LeftOut,
             _ => Verdict::Wrong,
@@ -250,6 +255,7 @@ impl Display for Compatibility<'_> {
             let word = match found.verdict(port) {
                 Verdict::Fits => "ok   ",
                 Verdict::LeftOut => "-    ",
+                Verdict::Open => "open ",
                 Verdict::Wrong => "WRONG",
             };
             let kind = match port.kind {
@@ -264,8 +270,18 @@ impl Display for Compatibility<'_> {
             let others = in_line(&others.join(", "));
             writeln!(formatter, "Unconnected inputs, which keep their start values: {others}")?;
         }
-        let can = if self.fits() { "can" } else { "cannot" };
-        writeln!(formatter, "It {can} replace the {}.", self.role.name())
+        let open = self.matches.iter().filter(|(port, found)| found.verdict(port) == Verdict::Open);
+        let open: Vec<_> = open.map(|(port, _)| port.name()).collect();
+        let role = self.role.name();
+        match (self.fits(), open.as_slice()) {
+            (false, _) => writeln!(formatter, "It cannot replace the {role}."),
+            (true, []) => writeln!(formatter, "It can replace the {role}."),
+            (true, open) => writeln!(
+                formatter,
+                "It replaces the {role} only in part: the map leaves {} unconnected.",
+                open.join(", ")
+            ),
+        }
     }
 }
 

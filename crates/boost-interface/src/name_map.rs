@@ -40,7 +40,7 @@ pub struct Entry {
     /// See `factor`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Suggested names, for the user who edits the file.
+    /// Similar names, most similar first, where `name` is a proposal; for the user who edits the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<String>,
 }
@@ -84,6 +84,13 @@ impl NameMap {
             }
         }
         Ok(map)
+    }
+
+    /// The interface's names for which the map proposes a similar name of the FMU.
+    pub fn proposed(&self) -> impl Iterator<Item = &str> {
+        self.variables.iter().filter_map(|(name, entry)| {
+            entry.as_ref().is_some_and(|entry| !entry.candidates.is_empty()).then_some(name.as_str())
+        })
     }
 
     /// The file's content.

@@ -798,7 +798,7 @@ fn leftovers_of_a_killed_study_are_removed() {
 fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_runs() {
     let bench = Bench::new();
     let message = bench.refusal(&["tune", "--plant", "careless.fmu", "--lambda", "1e308", "--out", "out"]);
-    let reason = "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100";
+    let reason = "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100 s";
     assert!(message.contains(reason), "{message}");
 }
 

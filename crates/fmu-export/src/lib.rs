@@ -30,6 +30,7 @@ mod clock;
 mod clocked;
 mod dependencies;
 pub mod description;
+pub mod display;
 mod equations;
 mod error;
 mod event_mode;

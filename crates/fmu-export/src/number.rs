@@ -43,6 +43,10 @@ pub trait Number:
     #[must_use]
     fn mapped(self, value: f64, derivative: f64) -> Self;
 
+    /// Whether the number is a constant of this value, without a derivative: for shortcuts that would lose derivatives.
+    #[must_use]
+    fn is_constant(self, value: f64) -> bool;
+
     /// 1 divided by the number.
     #[must_use]
     fn recip(self) -> Self {
@@ -315,6 +319,12 @@ impl Number for f64 {
     fn mapped(self, value: f64, _derivative: f64) -> f64 {
         value
     }
+
+    #[inline]
+    #[allow(clippy::float_cmp, reason = "shortcuts are for exact values")]
+    fn is_constant(self, value: f64) -> bool {
+        self == value
+    }
 }
 
 /// A number with its derivative along a direction (a dual number).
@@ -345,6 +355,11 @@ impl Number for Dual {
         // A constant has the derivative 0 even where the function's is infinite, like that of the root at 0.
         let derivative = if self.derivative == 0.0 { 0.0 } else { derivative * self.derivative };
         Self { value, derivative }
+    }
+
+    #[inline]
+    fn is_constant(self, value: f64) -> bool {
+        self.value.is_constant(value) && self.derivative == 0.0
     }
 }
 
@@ -542,6 +557,14 @@ mod tests {
             Number::powf(Dual::from(0.0), Dual::new(2.0, 1.0)).derivative.to_bits(),
             0.0_f64.to_bits()
         );
+    }
+
+    #[test]
+    fn only_numbers_without_a_derivative_are_constants() {
+        let tape = Tape::new();
+        assert!(Number::is_constant(0.0, -0.0) && !Number::is_constant(0.0, 1.0));
+        assert!(Dual::from(2.0).is_constant(2.0) && !Dual::new(2.0, 1.0).is_constant(2.0));
+        assert!(crate::Recorded::from(2.0).is_constant(2.0) && !tape.variable(2.0).is_constant(2.0));
     }
 
     #[test]

@@ -131,6 +131,11 @@ impl Number for Recorded<'_> {
     fn mapped(self, value: f64, derivative: f64) -> Self {
         self.with(value.into(), value, [derivative, 0.0])
     }
+
+    #[inline]
+    fn is_constant(self, value: f64) -> bool {
+        self.value.is_constant(value) && self.tape.is_none()
+    }
 }
 
 impl From<f64> for Recorded<'_> {

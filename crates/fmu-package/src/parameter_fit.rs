@@ -39,6 +39,9 @@ impl ParameterSet {
     }
 }
 
+/// A value this many times larger or smaller than the start value is probably in another unit.
+const FAR: f64 = 100.0;
+
 impl Value {
     /// The value converted to the type and unit of an FMU's variable. Units are the FMU's, and others given with the
     /// value. Integers are accepted as Reals; an enumeration's item is a name, even as a String, or its number. The
@@ -103,8 +106,26 @@ impl Value {
             Ok(())
         } else {
             let [min, max] = [min, max].map(terminal::number);
-            Err(self.refused(variable, &format!("{self} is not within {min}..{max}")))
+            let unit = if variable.unit.is_empty() { String::new() } else { format!(" {}", variable.unit) };
+            Err(self.refused(variable, &format!("{self} is not within {min}..{max}{unit}")))
         }
+    }
+
+    /// The unit that was probably meant by a number without one, which counts in the variable's unit: the display unit
+    /// in which it comes near the start value, if it is below a hundredth or above a hundred times of that as it is.
+    #[must_use]
+    pub fn meant_unit(&self, variable: &FmuVariable, fmu: &FmuDescription) -> Option<String> {
+        let (Self::Real(value, None), Ok(start)) = (self, variable.start.trim().parse::<f64>()) else {
+            return None;
+        };
+        let is_near = |value: f64| (1.0 / FAR..=FAR).contains(&(value / start));
+        let own = fmu.unit(&variable.unit)?.base?;
+        let comes_near = |unit: &Unit| {
+            unit.base
+                .and_then(|unit| unit.to(&own))
+                .is_some_and(|conversion| is_near(conversion.apply(*value)))
+        };
+        if is_near(*value) { None } else { units_of(variable, fmu).find(comes_near).map(|unit| unit.name) }
     }
 
     /// The value as a number, of Booleans 0 or 1; none for texts and items.
@@ -133,6 +154,12 @@ impl Value {
     }
 }
 
+/// The variable's unit and its display units.
+fn units_of(variable: &FmuVariable, fmu: &FmuDescription) -> impl Iterator<Item = Unit> {
+    let unit = fmu.unit(&variable.unit);
+    unit.map(|unit| unit.with_display_units().collect::<Vec<_>>()).into_iter().flatten()
+}
+
 /// The conversion from a unit to the variable's.
 fn conversion(
     unit: &str,
@@ -141,7 +168,13 @@ fn conversion(
     fmu: &FmuDescription,
 ) -> Result<Linear, String> {
     let own = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
-    let own = own.ok_or_else(|| format!("the unit {unit} is not defined"))?;
+    let own = own.ok_or_else(|| {
+        let known: Vec<_> = units_of(variable, fmu).map(|unit| unit.name).collect();
+        match known.join(", ") {
+            known if known.is_empty() => format!("the unit {unit} is not defined"),
+            known => format!("the unit {unit} is not defined; there are {known}"),
+        }
+    })?;
     let wanted = fmu.unit(&variable.unit).and_then(|unit| unit.base);
     own.base
         .zip(wanted)
@@ -159,7 +192,7 @@ mod tests {
       <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="3"/><Item name="on" value="5"/>
       </Enumeration></SimpleType></TypeDefinitions>
       <ModelVariables>
-        <ScalarVariable name="pressure" causality="parameter"><Real unit="Pa" min="0" max="2e5"/></ScalarVariable>
+        <ScalarVariable name="pressure" causality="parameter"><Real unit="Pa" min="0" max="2e5" start="101325"/></ScalarVariable>
         <ScalarVariable name="count" causality="parameter"><Integer min="1" max="4"/></ScalarVariable>
         <ScalarVariable name="mode" causality="parameter"><Enumeration declaredType="Mode"/></ScalarVariable>
         <ScalarVariable name="level" causality="output"><Real/></ScalarVariable>
@@ -195,20 +228,32 @@ mod tests {
     }
 
     #[test]
+    fn the_unit_that_was_meant_brings_a_value_near_the_start_value() {
+        let fmu = FmuDescription::parse(FMU).unwrap();
+        let meant = |value| Value::Real(value, None).meant_unit(fmu.variable("pressure").unwrap(), &fmu);
+        assert_eq!(
+            [150.0, 0.5, 1100.0, 2e7, -150.0, 0.0].map(meant),
+            [Some("kPa".to_owned()), None, None, None, None, None]
+        );
+        let with_unit = Value::Real(150.0, Some("Pa".to_owned()));
+        assert_eq!(with_unit.meant_unit(fmu.variable("pressure").unwrap(), &fmu), None);
+    }
+
+    #[test]
     fn parameters_that_do_not_fit_are_refused_by_name() {
         let refusal = |name: &str, value| fit(name, value).unwrap_err();
         assert_eq!(
             pressure(1.0, "N").unwrap_err(),
-            "the value 1 N of pressure cannot be used: the unit N is not defined"
+            "the value 1 N of pressure cannot be used: the unit N is not defined; there are Pa, kPa"
         );
         assert_eq!(
             pressure(201.0, "kPa").unwrap_err(),
-            "the value 201000 Pa of pressure cannot be used: 201000 Pa is not within 0..200000"
+            "the value 201000 Pa of pressure cannot be used: 201000 Pa is not within 0..200000 Pa"
         );
         // Without the number's 309 digits.
         assert_eq!(
             pressure(1e308, "Pa").unwrap_err(),
-            "the value 1e308 Pa of pressure cannot be used: 1e308 Pa is not within 0..200000"
+            "the value 1e308 Pa of pressure cannot be used: 1e308 Pa is not within 0..200000 Pa"
         );
         assert_eq!(
             refusal("count", Value::Integer(5)),

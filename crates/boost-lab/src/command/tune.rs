@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::mapping;
-use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
+use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, dcm, html, json};
 use anyhow::{Context, Result};
 use cargo_fmu::run::journal::digest;
 use clap::Args;
@@ -15,6 +15,7 @@ use fmu_package::ParameterSet;
 const SET: &str = "schedule";
 /// The files in the folder of results.
 const SET_FILE: &str = "schedule.ssv";
+const DCM_FILE: &str = "schedule.dcm";
 const HTML: &str = "report.html";
 const JSON: &str = "report.json";
 const JOURNAL: &str = "journal.jsonl";
@@ -45,7 +46,7 @@ pub struct Arguments {
     /// Desired closed-loop time constant (s) [default: the controller's]
     #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     lambda: Option<f64>,
-    /// The folder for schedule.ssv, report.html and report.json, and for the journal from which an interrupted
+    /// The folder for schedule.ssv, schedule.dcm, report.html and report.json, and for the journal from which an interrupted
     /// tuning resumes
     #[arg(long, value_name = "DIR", default_value = "target/tuning")]
     out: PathBuf,
@@ -53,7 +54,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
-    let outputs = [SET_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
+    let outputs = [SET_FILE, DCM_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
     let inputs = [&arguments.plant].into_iter().chain(&arguments.map).chain(&arguments.controller);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
@@ -97,8 +98,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         complain(&format!("note: {note}"));
     }
 
-    let set = tuning.parameter_set(SET).to_xml();
-    let texts = [(SET_FILE, set), (HTML, html(&tuning)), (JSON, json(&tuning)?)];
+    let set = tuning.parameter_set(SET);
+    let dcm = dcm(&set, &tuning.task.schedule);
+    let texts = [(SET_FILE, set.to_xml()), (DCM_FILE, dcm), (HTML, html(&tuning)), (JSON, json(&tuning)?)];
     super::write(out, texts)?;
     let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
     Ok(print(&format!(

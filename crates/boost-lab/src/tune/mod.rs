@@ -6,6 +6,7 @@
 //! points are filled and marked as such.
 
 mod bench;
+mod dcm;
 mod fit;
 mod journal;
 mod monotone;
@@ -30,6 +31,7 @@ use fmu_master::{Fmu, ONLY_ONCE};
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
+pub use self::dcm::dcm;
 pub use self::fit::{Estimate, FirstOrder};
 pub use self::journal::TuningJournal;
 pub use self::monotone::Monotone;

@@ -384,7 +384,7 @@ mod tests {
         }
         assert_eq!(
             refusal(None, None, Some(1e308)),
-            "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100"
+            "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100 s"
         );
         let speeds = (1..=7).map(|index| 1500.0 * f64::from(index)).collect();
         assert!(refusal(Some(speeds), None, None).contains("9000 of schedule.engine_speed[6]"));
