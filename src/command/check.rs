@@ -12,9 +12,10 @@ use fmu_package::FmuDescription;
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
     let description = FmuDescription::read(path)?;
     let file = map;
-    let map = file.map(NameMap::read).transpose()?;
+    let interface = super::interface()?;
+    let map = file.map(|file| NameMap::read(&interface, file)).transpose()?;
     // Only the map can be at fault.
-    let compatibility = Compatibility::new(role, &description, map.as_ref())
+    let compatibility = Compatibility::new(&interface, role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;
     if let Some(file) = write_map {

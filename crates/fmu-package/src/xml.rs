@@ -39,9 +39,8 @@ pub(crate) fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (P
         (problem, before.split(|&byte| byte == b'\n').count(), message)
     })?;
     Document::parse(text).map_err(|error| {
-        let message = error.to_string();
-        let message = message.rsplit_once(" at ").map_or(message.as_str(), |(message, _)| message);
-        (Problem::Syntax, error.pos().row as usize, message.to_owned())
+        let message = error.to_string().replace(&format!(" at {}", error.pos()), "");
+        (Problem::Syntax, error.pos().row as usize, message)
     })
 }
 

@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     let mut sources =
         [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
     for path in &arguments.maps {
-        let map = NameMap::read(path)?;
+        let map = NameMap::read(&mapping::INTERFACE, path)?;
         let mut is_taken = false;
         for source in &mut sources {
             if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {
