@@ -1,7 +1,5 @@
 //! From the declaration to the [`Model`], which is complete and consistent: anything else is rejected on the way.
 
-use std::collections::BTreeMap;
-
 use fmu_terms::Version;
 
 use crate::check;
@@ -11,7 +9,7 @@ use crate::dependencies;
 use crate::error::Refusals;
 use crate::flatten::Flat;
 use crate::interfaces::Fmi;
-use crate::model::{Field, Model, Part, Place, Scalar};
+use crate::model::{Field, Model, Place, Scalar};
 use crate::package::Package;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
@@ -36,26 +34,12 @@ pub(crate) fn model<'a>(
     flat.look_up_clocks();
     flat.look_up_previous();
     let units = flat.find_units(&Units::new(units));
-    let Flat { mut parts, mut scalars, names, mut refusals, .. } = flat;
-    check::model::variables(declaration, fmi, &parts, &scalars, &mut refusals);
-    dependencies::refuse_cycles(&scalars, &mut refusals);
-    refusals.check()?;
-    if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
-        add_event_indicators(&declaration.event_indicators, &mut scalars, &names, &mut refusals);
-        refusals.check()?;
-    }
-    let mut identifier = library.clone();
-    if fmi.interfaces.scheduled_execution()
-        && let Some(clock) = &declaration.sample_clock
-    {
-        identifier += SCHEDULED;
-        add_sample_clock(clock, &mut parts, &mut scalars);
-    }
-    let model = Model {
+    let Flat { parts, scalars, names, mut refusals, .. } = flat;
+    let mut model = Model {
         declaration,
         fmi,
+        identifier: library.clone(),
         library,
-        identifier,
         description: declaration.description.clone().or_else(|| given(&package.description)),
         author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
         license: declaration.license.clone().or_else(|| given(&package.license)),
@@ -66,16 +50,33 @@ pub(crate) fn model<'a>(
         scalars,
         names,
     };
+    check::model::variables(&model, &mut refusals);
+    dependencies::refuse_cycles(&model.scalars, &mut refusals);
+    refusals.check()?;
+    if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
+        add_event_indicators(&mut model, &mut refusals);
+        refusals.check()?;
+    }
+    if fmi.interfaces.scheduled_execution()
+        && let Some(clock) = &declaration.sample_clock
+    {
+        model.identifier += SCHEDULED;
+        add_sample_clock(&mut model, clock);
+    }
     check::model::terminals(&model, &mut refusals);
     refusals.check()?;
     Ok(model)
 }
 
-/// Adds a sampled model's clock, with the value reference after all others. Everything that changes does so at its
-/// ticks, depending on all that is known then.
-fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], scalars: &mut Vec<Scalar>) {
-    let position = scalars.len();
-    for scalar in scalars.iter_mut() {
+/// The value reference after all others.
+fn next_reference(scalars: &[Scalar]) -> u32 {
+    scalars.iter().map(|scalar| scalar.value_reference + 1).max().unwrap_or(0)
+}
+
+/// Adds a sampled model's clock. Everything that changes does so at its ticks, depending on all that is known then.
+fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
+    let position = model.scalars.len();
+    for scalar in &mut model.scalars {
         if matches!(scalar.place, Place::Inputs | Place::Outputs | Place::Locals)
             && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
         {
@@ -84,17 +85,17 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
             scalar.reads = None;
         }
     }
-    let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
+    let fields = &mut model.parts[0].fields;
     let field = Field {
         declaration: clock,
         place: Place::Clocks,
         data_type: DataType::Clock,
         positions: vec![position],
     };
-    scalars.push(Scalar {
+    model.scalars.push(Scalar {
         name: clock.name.clone(),
-        field: [0, parts[0].fields.len()],
-        value_reference: last + 1,
+        field: [0, fields.len()],
+        value_reference: next_reference(&model.scalars),
         description: clock.description.clone(),
         place: Place::Clocks,
         causality: Causality::Input,
@@ -104,21 +105,15 @@ fn add_sample_clock<'a>(clock: &'a VariableDeclaration, parts: &mut [Part<'a>], 
         path: field.name(),
         ..Scalar::time()
     });
-    parts[0].fields.push(field);
+    fields.push(field);
 }
 
-/// Adds the event indicators, variables in FMI 3.0, with the value references after all others.
-fn add_event_indicators(
-    indicators: &[String],
-    scalars: &mut Vec<Scalar>,
-    names: &BTreeMap<String, Vec<usize>>,
-    refusals: &mut Refusals,
-) {
-    let last = scalars.iter().map(|scalar| scalar.value_reference).max().unwrap_or(0);
-    for (number, (name, value_reference)) in indicators.iter().zip(last + 1..).enumerate() {
+/// Adds the event indicators, variables in FMI 3.0.
+fn add_event_indicators(model: &mut Model<'_>, refusals: &mut Refusals) {
+    for (number, name) in model.declaration.event_indicators.iter().enumerate() {
         let indicator = Scalar {
             name: format!("event_indicators.{name}"),
-            value_reference,
+            value_reference: next_reference(&model.scalars),
             description: Some(format!("Event indicator {name}")),
             place: Place::EventIndicators,
             causality: Causality::Local,
@@ -128,11 +123,11 @@ fn add_event_indicators(
             initial_reads: None,
             ..Scalar::time()
         };
-        if names.contains_key(&indicator.name) {
+        if model.names.contains_key(&indicator.name) {
             let reason = format!("{}: another variable has this name", indicator.name);
             refusals.add(format!("event_indicators[{number}]"), reason);
         }
-        scalars.push(indicator);
+        model.scalars.push(indicator);
     }
 }
 

@@ -186,27 +186,20 @@ pub fn generate_into(
 
     let folder = out_dir.join(&model.library);
     fs::create_dir_all(&folder).map_err(|error| Error::of_file(&folder, error))?;
-    let write = |name: &str, content: &[u8]| {
+    // Writes a file, or removes that of a previous build.
+    let put = |name: &str, content: Option<&[u8]>| {
         let file = folder.join(name);
-        match fs::write(&file, content) {
-            Ok(()) => Ok(file),
-            Err(error) => Err(Error::of_file(&file, error)),
-        }
+        let done = match content {
+            Some(content) => fs::write(&file, content),
+            None if file.exists() => fs::remove_file(&file),
+            None => Ok(()),
+        };
+        done.map_err(|error| Error::of_file(&file, error)).map(|()| content.map(|_| file))
     };
+    let write = |name: &str, content: &str| put(name, Some(content.as_bytes())).map(|_| folder.join(name));
     let shows_icon = icon.is_some() && model.fmi.version == Version::Three;
-    let terminals =
-        (shows_icon || !model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
-    for (is_there, name) in [
-        (icon.is_some(), "model.png"),
-        (drawing.is_some(), "model.svg"),
-        (terminals.is_some(), "terminalsAndIcons.xml"),
-    ] {
-        let file = folder.join(name);
-        if !is_there && file.exists() {
-            // From a previous build, before it was removed from the declaration.
-            fs::remove_file(&file).map_err(|error| Error::of_file(&file, error))?;
-        }
-    }
+    let has_terminals = shows_icon || !model.declaration.terminals.is_empty();
+    let terminals = has_terminals.then(|| xml::terminals::write(&model));
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
         // From a previous build, which may have had other files.
@@ -216,6 +209,12 @@ pub fn generate_into(
         resources.copy_to(&resources_folder)?;
     }
     Ok(Generated {
+        model_description: write("modelDescription.xml", &description.text)?,
+        variables: write("variables.rs", &rust::generate(&model, &structure, &description.guid))?,
+        documentation: write("index.html", &page)?,
+        icon: put("model.png", icon.as_deref())?,
+        drawing: put("model.svg", drawing.as_deref())?,
+        terminals: put("terminalsAndIcons.xml", terminals.as_ref().map(String::as_bytes))?,
         resources: resources.is_some().then_some(resources_folder),
         sources: units_file
             .into_iter()
@@ -224,12 +223,6 @@ pub fn generate_into(
             .chain(drawing_source)
             .chain(resources.map(|resources| resources.folder))
             .collect(),
-        model_description: write("modelDescription.xml", description.text.as_bytes())?,
-        variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
-        documentation: write("index.html", page.as_bytes())?,
-        icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
-        drawing: drawing.map(|drawing| write("model.svg", &drawing)).transpose()?,
-        terminals: terminals.map(|name| write(name, xml::terminals::write(&model).as_bytes())).transpose()?,
     })
 }
 

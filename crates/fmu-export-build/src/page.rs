@@ -235,45 +235,48 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
-        let co_simulation = self.model.fmi.interfaces.co_simulation();
-        let of_steps = [
+        let of_steps = self.model.fmi.interfaces.co_simulation();
+        let of_fmi3 = of_steps && self.model.fmi.version == Version::Three;
+        let over_time = if of_steps { ", and the outputs' derivatives over time" } else { "" };
+        let rows = [
             (
+                of_steps,
                 "canHandleVariableCommunicationStepSize",
                 has.variable_communication_step_size,
                 "communication steps may vary in length",
             ),
             (
+                of_steps,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
                 "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
             ),
-        ];
-        let of_both = [
             (
+                of_fmi3,
+                "hasEventMode",
+                has.event_mode,
+                "the importer may handle events, which then end communication steps",
+            ),
+            (
+                true,
                 "canGetAndSetFMUstate",
                 has.get_and_set_state,
                 "the state can be saved and restored, for example to repeat a step",
             ),
-            ("canSerializeFMUstate", has.serializes_state(), "a saved state can be moved to another process"),
             (
+                true,
+                "canSerializeFMUstate",
+                has.serializes_state(),
+                "a saved state can be moved to another process",
+            ),
+            (
+                true,
                 "providesDirectionalDerivative",
                 has.directional_derivatives,
-                if co_simulation {
-                    "exact partial derivatives, and the outputs' derivatives over time"
-                } else {
-                    "exact partial derivatives"
-                },
+                &format!("exact partial derivatives{over_time}"),
             ),
         ];
-        let of_fmi3 = [(
-            "hasEventMode",
-            has.event_mode,
-            "the importer may handle events, which then end communication steps",
-        )];
-        let is_fmi3 = self.model.fmi.version == Version::Three;
-        let of_steps = of_steps.into_iter().chain(of_fmi3.into_iter().filter(|_| is_fmi3));
-        let of_steps = of_steps.filter(|_| co_simulation);
-        lines(of_steps.chain(of_both).map(|(name, has, meaning)| {
+        lines(rows.into_iter().filter(|(exists, ..)| *exists).map(|(_, name, has, meaning)| {
             let has = if has { "yes" } else { "no" };
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{has}</td><td>{meaning}</td></tr>")
         }))

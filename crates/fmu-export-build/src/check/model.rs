@@ -4,34 +4,27 @@ use std::collections::BTreeSet;
 
 use fmu_terms::Version;
 
-use crate::declaration::{Causality, Declaration};
+use crate::declaration::Causality;
 use crate::error::{Refusals, nearest};
-use crate::interfaces::Fmi;
-use crate::model::{Model, Part, Place, Scalar};
+use crate::model::{Model, Place, Scalar};
 use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
 use crate::texts::one_line;
 use crate::type_names::{FIXED_NAMES, struct_names};
 
-pub(crate) fn variables(
-    declaration: &Declaration,
-    fmi: Fmi,
-    parts: &[Part<'_>],
-    scalars: &[Scalar],
-    refusals: &mut Refusals,
-) {
-    state_groups(declaration, parts, scalars, refusals);
-    type_names(declaration, parts, refusals);
-    types_of_version(scalars, fmi.version, refusals);
-    outputs(scalars, refusals);
-    calculated_parameters(scalars, refusals);
-    clocks(declaration, fmi, parts, scalars, refusals);
+pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
+    state_groups(model, refusals);
+    type_names(model, refusals);
+    types_of_version(model, refusals);
+    outputs(model, refusals);
+    calculated_parameters(model, refusals);
+    clocks(model, refusals);
 }
 
 /// If there are groups, each state belongs to one, and each group has states.
-fn state_groups(declaration: &Declaration, parts: &[Part<'_>], scalars: &[Scalar], refusals: &mut Refusals) {
-    let groups = &declaration.state_groups;
+fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
+    let groups = &model.declaration.state_groups;
     let names: BTreeSet<_> = groups.iter().map(|group| group.name.as_str()).collect();
-    for part in parts {
+    for part in &model.parts {
         let state = part.fields.iter().find(|field| field.place == Place::States);
         let component = part.name.unwrap_or_default();
         match (part.state_group, state) {
@@ -45,13 +38,13 @@ fn state_groups(declaration: &Declaration, parts: &[Part<'_>], scalars: &[Scalar
                 refusals.add(format!("{}.state_group", part.key), reason);
             }
             (None, Some(state)) if !groups.is_empty() => {
-                let Scalar { name, key, .. } = &scalars[state.positions[0]];
+                let Scalar { name, key, .. } = &model.scalars[state.positions[0]];
                 refusals.add(key, format!("{name}: it is a state, but its component has no 'state_group'"));
             }
             _ => {}
         }
     }
-    let used: BTreeSet<_> = parts.iter().filter_map(|part| part.state_group).collect();
+    let used: BTreeSet<_> = model.parts.iter().filter_map(|part| part.state_group).collect();
     for (number, group) in groups.iter().enumerate() {
         if !used.contains(group.name.as_str()) {
             let reason = format!("no component is in the state group '{}'", group.name);
@@ -61,7 +54,8 @@ fn state_groups(declaration: &Declaration, parts: &[Part<'_>], scalars: &[Scalar
 }
 
 /// The generated types must have distinct names.
-fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals: &mut Refusals) {
+fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
+    let declaration = model.declaration;
     let mut names: BTreeSet<_> = FIXED_NAMES.map(str::to_owned).into();
     if declaration.has_clocks() {
         names.insert(Place::Clocks.type_name().to_owned());
@@ -69,7 +63,7 @@ fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals: &mut Refu
     let enumerations = declaration.enumerations.iter().enumerate();
     let enumerations =
         enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.name.clone()));
-    for (key, name) in struct_names(declaration, parts).into_iter().chain(enumerations) {
+    for (key, name) in struct_names(declaration, &model.parts).into_iter().chain(enumerations) {
         if names.contains(&name) {
             refusals.add(key, format!("two generated types would be called '{name}'"));
         }
@@ -78,9 +72,9 @@ fn type_names(declaration: &Declaration, parts: &[Part<'_>], refusals: &mut Refu
 }
 
 /// FMI 2.0 has fewer types than FMI 3.0.
-fn types_of_version(scalars: &[Scalar], version: Version, refusals: &mut Refusals) {
-    let is_wrong = |scalar: &&Scalar| version == Version::Two && !scalar.data_type.is_of_fmi2();
-    for Scalar { name, key, data_type, .. } in scalars.iter().filter(is_wrong) {
+fn types_of_version(model: &Model<'_>, refusals: &mut Refusals) {
+    let is_wrong = |scalar: &&Scalar| model.fmi.version == Version::Two && !scalar.data_type.is_of_fmi2();
+    for Scalar { name, key, data_type, .. } in model.scalars.iter().filter(is_wrong) {
         let data_type = data_type.name();
         let reason = format!("{name}: FMI 2.0 has no type {data_type}; FMI 3.0 has it (--fmi 3)");
         refusals.add(format!("{key}.type"), reason);
@@ -88,14 +82,15 @@ fn types_of_version(scalars: &[Scalar], version: Version, refusals: &mut Refusal
 }
 
 /// A co-simulation unit without outputs is useless.
-fn outputs(scalars: &[Scalar], refusals: &mut Refusals) {
-    if scalars.iter().all(|scalar| scalar.causality != Causality::Output) {
+fn outputs(model: &Model<'_>, refusals: &mut Refusals) {
+    if model.scalars.iter().all(|scalar| scalar.causality != Causality::Output) {
         refusals.add("variables", "no variable has causality 'output'");
     }
 }
 
 /// Only parameters change a calculated parameter.
-fn calculated_parameters(scalars: &[Scalar], refusals: &mut Refusals) {
+fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
+    let scalars = &model.scalars;
     let of_parameter = |scalar: &Scalar| {
         matches!(
             scalar.causality,
@@ -118,13 +113,8 @@ fn calculated_parameters(scalars: &[Scalar], refusals: &mut Refusals) {
 
 /// The clocks. Scheduled Execution needs an input clock; a package may declare further models without one, which are
 /// not exported.
-fn clocks(
-    declaration: &Declaration,
-    fmi: Fmi,
-    parts: &[Part<'_>],
-    scalars: &[Scalar],
-    refusals: &mut Refusals,
-) {
+fn clocks(model: &Model<'_>, refusals: &mut Refusals) {
+    let Model { declaration, fmi, parts, scalars, .. } = model;
     if let Some(clock) = &declaration.clock {
         if let Err(reason) = mixed_name(&clock.name, OF_VARIABLES) {
             refusals.add("clock.name", reason);

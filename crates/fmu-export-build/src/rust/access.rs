@@ -161,33 +161,30 @@ impl ::fmu_export::Variables for Variables {{
 
     /// The variables over other number types, and their states.
     fn numbers(&self) -> String {
-        let of = if self.has_reals() {
-            "
-    type Of<T: ::fmu_export::Number> = Variables<T>;
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
-
-    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
-        self.combine(other, &mut number)
-    }
-
-    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
-        numbers.combine(other, &mut number)
-    }
-"
+        // Without Reals the variables are the same over all number types.
+        let [of, evaluation, other, number, combined, collected] = if self.has_reals() {
+            let [combined, collected] =
+                ["self", "numbers"].map(|numbers| format!("{numbers}.combine(other, &mut number)"));
+            ["Variables<T>", "Evaluation<'a, T>", "other", "mut number", &combined, &collected]
+                .map(str::to_owned)
         } else {
-            "
-    type Of<T: ::fmu_export::Number> = Self;
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a>;
-
-    fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl FnMut(f64, f64) -> T) -> Self {
-        self.clone()
-    }
-
-    fn collected<T: ::fmu_export::Number>(numbers: &Self, _other: &Self, _number: impl FnMut(T, f64) -> f64) -> Self {
-        numbers.clone()
-    }
-"
+            ["Self", "Evaluation<'a>", "_other", "_number", "self.clone()", "numbers.clone()"]
+                .map(str::to_owned)
         };
+        let of = format!(
+            "
+    type Of<T: ::fmu_export::Number> = {of};
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = {evaluation};
+
+    fn combined<T: ::fmu_export::Number>(&self, {other}: &Self, {number}: impl FnMut(f64, f64) -> T) -> {of} {{
+        {combined}
+    }}
+
+    fn collected<T: ::fmu_export::Number>(numbers: &{of}, {other}: &Self, {number}: impl FnMut(T, f64) -> f64) -> Self {{
+        {collected}
+    }}
+"
+        );
         let has_states = self.is_real(Place::States);
         let each = |name: &str, place: &str| {
             let (function, body) = if has_states {
@@ -224,7 +221,8 @@ impl ::fmu_export::Variables for Variables {{
         Evaluation { parameters, inputs, states, derivatives, locals, outputs }
     }
 ";
-        [of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
+        [&of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set]
+            .concat()
     }
 
     /// A place's variables without changes, from its default, named after the place.
