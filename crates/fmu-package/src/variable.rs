@@ -38,7 +38,7 @@ pub struct FmuVariable {
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
     pub aliases: Vec<(String, String)>,
-    /// Its place in an array, from [`FmuDescription::scalars`].
+    /// Its place in an array, from `FmuDescription::scalars`.
     pub element: Option<Element>,
 }
 
