@@ -169,7 +169,7 @@ pub fn generate_into(
     let structure = dependencies::Structure::new(&model.scalars, model.fmi.version)
         .map_err(|refusal| source.error([refusal]))?;
     let description = xml::Description::new(&model, &structure);
-    let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
+    let read_fragment = |file: PathBuf| fragment::read(&file, &page::variables::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
     let icon_source = beside("icon", &declaration.icon)?;
     let icon = icon_source.as_deref().map(read_icon).transpose()?;
