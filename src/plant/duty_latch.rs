@@ -4,7 +4,9 @@
 //! Periods are counted in integers from the experiment's start, so they do not drift. The held duty is part of the
 //! model's state. The voltage is not held: it acts at once.
 
-use fmu_export::Persistent;
+use fmu_export::{Number, Persistent};
+
+use super::variables::{Inputs, Parameters};
 
 /// Period starts closer than this share of a period to the end of a step belong to the next step.
 const ROUNDING: f64 = 1e-6;
@@ -14,16 +16,24 @@ const ROUNDING: f64 = 1e-6;
 pub struct DutyLatch {
     /// When the experiment starts, in s.
     pub start_time: f64,
-    /// The duty in percent until the next period starts.
-    pub held: f64,
+    /// The duty in percent until the next period starts; none before the first.
+    held: Option<f64>,
     /// The number of periods started.
     started: u64,
 }
 
 impl DutyLatch {
-    /// The state before the first period, which starts with the experiment (s), with a duty in percent.
-    pub fn new(start_time: f64, duty: f64) -> Self {
-        Self { start_time, held: duty, started: 0 }
+    /// The state before the first period, which starts with the experiment (s).
+    pub fn new(start_time: f64) -> Self {
+        Self { start_time, held: None, started: 0 }
+    }
+
+    /// The inputs with the duty that the valve sees.
+    pub fn hold<D: Number>(&self, parameters: &Parameters<D>, mut inputs: Inputs<D>) -> Inputs<D> {
+        if let Some(held) = self.held.filter(|_| parameters.valve.duty_latch) {
+            inputs.hp_wastegate_pwm = held.into();
+        }
+        inputs
     }
 
     /// The time in s at which the next period starts.
@@ -38,7 +48,7 @@ impl DutyLatch {
 
     /// Starts one period, with a duty in percent.
     pub fn take(&mut self, duty: f64) {
-        self.held = duty;
+        self.held = Some(duty);
         self.started += 1;
     }
 
@@ -50,7 +60,7 @@ impl DutyLatch {
 
     /// Starts all periods before `end` (s from the experiment's start) with a duty in percent.
     pub fn take_until(&mut self, end: f64, frequency: f64, duty: f64) {
-        self.held = duty;
+        self.held = Some(duty);
         // Rounding may put the product off by one period; the comparison corrects it.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times after the start")]
         let nearly = (end * frequency) as u64;
@@ -67,7 +77,7 @@ mod tests {
 
     #[test]
     fn periods_are_counted_without_drift() {
-        let mut latch = DutyLatch::new(0.0, 40.0);
+        let mut latch = DutyLatch::new(0.0);
         let mut instants = 0;
         // An hour of controller samples: rounding in the step ends must not affect the count.
         for sample in 1..=288_000 {

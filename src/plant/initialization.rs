@@ -7,13 +7,11 @@
 
 use std::array;
 
-use fmu_export::{Dual, Error, Number};
+use fmu_export::{Dual, Number};
 
 use super::integration::{IntervalInputs, Pace, budget};
 use super::system::{GAS_PATH_SCALES, System};
-use super::variables::{
-    ActuationStates, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States,
-};
+use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
 use crate::solver::course::Interval;
 use crate::solver::linear;
 use crate::solver::steady_state::{self, NoSteadyState};
@@ -24,10 +22,6 @@ const GAS_PATH: usize = GasPathStates::COUNT;
 const LONGEST_TRANSIENT: u32 = 60;
 /// The rate of change in 1/s of the scaled states below which a transient has settled.
 const AT_REST: f64 = 1e-9;
-
-/// The largest rate of change in 1/s of the scaled states in a steady state: rounding leaves some 1e-10, a transient
-/// far more.
-const SETTLED: f64 = 1e-8;
 
 /// The states of an engine just started, with the vacuum tank at a pressure in Pa.
 pub fn running<D: Number>(system: &System<D>, inputs: &Inputs<D>, tank_pressure: D) -> States<D> {
@@ -64,28 +58,6 @@ pub struct Shortcoming {
     pub failure: NoSteadyState,
     /// The time in s for which the transient from [`running`] was simulated instead.
     pub followed: f64,
-}
-
-/// The states at the start of an experiment as a function of parameters, inputs and start values, near the one that
-/// started at `states`.
-///
-/// # Errors
-/// When the mode is settled, and the states are not an isolated steady state.
-pub fn started<D: Number>(
-    mode: InitializationMode,
-    parameters: &Parameters<D>,
-    inputs: &Inputs<D>,
-    start: &States<D>,
-    states: &States,
-) -> Result<States<D>, Error> {
-    match mode {
-        InitializationMode::Settled => follow_settled(parameters, inputs, states, start.tank.pressure)
-            .ok_or_else(|| {
-                Error::new("the experiment does not start settled, so its start has no derivative")
-            }),
-        InitializationMode::Running => Ok(running(&System::new(parameters), inputs, start.tank.pressure)),
-        InitializationMode::Given => Ok(*start),
-    }
 }
 
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
@@ -143,40 +115,39 @@ fn settled_rates_along(
 
 /// The settled states as a function of parameters, inputs and the tank's pressure, by the implicit function theorem:
 /// the unknowns keep their values, and change such that the rates along them stay 0.
-///
-/// `None` if the states are not a steady state, or not an isolated one.
-fn follow_settled<D: Number>(
+pub fn follow_settled<D: Number>(
     parameters: &Parameters<D>,
     inputs: &Inputs<D>,
     settled: &States,
     tank_pressure: D,
-) -> Option<States<D>> {
+) -> States<D> {
     let system = System::new(parameters);
     let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
     let chamber_pressure = actuated.actuator.chamber_pressure;
     let (found, scales) = (GasPathStates::of(settled).to_array(), GAS_PATH_SCALES.to_array());
-    let along = settled_rates(&system, inputs, chamber_pressure, &found.map(D::from));
-    if (0..GAS_PATH).any(|i| along[i].value().abs() > SETTLED * scales[i]) {
-        return None;
-    }
-    // The same without the changes, so that only the unknowns change.
-    let still = System::new(&parameters.map(|parameter| Dual::from(parameter.value())));
-    let still_inputs = inputs.map(|input| Dual::from(input.value()));
-    let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
-    for column in 0..GAS_PATH {
-        let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.value(), &found, column);
-        for row in 0..GAS_PATH {
-            jacobian[row][column] = slopes[row] / scales[row] * scales[column];
-        }
-    }
     let mut unknowns = found.map(D::from);
-    for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
-        let change = linear::solve(jacobian, array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 }))?;
-        for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
-            *unknown += along.mapped(0.0, change * scale);
+    let along = settled_rates(&system, inputs, chamber_pressure, &unknowns);
+    if along.iter().any(|rate| !rate.is_constant(rate.value())) {
+        // The same without the changes, so that only the unknowns change.
+        let still = System::new(&parameters.map(|parameter| Dual::from(parameter.value())));
+        let still_inputs = inputs.map(|input| Dual::from(input.value()));
+        let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
+        for column in 0..GAS_PATH {
+            let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.value(), &found, column);
+            for row in 0..GAS_PATH {
+                jacobian[row][column] = slopes[row] / scales[row] * scales[column];
+            }
+        }
+        for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
+            let right = array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 });
+            // A steady state that was found is isolated.
+            let change = linear::solve(jacobian, right).unwrap_or([f64::NAN; GAS_PATH]);
+            for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
+                *unknown += along.mapped(0.0, change * scale);
+            }
         }
     }
-    Some(settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns)))
+    settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns))
 }
 
 /// Brings the plunger and the chamber to rest.

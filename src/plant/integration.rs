@@ -12,7 +12,7 @@
 
 use fmu_export::Persistent;
 
-use super::system::{Actuation, Evaluation, GAS_PATH_SCALES, GasPath, System};
+use super::system::{Actuation, GAS_PATH_SCALES, GasPath, Instant, System};
 use super::variables::{
     ActuationStates, FaultParameters, GasPathStates, Inputs, Parameters, StateGroups, States,
 };
@@ -279,7 +279,7 @@ impl Pace {
         signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, IntegrationFailure> {
+    ) -> Result<Instant, IntegrationFailure> {
         if self.fault != *system.fault() {
             *self = Self { fault: *system.fault(), ..Self::default() };
         }
@@ -301,7 +301,7 @@ impl Pace {
         signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, IntegrationFailure> {
+    ) -> Result<Instant, IntegrationFailure> {
         let mut actuation = ActuationStates::of(states).to_array();
         let mut gas_path = GasPathStates::of(states).to_array();
         let evaluations = multirate::advance(
@@ -314,7 +314,7 @@ impl Pace {
             actuation: ActuationStates::from_array(actuation),
             gas_path: GasPathStates::from_array(gas_path),
         });
-        Ok(Evaluation { actuation: evaluations.0, gas_path: evaluations.1 })
+        Ok(Instant { actuation: evaluations.0, gas_path: evaluations.1 })
     }
 
     /// Advances everything with the same steps. The linearization omits the coupling between the halves.
@@ -324,14 +324,14 @@ impl Pace {
         signal: &IntervalInputs<impl Fn(f64) -> Inputs>,
         states: &mut States,
         interval: Interval<'_>,
-    ) -> Result<Evaluation, IntegrationFailure> {
+    ) -> Result<Instant, IntegrationFailure> {
         let inputs = &signal.at;
         let evaluate = |time: f64, x: &[f64; States::COUNT]| {
             let (actuation, gas_path) = split(x);
             system.evaluate(&inputs(time), &States::from_groups(StateGroups { actuation, gas_path }))
         };
         let derivatives = |time: f64, x: &[f64; States::COUNT]| {
-            let Evaluation { actuation, gas_path } = evaluate(time, x);
+            let Instant { actuation, gas_path } = evaluate(time, x);
             joined(actuation.derivatives.to_array(), gas_path.derivatives.to_array())
         };
         let begin = joined(ActuationStates::of(states).to_array(), GasPathStates::of(states).to_array());

@@ -13,8 +13,8 @@
 //! and volumes are not published. They are chosen here to reproduce the paper's figures; the description of each
 //! parameter in `modelDescription/plant.json` states its source.
 //!
-//! [`BoostPlant`] starts an experiment (`initialization`), integrates over communication steps (`integration`)
-//! and sets the variables that `modelDescription/plant.json` declares.
+//! [`Plant`] is the model: its equations, start (`initialization`) and integration over communication steps
+//! (`integration`).
 
 pub mod actuator;
 mod air_filter;
@@ -44,15 +44,14 @@ pub mod variables {
 
 use fmu_export::display::Rounded;
 use fmu_export::{
-    Context, Dual, Error, Event, Experiment, InputSignal, Model, ModelExchange, Persistent, Recorded, Step,
-    Tape, Variables as _,
+    Context, Equations, Error, Event, Experiment, InputSignal, Integrated, Number, Persistent, Step,
 };
 
 use self::duty_latch::DutyLatch;
-use self::initialization::{Settled, running, settled, started};
+use self::initialization::{Settled, follow_settled, running, settled};
 use self::integration::{IntervalInputs, Pace, budget};
-use self::system::{Evaluation, System};
-use self::variables::{InitializationMode, Inputs, Parameters, States, Variables};
+use self::system::{Instant, System};
+use self::variables::{Evaluation, InitializationMode, Inputs, Parameters, States, Variables};
 use crate::LONGEST_STEP;
 use crate::solver::course::Interval;
 use crate::solver::steady_state::NoSteadyState;
@@ -67,29 +66,42 @@ const ROUNDING: f64 = 1e-9;
 /// estimate.
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
-/// The plant as a co-simulation model.
+/// The plant as an FMU's model.
+pub type BoostPlant = Integrated<Plant>;
+
+/// The plant's equations, with its own integrator in co-simulation (`integration`).
+///
+/// In Model Exchange the importer's takes its place. PWM periods are time events. Kinks of the equations, such as the
+/// rod's stops and reversals, are not events: solvers do not need them (`docs/integration.md`).
 #[derive(Clone, Debug, Persistent)]
-pub struct BoostPlant {
-    /// Derived from the parameters.
+pub struct Plant {
+    /// Derived from the parameters, for the integration.
     #[persistent(skip)]
     system: System,
     latch: DutyLatch,
     pace: Pace,
+    /// Where the experiment starts if it starts settled, …
+    found: States,
+    /// … and whether that is a steady state.
+    is_settled: bool,
 }
 
-impl Default for BoostPlant {
+impl Default for Plant {
     fn default() -> Self {
         Self {
             system: System::new(&Parameters::default()),
             latch: DutyLatch::default(),
             pace: Pace::default(),
+            found: States::default(),
+            is_settled: true,
         }
     }
 }
 
-impl Model for BoostPlant {
+impl Equations for Plant {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
+    const ADVANCES_ITSELF: bool = true;
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
@@ -120,31 +132,57 @@ impl Model for BoostPlant {
         Ok(())
     }
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &Inputs,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        self.system = System::new(&variables.parameters);
-        self.latch = DutyLatch::new(context.experiment.start_time, inputs.hp_wastegate_pwm);
-        self.pace = Pace::default();
-        let tank_pressure = variables.start.tank.pressure;
-        variables.states = match variables.parameters.initialization.mode {
-            InitializationMode::Settled => {
-                let settled = settled(&variables.parameters, inputs, tank_pressure);
-                warn_of_unsettled_start(&settled, inputs, context);
-                settled.states
-            }
-            InitializationMode::Running => running(&self.system, inputs, tank_pressure),
-            InitializationMode::Given => variables.start,
-        };
+    fn prepare(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        let Variables { parameters, inputs, start, .. } = variables;
+        self.latch = DutyLatch::new(context.experiment.start_time);
+        if parameters.initialization.mode == InitializationMode::Settled {
+            let settled = settled(parameters, inputs, start.tank.pressure);
+            warn_of_unsettled_start(&settled, inputs, context);
+            (self.found, self.is_settled) = (settled.states, settled.shortcoming.is_none());
+        }
         warn_of_ignored_starts(variables, context);
-        self.refresh(context.experiment.start_time, variables, inputs);
         Ok(())
     }
 
-    fn step(
+    fn take_parameters(&mut self, variables: &Variables) {
+        self.system = System::new(&variables.parameters);
+    }
+
+    fn initialize<T: Number>(&self, variables: &mut Variables<T>) {
+        let Variables { parameters, inputs, states, .. } = variables;
+        let tank_pressure = states.tank.pressure;
+        match parameters.initialization.mode {
+            InitializationMode::Settled => {
+                *states = if self.is_settled {
+                    follow_settled(parameters, inputs, &self.found, tank_pressure)
+                } else {
+                    self.found.map(T::from)
+                };
+            }
+            InitializationMode::Running => {
+                *states = running(&System::new(parameters), inputs, tank_pressure);
+            }
+            InitializationMode::Given => {}
+        }
+    }
+
+    fn check_start(&self) -> Result<(), Error> {
+        if self.is_settled {
+            return Ok(());
+        }
+        Err(Error::new("the experiment does not start settled, so its start has no derivative"))
+    }
+
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+        let Evaluation { parameters, inputs, states, derivatives, locals, outputs } = variables;
+        let system = System::new(parameters);
+        let inputs = self.latch.hold(parameters, *inputs);
+        let instant = system.evaluate(&inputs, states);
+        *derivatives = instant.derivatives();
+        (*outputs, *locals) = system.quantities(&inputs, states, &instant);
+    }
+
+    fn advance(
         &mut self,
         variables: &mut Variables,
         step: &Step<'_, Inputs>,
@@ -162,132 +200,21 @@ impl Model for BoostPlant {
             if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
                 done = (instant - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
-                self.integrate(&mut states, variables, step, interval)?;
+                self.integrate(&mut states, parameters, step, interval)?;
                 self.latch.take_until(begin + step.size, frequency, step.inputs.initial().hp_wastegate_pwm);
             }
         }
         let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
-        let evaluation = self.integrate(&mut states, variables, step, interval)?;
+        let instant = self.integrate(&mut states, parameters, step, interval)?;
+        let inputs = self.latch.hold(parameters, step.inputs.at(step.size));
+        let instant = instant.unwrap_or_else(|| self.system.evaluate(&inputs, &states));
         variables.states = states;
-        let inputs = self.as_held(variables, step.inputs.at(step.size));
-        match evaluation {
-            Some(evaluation) => self.show(variables, &inputs, &evaluation),
-            None => self.refresh(step.end(), variables, &inputs),
-        }
+        variables.derivatives = instant.derivatives();
+        (variables.outputs, variables.locals) = self.system.quantities(&inputs, &states, &instant);
         Ok(())
     }
 
-    fn refresh(&mut self, _time: f64, variables: &mut Variables, inputs: &Inputs) {
-        let inputs = self.as_held(variables, *inputs);
-        let evaluation = self.system.evaluate(&inputs, &variables.states);
-        self.show(variables, &inputs, &evaluation);
-    }
-
-    fn differentiate(
-        &self,
-        _time: Dual,
-        variables: &Variables,
-        inputs: &Inputs,
-        direction: &Variables,
-    ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
-        let mut inputs = inputs.combine(direction.inputs(), &mut Dual::new);
-        if variables.parameters.valve.duty_latch {
-            // A new command does not act before the next period.
-            inputs.hp_wastegate_pwm = Dual::from(self.latch.held);
-        }
-        let states = variables.states.combine(&direction.start, &mut Dual::new);
-        Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
-    }
-
-    fn differentiate_initialization(
-        &self,
-        _start_time: Dual,
-        variables: &Variables,
-        inputs: &Inputs,
-        direction: &Variables,
-    ) -> Result<Variables, Error> {
-        let parameters = variables.parameters.combine(&direction.parameters, &mut Dual::new);
-        let inputs = inputs.combine(direction.inputs(), &mut Dual::new);
-        let start = variables.start.combine(&direction.start, &mut Dual::new);
-        let mode = variables.parameters.initialization.mode;
-        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
-        Ok(derivatives_of(&System::new(&parameters), &inputs, &states))
-    }
-
-    fn differentiate_backwards(
-        &self,
-        _time: f64,
-        variables: &Variables,
-        inputs: &Inputs,
-        weights: &Variables,
-        by_parameters: bool,
-        tape: &mut Tape,
-    ) -> Result<Variables, Error> {
-        tape.clear();
-        let tape = &*tape;
-        let variable = |value| tape.variable(value);
-        let parameters = if by_parameters {
-            variables.parameters.map(variable)
-        } else {
-            variables.parameters.map(Recorded::from)
-        };
-        let inputs = inputs.map(variable);
-        let mut acting = inputs;
-        if variables.parameters.valve.duty_latch {
-            // A new command does not act before the next period.
-            acting.hp_wastegate_pwm = Recorded::from(self.latch.held);
-        }
-        let states = variables.states.map(variable);
-        weigh(&System::new(&parameters), &acting, &states, weights, tape);
-        let derivative = |number| tape.derivative(number);
-        Ok(Variables {
-            parameters: parameters.map(derivative),
-            inputs: inputs.map(derivative),
-            states: states.map(derivative),
-            ..Variables::zero()
-        })
-    }
-
-    fn differentiate_initialization_backwards(
-        &self,
-        _start_time: f64,
-        variables: &Variables,
-        inputs: &Inputs,
-        weights: &Variables,
-        tape: &mut Tape,
-    ) -> Result<Variables, Error> {
-        tape.clear();
-        let tape = &*tape;
-        let variable = |value| tape.variable(value);
-        let parameters = variables.parameters.map(variable);
-        let inputs = inputs.map(variable);
-        let start = variables.start.map(variable);
-        let mode = variables.parameters.initialization.mode;
-        let states = started(mode, &parameters, &inputs, &start, &variables.states)?;
-        weigh(&System::new(&parameters), &inputs, &states, weights, tape);
-        let derivative = |number| tape.derivative(number);
-        Ok(Variables {
-            parameters: parameters.map(derivative),
-            inputs: inputs.map(derivative),
-            states: start.map(derivative),
-            ..Variables::zero()
-        })
-    }
-
-    fn take_parameters(&mut self, variables: &Variables) {
-        self.system = System::new(&variables.parameters);
-    }
-
-    fn restored(&mut self, variables: &Variables) {
-        self.take_parameters(variables);
-    }
-}
-
-/// The importer's solver replaces `integration`. PWM periods are time events. Kinks of the equations, such as the rod's
-/// stops and reversals, are not events: solvers do not need them (`docs/integration.md`).
-impl ModelExchange for BoostPlant {
-    fn next_event(&self, _time: f64, variables: &mut Variables, _inputs: &Inputs) -> Option<f64> {
+    fn next_event(&self, _time: f64, variables: &Variables) -> Option<f64> {
         let valve = &variables.parameters.valve;
         valve.duty_latch.then(|| self.latch.next(valve.pwm_frequency))
     }
@@ -295,59 +222,34 @@ impl ModelExchange for BoostPlant {
     fn event(
         &mut self,
         event: &Event<'_>,
-        _variables: &mut Variables,
-        inputs: &Inputs,
+        variables: &mut Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         if event.is_due {
-            self.latch.take(inputs.hp_wastegate_pwm);
+            self.latch.take(variables.inputs.hp_wastegate_pwm);
         }
         Ok(())
     }
 }
 
-impl BoostPlant {
-    /// The inputs with the duty seen by the valve.
-    fn as_held(&self, variables: &Variables, mut inputs: Inputs) -> Inputs {
-        if variables.parameters.valve.duty_latch {
-            inputs.hp_wastegate_pwm = self.latch.held;
-        }
-        inputs
-    }
-
-    /// Sets outputs, local variables and derivatives from the states, the effective inputs and their evaluation.
-    fn show(&self, variables: &mut Variables, inputs: &Inputs, evaluation: &Evaluation) {
-        variables.derivatives = evaluation.derivatives();
-        (variables.outputs, variables.locals) = self.system.quantities(inputs, &variables.states, evaluation);
-    }
-
+impl Plant {
     /// Advances the states over an interval, in s from the start of the step. Returns the evaluation at its end, unless
     /// it is empty.
     fn integrate(
         &mut self,
         states: &mut States,
-        variables: &Variables,
+        parameters: &Parameters,
         step: &Step<'_, Inputs>,
         interval: Interval<'_>,
-    ) -> Result<Option<Evaluation>, Error> {
+    ) -> Result<Option<Instant>, Error> {
         if interval.to <= interval.from {
             return Ok(None);
         }
+        let Self { system, latch, pace, .. } = self;
         let signal: &InputSignal<Inputs> = step.inputs;
-        let initial = self.as_held(variables, *signal.initial());
-        let (is_constant, latched) = (signal.is_constant(), variables.parameters.valve.duty_latch);
-        let held = self.latch.held;
-        let at = |time: f64| {
-            if is_constant {
-                return initial;
-            }
-            let mut inputs = signal.at(time);
-            if latched {
-                inputs.hp_wastegate_pwm = held;
-            }
-            inputs
-        };
-        self.pace.advance(&self.system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
+        let (initial, is_constant) = (latch.hold(parameters, *signal.initial()), signal.is_constant());
+        let at = |time: f64| if is_constant { initial } else { latch.hold(parameters, signal.at(time)) };
+        pace.advance(system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
                 "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
@@ -358,36 +260,6 @@ impl BoostPlant {
             ))
         })
     }
-}
-
-/// The derivatives of all variables calculated from inputs and states.
-fn derivatives_of(system: &System<Dual>, inputs: &Inputs<Dual>, states: &States<Dual>) -> Variables {
-    let evaluation = system.evaluate(inputs, states);
-    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
-    let mut derivatives = Variables::zero();
-    derivatives.states = states.map(|state| state.derivative);
-    derivatives.derivatives = evaluation.derivatives().map(|rate| rate.derivative);
-    derivatives.locals = locals.map(|local| local.derivative);
-    derivatives.outputs = outputs.map(|output| output.derivative);
-    derivatives
-}
-
-/// Backward pass of a tape from all variables calculated from inputs and states, with their weights.
-fn weigh<'t>(
-    system: &System<Recorded<'t>>,
-    inputs: &Inputs<Recorded<'t>>,
-    states: &States<Recorded<'t>>,
-    weights: &Variables,
-    tape: &'t Tape,
-) {
-    let evaluation = system.evaluate(inputs, states);
-    let (outputs, locals) = system.quantities(inputs, states, &evaluation);
-    let mut weigh = |number, weight| tape.weigh(number, weight);
-    let _ = states.combine(&weights.states, &mut weigh);
-    let _ = evaluation.derivatives().combine(&weights.derivatives, &mut weigh);
-    let _ = locals.combine(&weights.locals, &mut weigh);
-    let _ = outputs.combine(&weights.outputs, &mut weigh);
-    tape.go_back();
 }
 
 /// The integration tolerance: the parameter's, or the importer's if smaller.

@@ -123,14 +123,14 @@ pub struct GasPath<D = f64> {
 
 /// All components at an instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluation<D = f64> {
+pub struct Instant<D = f64> {
     /// Fig. 3 of the paper.
     pub actuation: Actuation<D>,
     /// Fig. 2 of the paper.
     pub gas_path: GasPath<D>,
 }
 
-impl<D: Elementary> Evaluation<D> {
+impl<D: Elementary> Instant<D> {
     /// The states' derivatives.
     #[must_use]
     pub fn derivatives(&self) -> States<D> {
@@ -235,12 +235,12 @@ impl<D: Elementary> System<D> {
 
     /// Everything at an instant.
     #[must_use]
-    pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Evaluation<D> {
+    pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Instant<D> {
         let gas_path = GasPathStates::of(states);
         let actuation =
             self.actuation(inputs, &ActuationStates::of(states), Self::exhaust_difference(&gas_path));
         let gas_path = self.gas_path(inputs, &gas_path, actuation.hp_wastegate_opening);
-        Evaluation { actuation, gas_path }
+        Instant { actuation, gas_path }
     }
 
     /// The pressure difference in Pa across the high-pressure wastegate, for the states of the gas path.
@@ -466,9 +466,9 @@ impl<D: Elementary> System<D> {
         &self,
         inputs: &Inputs<D>,
         states: &States<D>,
-        evaluation: &Evaluation<D>,
+        evaluation: &Instant<D>,
     ) -> (Outputs<D>, Locals<D>) {
-        let Evaluation { actuation, gas_path } = evaluation;
+        let Instant { actuation, gas_path } = evaluation;
         let (cylinders, engine_torque) = self.cylinders.work(
             inputs.engine_speed,
             gas_path.cylinders,

@@ -3,7 +3,7 @@
 
 use crate::error::Error;
 use crate::events::Event;
-use crate::model::{Context, Variables};
+use crate::model::{Context, Step, Variables};
 use crate::number::Number;
 use crate::persistence::Persistent;
 
@@ -34,6 +34,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
+    /// The longest communication step in seconds, as in [`Model`](crate::Model).
+    const LONGEST_STEP: f64 = f64::MAX;
+
     /// Computes derivatives, locals and outputs from time (s), parameters, inputs and states.
     ///
     /// Between events the result must be smooth in time, inputs and states, even slightly beyond where an event is
@@ -59,9 +62,23 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
+    /// Derives what depends on parameters alone, such as tables or what [`Equations::advance`] computes with. Called
+    /// after [`Equations::prepare`], after a change of tunable parameters, and for a restored state.
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        let _ = variables;
+    }
+
     /// Computes initial states that differ from the start values, to which all states are set before.
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;
+    }
+
+    /// Whether the initial states have derivatives, if [`Equations::initialize`] solves for them.
+    ///
+    /// # Errors
+    /// Why they have none.
+    fn check_start(&self) -> Result<(), Error> {
+        Ok(())
     }
 
     /// Computes the event indicators, one per name in the model's JSON, after [`Equations::evaluate`] has computed the
@@ -76,6 +93,24 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);
         None
+    }
+
+    /// Whether the model brings its own integrator, [`Equations::advance`]; in Model Exchange the importer's integrates.
+    const ADVANCES_ITSELF: bool = false;
+
+    /// Advances states and memory through a co-simulation step, and computes the variables at its end. What happens
+    /// within the step is the model's own: [`Equations::event`] is not called.
+    ///
+    /// # Errors
+    /// When the states cannot be integrated to the end of the step.
+    fn advance(
+        &mut self,
+        variables: &mut Self::Variables,
+        step: &Step<'_, <Self::Variables as Variables>::Inputs>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let _ = (variables, step, context);
+        Err(Error::new("the model has no `advance`"))
     }
 
     /// Handles an event: changes the model's memory, states and discrete variables. It may be called with nothing to

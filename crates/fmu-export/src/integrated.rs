@@ -89,6 +89,7 @@ impl<E: Equations> crate::Persistent for Integrated<E> {
 
 impl<E: Equations> Model for Integrated<E> {
     type Variables = E::Variables;
+    const LONGEST_STEP: f64 = E::LONGEST_STEP;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         E::check_parameters(variables)
@@ -126,6 +127,9 @@ impl<E: Equations> Model for Integrated<E> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        if E::ADVANCES_ITSELF {
+            return self.equations.advance(variables, step, context);
+        }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         let mut states = mem::take(&mut self.states);
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
@@ -138,6 +142,14 @@ impl<E: Equations> Model for Integrated<E> {
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
         with_inputs(variables, inputs, |variables| evaluate(&self.equations, time, variables));
+    }
+
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        self.equations.take_parameters(variables);
+    }
+
+    fn restored(&mut self, variables: &Self::Variables) {
+        self.equations.take_parameters(variables);
     }
 
     fn differentiate(
@@ -157,6 +169,7 @@ impl<E: Equations> Model for Integrated<E> {
         inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
+        self.equations.check_start()?;
         let mut started = variables.clone();
         started.states_from_start();
         Ok(self.derivatives(start_time, &started, inputs, direction, |variables| {
@@ -195,6 +208,7 @@ impl<E: Equations> Model for Integrated<E> {
         weights: &Self::Variables,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
+        self.equations.check_start()?;
         let mut started = variables.clone();
         started.states_from_start();
         let known = started.combined(&started, |_, _| 1.0);
@@ -249,6 +263,9 @@ impl<E: Equations> EventMode for Integrated<E> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
+        if E::ADVANCES_ITSELF {
+            return self.equations.advance(variables, step, context).map(|()| None);
+        }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
@@ -274,6 +291,7 @@ impl<E: Equations> Integrated<E> {
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
         *self = Self { time: context.experiment.start_time, ..Self::default() };
         self.equations.prepare(variables, context)?;
+        self.equations.take_parameters(variables);
         variables.states_from_start();
         self.equations.initialize::<f64>(variables);
         self.check_evaluation(variables)?;

@@ -1,6 +1,6 @@
 //! Models of equations, by which the built-in integrator is tested.
 
-use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Persistent};
+use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Persistent, Step};
 
 macro_rules! variables {
     ($($model:ident: $identifier:literal),*) => {$(
@@ -58,6 +58,44 @@ impl Equations for Decay {
         derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
+    }
+}
+
+/// The same decay to a constant target, by its solution in closed form. Its start has no derivative.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Exact {
+    #[persistent(skip)]
+    time_constant: f64,
+}
+
+impl Equations for Exact {
+    type Variables = decay::Variables;
+    const LONGEST_STEP: f64 = 10.0;
+    const ADVANCES_ITSELF: bool = true;
+
+    fn take_parameters(&mut self, variables: &decay::Variables) {
+        self.time_constant = 1.0 / variables.parameters.rate;
+    }
+
+    fn check_start(&self) -> Result<(), Error> {
+        Err(Error::new("the start is arbitrary"))
+    }
+
+    fn evaluate<T: Number>(&self, time: T, variables: decay::Evaluation<'_, T>) {
+        Decay {}.evaluate(time, variables);
+    }
+
+    fn advance(
+        &mut self,
+        variables: &mut decay::Variables,
+        step: &Step<'_, decay::Inputs>,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let target = step.inputs.at(step.size).target;
+        let x = &mut variables.states.x;
+        *x = target + (*x - target) * (-step.size / self.time_constant).exp();
+        variables.outputs.square = *x * *x;
+        Ok(())
     }
 }
 

@@ -5,8 +5,8 @@ use fmu_export::{
     Simulation, Tape, Variables as _, check_dependencies,
 };
 use fmu_export_equations::{
-    BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
-    undeclared, van_der_pol,
+    BouncingBall, Decay, Exact, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay,
+    stairs, undeclared, van_der_pol,
 };
 
 /// The solutions that `reference.py` printed: name, time and states.
@@ -59,6 +59,25 @@ fn decay_follows_its_closed_form() {
         assert_near(&[x], &[(-3.0_f64).exp()], tolerance, 1.0, "x");
         assert_eq!(bits([square, seconds]), bits([x * x, 3.0]), "outputs are those at the end of the step");
     }
+}
+
+/// It gives the last bit, whatever the tolerance; the derivatives are those of the equations.
+#[test]
+fn a_model_may_bring_its_own_integrator() {
+    let mut simulation = simulation::<Exact>(1e-2);
+    simulation.variables.parameters.rate = 2.0;
+    simulation.initialize().unwrap();
+    go_to(&mut simulation, 3.0, 1).unwrap();
+    let x = simulation.variables.states.x;
+    assert_eq!(bits([x, simulation.variables.outputs.square]), bits([(-6.0_f64).exp(), x * x]));
+    let Simulation { model, variables, inputs, .. } = simulation;
+    let mut direction = decay::Variables::zero();
+    direction.inputs.target = 1.0;
+    let along = model.differentiate(Dual::from(3.0), &variables, &inputs, &direction).unwrap();
+    assert_eq!(along.derivatives.x.to_bits(), 2.0_f64.to_bits());
+    let start = model.differentiate_initialization(Dual::from(0.0), &variables, &inputs, &direction);
+    assert_eq!(start.err().unwrap().to_string(), "the start is arbitrary");
+    assert_eq!(Integrated::<Exact>::LONGEST_STEP.to_bits(), 10.0_f64.to_bits());
 }
 
 #[test]
