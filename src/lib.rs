@@ -10,6 +10,12 @@ pub mod elementary;
 pub mod plant;
 pub mod solver;
 
+/// The modelDescription.xml of the plant and of the controller.
+pub const DESCRIPTIONS: [&str; 2] = [
+    <plant::variables::Variables as fmu_export::Variables>::MODEL_DESCRIPTION_XML,
+    <controller::variables::Variables as fmu_export::Variables>::MODEL_DESCRIPTION_XML,
+];
+
 /// The longest communication step of either model in seconds: a day. A longer one would take minutes to compute and
 /// is most likely a mistake.
 const LONGEST_STEP: f64 = 86_400.0;

@@ -4,16 +4,18 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, writing};
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::FmuDescription;
 
 /// Prints how an FMU fits, and optionally writes a map to edit. Returns whether it fits.
 pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
     let description = FmuDescription::read(path)?;
     let file = map;
-    let map = file.map(NameMap::read).transpose()?;
+    let interface = super::interface()?;
+    let map = file.map(|file| NameMap::read(&interface, file)).transpose()?;
     // Only the map can be at fault.
-    let compatibility = Compatibility::new(role, &description, map.as_ref())
+    let compatibility = Compatibility::new(&interface, role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;
     if let Some(file) = write_map {

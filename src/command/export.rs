@@ -13,7 +13,8 @@ use super::ssp::{self, SYSTEM};
 /// Exports models; the packages bind the parameter sets.
 pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
     let plan = export.plan()?;
-    let members = [Role::Plant, Role::Controller].map(Role::model_identifier);
+    let interface = super::interface()?;
+    let members = [Role::Plant, Role::Controller].map(|role| interface.model_identifier(role));
     if !parameters.is_empty() && !members.iter().all(|member| plan.models().any(|model| model == *member)) {
         bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
     }

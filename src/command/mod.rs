@@ -8,7 +8,7 @@ mod ssp;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use boost_interface::Role;
+use boost_interface::{Interface, Role};
 use cargo_fmu::{Info, Merge, Parameters};
 use clap::{Parser, Subcommand};
 
@@ -77,6 +77,12 @@ enum Command {
         #[arg(long, value_name = "FILE.ssp")]
         out: Option<PathBuf>,
     },
+}
+
+/// The interface of this repository's FMUs.
+fn interface() -> Result<Interface> {
+    let [plant, controller] = boost_fmu::DESCRIPTIONS;
+    Ok(Interface::new(plant, controller)?)
 }
 
 /// Runs the command. Returns false when `check` finds that an FMU does not fit.

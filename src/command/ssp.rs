@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Compatibility, NameMap, Role};
-use fmu_package::{FmuDescription, ParameterSet, SystemPackage, reading, writing};
+use fmu_io::{reading, writing};
+use fmu_package::{FmuDescription, ParameterSet, SystemPackage};
 
 use super::coupling::{Member, couple};
 
@@ -23,16 +24,19 @@ pub fn run(
     let fmus = [plant, controller].map(Path::to_path_buf);
     let inputs = [&fmus, maps, parameter_files].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
-    let maps: Vec<_> =
-        maps.iter().map(|path| Ok((path.display(), NameMap::read(path)?))).collect::<Result<_>>()?;
+    let interface = super::interface()?;
+    let maps: Vec<_> = maps
+        .iter()
+        .map(|path| Ok((path.display(), NameMap::read(&interface, path)?)))
+        .collect::<Result<_>>()?;
     let compatibility = |role: Role, description| {
         let mut matching = maps.iter().filter(|(_, map)| map.role == role);
         match (matching.next(), matching.next()) {
             (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
             (Some((file, map)), None) => {
-                Compatibility::new(role, description, Some(map)).with_context(|| file.to_string())
+                Compatibility::new(&interface, role, description, Some(map)).with_context(|| file.to_string())
             }
-            (None, _) => Compatibility::new(role, description, None),
+            (None, _) => Compatibility::new(&interface, role, description, None),
         }
     };
     let plant_description = FmuDescription::read(plant)?;

@@ -4,11 +4,11 @@
 use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
-use fmu_package::terminal::{in_line, number};
+use fmu_io::terminal::{in_line, number};
 use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::name_map::{Entry, Meaning, NameMap};
-use crate::{Port, Role};
+use crate::{Interface, Port, Role};
 
 /// The least similarity of a suggestion to the interface's name, from 0 to 1.
 const LIKENESS: f64 = 0.6;
@@ -19,12 +19,14 @@ const SUSPICIOUS_FACTOR: f64 = 10.0;
 
 /// How an FMU fits the interface as a plant or a controller.
 pub struct Compatibility<'a> {
+    /// The interface.
+    pub interface: &'a Interface,
     /// Which of the two FMUs it would replace.
     pub role: Role,
     /// The description of the FMU under test.
     pub fmu: &'a FmuDescription,
     /// For each variable of the interface.
-    pub matches: Vec<(Port, Match<'a>)>,
+    pub matches: Vec<(Port<'a>, Match<'a>)>,
     /// Problems of the FMU as a whole.
     pub problems: Vec<String>,
 }
@@ -76,7 +78,12 @@ impl<'a> Compatibility<'a> {
     ///
     /// # Errors
     /// When the map is for the other role or another FMU.
-    pub fn new(role: Role, fmu: &'a FmuDescription, map: Option<&NameMap>) -> Result<Self> {
+    pub fn new(
+        interface: &'a Interface,
+        role: Role,
+        fmu: &'a FmuDescription,
+        map: Option<&NameMap>,
+    ) -> Result<Self> {
         if let Some(map) = map {
             if map.role != role {
                 bail!("the map is for a {}, not for a {}", map.role.name(), role.name());
@@ -93,8 +100,8 @@ impl<'a> Compatibility<'a> {
         if fmu.interface("CoSimulation").is_none() {
             problems.push("it does not support co-simulation".to_owned());
         }
-        let matches: Vec<(Port, Match<'a>)> = role
-            .ports()
+        let matches: Vec<(Port<'a>, Match<'a>)> = interface
+            .ports(role)
             .map(|port| {
                 let entry = map.and_then(|map| map.variables.get(port.name()));
                 (port, Match::new(&port, fmu, entry))
@@ -109,7 +116,7 @@ impl<'a> Compatibility<'a> {
                 problems.push(format!("its input {} cannot be both {one} and {two}", variable.name));
             }
         }
-        Ok(Self { role, fmu, matches, problems })
+        Ok(Self { interface, role, fmu, matches, problems })
     }
 
     /// Whether the FMU fits.
@@ -157,7 +164,7 @@ impl<'a> Compatibility<'a> {
 }
 
 impl<'a> Match<'a> {
-    fn new(port: &Port, fmu: &'a FmuDescription, entry: Option<&Option<Entry>>) -> Self {
+    fn new(port: &Port<'_>, fmu: &'a FmuDescription, entry: Option<&Option<Entry>>) -> Self {
         match entry {
             Some(None) => Self::Unconnected,
             Some(Some(entry)) => match fmu.variable(&entry.name) {
@@ -175,7 +182,7 @@ impl<'a> Match<'a> {
     }
 
     fn found(
-        port: &Port,
+        port: &Port<'_>,
         fmu: &FmuDescription,
         variable: &'a FmuVariable,
         meaning: Result<Meaning, String>,
@@ -226,7 +233,7 @@ impl<'a> Match<'a> {
 
     /// What the match means for a port.
     #[must_use]
-    pub fn verdict(&self, port: &Port) -> Verdict {
+    pub fn verdict(&self, port: &Port<'_>) -> Verdict {
         match self {
             Self::Found { problems, .. } if problems.is_empty() => Verdict::Fits,
             Self::Unconnected if port.is_required() => Verdict::Open,
@@ -245,7 +252,7 @@ impl Display for Compatibility<'_> {
             "{} as the {}, by the names and units of {}:",
             in_line(self.fmu.attribute("modelName")),
             self.role.name(),
-            self.role.model_identifier()
+            self.interface.model_identifier(self.role)
         )?;
         for problem in &self.problems {
             writeln!(formatter, "  WRONG  {}", in_line(problem))?;
@@ -308,7 +315,7 @@ fn details(found: &Match<'_>) -> String {
 
 /// A variable's conversion to the interface, and whether a unit or a map declares it.
 fn conversion(
-    port: &Port,
+    port: &Port<'_>,
     fmu: &FmuDescription,
     variable: &FmuVariable,
     meaning: Result<Meaning, String>,
@@ -354,7 +361,7 @@ fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
 
 /// A note if the range or start value is implausible compared with the interface's; an error if one is not a number.
 fn mismatch(
-    port: &Port,
+    port: &Port<'_>,
     variable: &FmuVariable,
     to_interface: Linear,
     is_certain: bool,
@@ -392,7 +399,7 @@ fn mismatch(
 }
 
 /// Our FMUs' declarations of a port, the other role's first.
-fn expected<T>(port: &Port, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
+fn expected<T>(port: &Port<'_>, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
     port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
 }
 
@@ -401,7 +408,7 @@ fn is_bounded((min, max): (f64, f64)) -> bool {
 }
 
 /// Names of similar variables, most likely first.
-fn suggestions<'a>(port: &Port, name: &str, fmu: &'a FmuDescription) -> Vec<&'a str> {
+fn suggestions<'a>(port: &Port<'_>, name: &str, fmu: &'a FmuDescription) -> Vec<&'a str> {
     let wanted = port.unit();
     let likeness = |variable: &FmuVariable| {
         let likeness = likeness(name, &variable.name);
@@ -465,6 +472,7 @@ fn words(name: &str) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::INTERFACE;
 
     fn fmu(variables: &str) -> FmuDescription {
         let xml = format!(
@@ -486,14 +494,15 @@ mod tests {
 
     /// The match of a variable of the plant.
     fn found<'a>(fmu: &'a FmuDescription, name: &str) -> Match<'a> {
-        let compatibility = Compatibility::new(Role::Plant, fmu, None).unwrap();
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, fmu, None).unwrap();
         compatibility.matches.into_iter().find(|(port, _)| port.name() == name).unwrap().1
     }
 
     #[test]
     fn our_own_fmus_fit_without_remarks() {
         for role in [Role::Plant, Role::Controller] {
-            let compatibility = Compatibility::new(role, role.description(), None).unwrap();
+            let compatibility =
+                Compatibility::new(&INTERFACE, role, INTERFACE.description(role), None).unwrap();
             assert!(compatibility.fits() && compatibility.other_inputs().next().is_none());
             for (_, found) in &compatibility.matches {
                 assert!(
@@ -551,7 +560,7 @@ mod tests {
         };
         assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
         assert_eq!(problems("vacuum_pump"), ["its type is Boolean, not Real"]);
-        let compatibility = Compatibility::new(Role::Plant, &fmu, None).unwrap();
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, None).unwrap();
         assert!(!compatibility.fits());
     }
 

@@ -1,7 +1,7 @@
 //! The interface of boost control: the variables that plant and controller exchange, the check of an FMU against
 //! them, and the FMU's description in the interface's names and units.
 //!
-//! The descriptions of this repository's `BoostPlant` and `BoostController` define the interface, a [`Port`] for
+//! The descriptions of this repository's `BoostPlant` and `BoostController` define the [`Interface`], a [`Port`] for
 //! each variable. An FMU from another tool that replaces one of them may have other names and units; a [`NameMap`]
 //! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`](fmu_package::Translation) describes the FMU as if it had
 //! the interface's names and units.
@@ -10,7 +10,7 @@ mod compatibility;
 mod name_map;
 mod translation;
 
-use std::sync::LazyLock;
+use std::io;
 
 use clap::ValueEnum;
 use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
@@ -31,42 +31,7 @@ pub enum Role {
     Controller,
 }
 
-/// A variable of the interface, seen from one of the two roles.
-#[derive(Clone, Copy, Debug)]
-pub struct Port {
-    /// The variable as our FMU in this role declares it.
-    pub variable: &'static FmuVariable,
-    /// Its kind at the FMU in this role.
-    pub kind: Kind,
-    /// The connected variable of our FMU in the other role. Without one it connects to the system's environment and is
-    /// optional.
-    pub counterpart: Option<&'static FmuVariable>,
-}
-
 impl Role {
-    /// The description of our FMU in this role.
-    ///
-    /// # Panics
-    /// Never: the build generated it.
-    #[must_use]
-    pub fn description(self) -> &'static FmuDescription {
-        static PLANT: LazyLock<FmuDescription> =
-            LazyLock::new(|| own(include_str!(concat!(env!("OUT_DIR"), "/BoostPlant/modelDescription.xml"))));
-        static CONTROLLER: LazyLock<FmuDescription> = LazyLock::new(|| {
-            own(include_str!(concat!(env!("OUT_DIR"), "/BoostController/modelDescription.xml")))
-        });
-        match self {
-            Self::Plant => &PLANT,
-            Self::Controller => &CONTROLLER,
-        }
-    }
-
-    /// The model identifier of our FMU in this role.
-    #[must_use]
-    pub fn model_identifier(self) -> &'static str {
-        self.description().co_simulation_identifier().unwrap_or_default()
-    }
-
     /// The other role.
     #[must_use]
     pub fn other(self) -> Self {
@@ -84,16 +49,54 @@ impl Role {
             Self::Controller => "controller",
         }
     }
+}
 
-    /// The variables that couple an FMU in this role.
-    pub fn ports(self) -> impl Iterator<Item = Port> {
-        let ports = |causality: &'static str, kind, counterpart: &'static str| {
-            self.description().of_causality(causality).map(move |variable| Port {
+/// What the FMUs in both roles have in common.
+#[derive(Clone, Debug)]
+pub struct Interface {
+    plant: FmuDescription,
+    controller: FmuDescription,
+}
+
+impl Interface {
+    /// The interface of two FMUs, from the texts of their modelDescription.xml.
+    ///
+    /// # Errors
+    /// When one of them is not a description.
+    pub fn new(plant: &str, controller: &str) -> io::Result<Self> {
+        Ok(Self { plant: FmuDescription::parse(plant)?, controller: FmuDescription::parse(controller)? })
+    }
+
+    /// The description of the FMU in a role.
+    #[must_use]
+    pub fn description(&self, role: Role) -> &FmuDescription {
+        match role {
+            Role::Plant => &self.plant,
+            Role::Controller => &self.controller,
+        }
+    }
+
+    /// The model identifier of the FMU in a role.
+    #[must_use]
+    pub fn model_identifier(&self, role: Role) -> &str {
+        self.description(role).co_simulation_identifier().unwrap_or_default()
+    }
+
+    /// A unit by name.
+    #[must_use]
+    pub fn unit(&self, name: &str) -> Option<Unit> {
+        self.plant.unit(name).or_else(|| self.controller.unit(name))
+    }
+
+    /// The variables that couple an FMU in a role.
+    pub fn ports(&self, role: Role) -> impl Iterator<Item = Port<'_>> {
+        let ports = move |causality: &'static str, kind, counterpart: &'static str| {
+            self.description(role).of_causality(causality).map(move |variable| Port {
+                interface: self,
                 variable,
                 kind,
                 counterpart: self
-                    .other()
-                    .description()
+                    .description(role.other())
                     .of_causality(counterpart)
                     .find(|other| other.name == variable.name),
             })
@@ -102,7 +105,21 @@ impl Role {
     }
 }
 
-impl Port {
+/// A variable of the interface, seen from one of the two roles.
+#[derive(Clone, Copy, Debug)]
+pub struct Port<'i> {
+    /// The interface.
+    pub interface: &'i Interface,
+    /// The variable as our FMU in this role declares it.
+    pub variable: &'i FmuVariable,
+    /// Its kind at the FMU in this role.
+    pub kind: Kind,
+    /// The connected variable of our FMU in the other role. Without one it connects to the system's environment and is
+    /// optional.
+    pub counterpart: Option<&'i FmuVariable>,
+}
+
+impl<'i> Port<'i> {
     /// Whether the other FMU has it too.
     #[must_use]
     pub fn couples(&self) -> bool {
@@ -117,32 +134,38 @@ impl Port {
 
     /// The name in the interface.
     #[must_use]
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'i str {
         &self.variable.name
     }
 
     /// The unit in the interface.
     #[must_use]
     pub fn unit(&self) -> Unit {
-        [Role::Plant, Role::Controller]
-            .iter()
-            .find_map(|role| role.description().unit(&self.variable.unit))
-            .unwrap_or_else(|| Unit { name: self.variable.unit.clone(), base: None, display_units: vec![] })
+        let name = &self.variable.unit;
+        let undefined = || Unit { name: name.clone(), base: None, display_units: vec![] };
+        self.interface.unit(name).unwrap_or_else(undefined)
     }
-}
-
-fn own(xml: &str) -> FmuDescription {
-    FmuDescription::parse(xml).expect("the build generated this description")
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::LazyLock;
+
     use super::*;
+
+    /// The interface of this repository's FMUs.
+    pub(crate) static INTERFACE: LazyLock<Interface> = LazyLock::new(|| {
+        let [plant, controller] = boost_fmu::DESCRIPTIONS;
+        Interface::new(plant, controller).unwrap()
+    });
 
     #[test]
     fn the_interface_is_what_both_descriptions_have_in_common() {
         let coupled = |role: Role, kind| {
-            role.ports().filter(move |port| port.couples() && port.kind == kind).map(|port| port.name())
+            INTERFACE
+                .ports(role)
+                .filter(move |port| port.couples() && port.kind == kind)
+                .map(|port| port.name())
         };
         let commands = ["hp_wastegate_pwm", "vacuum_pump", "lp_wastegate", "hp_bypass", "surge_valve"];
         let measurements = ["boost_pressure", "tank_pressure", "supply_voltage_measured", "hp_turbo_speed"];
@@ -155,7 +178,7 @@ mod tests {
         assert_eq!(coupled(Role::Plant, Kind::Output).count(), measurements.len());
         assert!(coupled(Role::Controller, Kind::Input).eq(measurements));
         let can_be_missing =
-            |role: Role| role.ports().filter(|port| port.couples() && !port.is_required()).count();
+            |role: Role| INTERFACE.ports(role).filter(|port| port.couples() && !port.is_required()).count();
         assert_eq!([Role::Plant, Role::Controller].map(can_be_missing), [OPTIONAL.len(); 2]);
     }
 }

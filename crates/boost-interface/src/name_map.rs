@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::terminal::number;
-use fmu_package::{FmuDescription, Linear, Unit, reading};
+use fmu_io::reading;
+use fmu_io::terminal::number;
+use fmu_package::{FmuDescription, Linear, Unit};
 use serde::{Deserialize, Serialize};
 
-use crate::{Port, Role};
+use crate::{Interface, Port, Role};
 
 /// The content of a map's file.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -59,12 +60,12 @@ impl NameMap {
     ///
     /// # Errors
     /// When it cannot be read, is not a map, names a variable that the interface does not have, or leaves a name open.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(interface: &Interface, path: &Path) -> Result<Self> {
         let shown = path.display();
         let text = reading::text(path)?;
         let map: Self =
             serde_json::from_str(&text).with_context(|| format!("the map {shown} is not valid"))?;
-        let ports: Vec<_> = map.role.ports().map(|port| port.name()).collect();
+        let ports: Vec<_> = interface.ports(map.role).map(|port| port.name()).collect();
         for (name, entry) in &map.variables {
             if !ports.contains(&name.as_str()) {
                 bail!(
@@ -106,7 +107,7 @@ impl Entry {
     ///
     /// # Errors
     /// When it contradicts itself, or its unit is not known.
-    pub fn meaning(&self, port: &Port, fmu: &FmuDescription) -> Result<Meaning, String> {
+    pub fn meaning(&self, port: &Port<'_>, fmu: &FmuDescription) -> Result<Meaning, String> {
         match (&self.unit, self.factor, self.offset) {
             (Some(_), Some(_), _) | (Some(_), _, Some(_)) => {
                 Err("the map gives both a unit and a factor or offset".to_owned())
@@ -116,9 +117,7 @@ impl Entry {
                 .with_display_units()
                 .find(|known| known.name == *unit)
                 .or_else(|| fmu.unit(unit))
-                .or_else(|| {
-                    [Role::Plant, Role::Controller].iter().find_map(|role| role.description().unit(unit))
-                })
+                .or_else(|| port.interface.unit(unit))
                 .map(Meaning::Unit)
                 .ok_or_else(|| {
                     format!("the map's unit {unit} is not known; give a factor and an offset instead")

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{FmuVariable, Linear, Translation};
 
 use crate::Port;
@@ -62,7 +62,7 @@ impl Compatibility<'_> {
 }
 
 /// A variable by the interface's name, in its unit.
-fn translated(variable: &FmuVariable, port: &Port, function: Linear) -> FmuVariable {
+fn translated(variable: &FmuVariable, port: &Port<'_>, function: Linear) -> FmuVariable {
     let converted = |text: &str| match text.trim().parse::<f64>() {
         Ok(value) => number(function.apply(value)),
         // Empty or not a number.
@@ -88,6 +88,7 @@ mod tests {
     use fmu_package::FmuDescription;
 
     use super::*;
+    use crate::tests::INTERFACE;
     use crate::{NameMap, Role};
 
     const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
@@ -117,7 +118,7 @@ mod tests {
         let fmu = FmuDescription::parse(FMU).unwrap();
         let map = map(r#""boost_pressure": {"name": "p"},
                "hp_wastegate_pwm": {"name": "shut", "factor": -100, "offset": 100}"#);
-        let compatibility = Compatibility::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, Some(&map)).unwrap();
         assert!(compatibility.fits(), "{compatibility}");
         let Translation { description, conversions: to_interface } = compatibility.translation();
         let seen: Vec<_> = description
@@ -151,7 +152,7 @@ mod tests {
         let fmu = FmuDescription::parse(FMU).unwrap();
         let map = map(r#""boost_pressure": {"name": "p"}, "throttle": {"name": "shut", "unit": "1"},
                "hp_wastegate_pwm": {"name": "shut", "unit": "1"}"#);
-        let compatibility = Compatibility::new(Role::Plant, &fmu, Some(&map)).unwrap();
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, Some(&map)).unwrap();
         assert_eq!(compatibility.problems, ["its input shut cannot be both hp_wastegate_pwm and throttle"]);
         assert!(!compatibility.fits());
     }

@@ -22,7 +22,7 @@ mod tune;
 
 use std::process::ExitCode;
 
-use fmu_package::{temporary, terminal};
+use fmu_io::{temporary, terminal};
 
 /// The exit status of a failed command, the same as clap's.
 const FAILED: u8 = 2;

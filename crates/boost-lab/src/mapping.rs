@@ -1,12 +1,18 @@
 //! FMUs with other names and units: a [`NameMap`] gives them the interface's.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use anyhow::{Result, bail};
-use boost_interface::{Compatibility, NameMap};
+use boost_interface::{Compatibility, Interface, NameMap};
 use fmu_master::scenario::Scenario;
 use fmu_package::{FmuDescription, Translation};
+
+/// The interface of this repository's FMUs.
+pub static INTERFACE: LazyLock<Interface> = LazyLock::new(|| {
+    let [plant, controller] = boost_fmu::DESCRIPTIONS;
+    Interface::new(plant, controller).expect("the build generated the descriptions")
+});
 
 /// A map to the interface's names and units, for the master.
 #[derive(Debug)]
@@ -14,7 +20,7 @@ struct ToInterface(NameMap);
 
 impl fmu_master::NameMap for ToInterface {
     fn translation(&self, fmu: &FmuDescription) -> Result<Translation> {
-        let compatibility = Compatibility::new(self.0.role, fmu, Some(&self.0))?;
+        let compatibility = Compatibility::new(&INTERFACE, self.0.role, fmu, Some(&self.0))?;
         if !compatibility.fits() {
             bail!("{}", compatibility.to_string().trim_end());
         }
@@ -33,7 +39,7 @@ pub fn of(map: NameMap) -> Arc<dyn fmu_master::NameMap> {
 
 /// Reads a map's file.
 pub fn read(path: &Path) -> Result<Arc<dyn fmu_master::NameMap>> {
-    NameMap::read(path).map(of)
+    NameMap::read(&INTERFACE, path).map(of)
 }
 
 /// Assigns each map to the scenario's FMUs that it is for.
@@ -45,7 +51,7 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     let models = scenario.fmus.iter().map(|member| member.location.locate(model(&member.file)));
     let models: Vec<String> = models.collect::<Result<_>>()?;
     for path in maps {
-        let map = NameMap::read(path)?;
+        let map = NameMap::read(&INTERFACE, path)?;
         let of_model = map.fmu.clone();
         let map = of(map);
         let mut is_taken = false;

@@ -117,10 +117,10 @@ fn messages_of_an_fmu_do_not_control_the_terminal() {
     let bench = Bench::new();
     let printed = "\u{9b}31m\u{202e}\u{7f}";
     let description =
-        DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{printed}&#27;]0;title&#7;\""));
+        DESCRIPTION.replace("guid=\"careless\"", &format!("guid=\"{printed}\u{9d}0;title\u{9c}\""));
     careless::write(&bench.path("careless.fmu"), &description, library());
     let message = bench.refusal(&["simulate", "scenario.toml"]);
-    assert!(message.contains(r"\u{9b}31m\u{202e}\u{7f}\u{1b}]0;title\u{7} is not 100% mine"), "{message}");
+    assert!(message.contains(r"\u{9b}31m\u{202e}\u{7f}\u{9d}0;title\u{9c} is not 100% mine"), "{message}");
     assert!(message.chars().all(|character| character == '\n' || !character.is_control()), "{message:?}");
 }
 

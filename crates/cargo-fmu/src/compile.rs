@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
-use fmu_export_build::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
-use fmu_package::reading;
+use fmu_io::reading;
+use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 use super::metadata::{Message, Metadata, Package};
 use super::target::Made;

@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use fmu_export_build::{Interfaces, Version};
-use fmu_package::terminal::{complain, print};
-use fmu_package::{Fmu, Library, Platform, PlatformList, library, reading, writing};
+use fmu_io::terminal::{complain, print};
+use fmu_io::{reading, writing};
+use fmu_package::{Fmu, Library, Platform, PlatformList, library};
+use fmu_terms::{Interfaces, Version};
 
 use super::compile::{Compiled, compile};
 use super::metadata::{Metadata, Package};
@@ -509,7 +510,7 @@ fn documentation(
     let mut platforms = PlatformList::default();
     for (platform, library) in libraries {
         let library = Library::read(library)?;
-        for folder in platform.folders(&library, is_fmi3(description)) {
+        for folder in library.folders(*platform, is_fmi3(description)) {
             platforms.libraries.entry(folder).or_insert_with(|| library.clone());
         }
     }

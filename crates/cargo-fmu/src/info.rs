@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use fmu_package::terminal::{in_line, print};
-use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive, reading};
+use fmu_io::reading;
+use fmu_io::terminal::{in_line, print};
+use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive};
 use serde::Serialize;
 
 /// Output formats.

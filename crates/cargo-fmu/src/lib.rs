@@ -27,7 +27,8 @@ use std::process::{self, ExitCode};
 use anyhow::{Context, Result};
 use clap::{CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
-use fmu_package::{Platform, temporary, terminal};
+use fmu_io::{temporary, terminal};
+use fmu_package::Platform;
 
 pub use export::{Export, Plan, say};
 pub use info::Info;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading;
+use fmu_io::reading;
 
 use super::cargo;
 use super::compile::Compiled;

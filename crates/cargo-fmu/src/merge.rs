@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use fmu_package::reading::{self, LARGEST_CONTENT};
-use fmu_package::terminal::print;
-use fmu_package::{Merged, Part, Platform, archive, writing};
+use fmu_io::reading::{self, LARGEST_CONTENT};
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::{Merged, Part, Platform, archive};
 
 use super::of_platform;
 

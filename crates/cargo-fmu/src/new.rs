@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use fmu_io::terminal::print;
 use fmu_package::is_identifier;
-use fmu_package::terminal::print;
 
 use super::cargo;
 

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use fmu_io::{reading, writing};
 use fmu_package::{
     Connection, Connector, End, FmuDescription, FmuVariable, Kind, ParameterSet, Placement, System,
-    SystemComponent, SystemPackage, SystemStructure, ValueType, reading, writing,
+    SystemComponent, SystemPackage, SystemStructure, ValueType,
 };
 
 use super::export::{Plan, say};

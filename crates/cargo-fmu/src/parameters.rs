@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, ValueType, writing};
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, ValueType};
 
 /// Write an FMU's parameters and their defaults to a parameter set to edit
 #[derive(Args, Debug)]

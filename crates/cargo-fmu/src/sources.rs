@@ -12,8 +12,8 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use fmu_export_build::Version;
-use fmu_package::reading;
+use fmu_io::reading;
+use fmu_terms::Version;
 use fmu_xml::{document, element, empty};
 
 /// The wasm2c version whose output this reads.

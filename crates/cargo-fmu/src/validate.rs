@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use fmu_package::terminal::{complain, in_line, print};
+use fmu_io::terminal::{complain, in_line, print};
 use fmu_package::validation::importers::{self, Importer};
 use fmu_package::validation::rules::{self, Severity};
 use fmu_package::validation::{self, Report};

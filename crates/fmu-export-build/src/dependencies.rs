@@ -7,9 +7,10 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
+use fmu_terms::Version;
+
 use crate::declaration::Causality;
 use crate::error::{Refusal, Refusals};
-use crate::interfaces::Version;
 use crate::model::{Place, Reads, Scalar};
 
 /// The lists of the XML's `ModelStructure`.
@@ -59,7 +60,7 @@ impl Structure {
             wanted.map(|(scalar, (_, closure))| Unknown { scalar, dependencies: closure.clone() }).collect()
         };
         Ok(Self {
-            outputs: unknowns(|scalar| scalar.causality == Some(Causality::Output), &in_steps),
+            outputs: unknowns(|scalar| scalar.causality == Causality::Output, &in_steps),
             derivatives: unknowns(|scalar| scalar.place == Place::Derivatives, &in_steps),
             clocked_states: unknowns(|scalar| scalar.previous.is_some(), &in_steps),
             initial_unknowns: unknowns(Scalar::unknown_in_initialization, &in_initialization),

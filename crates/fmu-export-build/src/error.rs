@@ -2,45 +2,35 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
-use std::fs;
 use std::path::{Path, PathBuf};
-
-use jsonc_parser::ast;
-use jsonc_parser::common::Ranged as _;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
-
-/// How often a file is read to find everything that the parser rejects.
-const MOST_READINGS: usize = 50;
 
 /// Why nothing was generated: one or more findings, each with file, line and key.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Error(Vec<Finding>);
+pub struct Error(pub(crate) Vec<Finding>);
 
 /// One problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    file: PathBuf,
-    line: Option<usize>,
-    key: String,
-    reason: String,
+    pub(crate) file: PathBuf,
+    pub(crate) line: Option<usize>,
+    pub(crate) key: String,
+    pub(crate) reason: String,
 }
 
 impl Error {
+    fn new(file: &Path, line: Option<usize>, reason: &impl fmt::Display) -> Self {
+        let (file, key, reason) = (file.to_owned(), String::new(), reason.to_string());
+        Self(vec![Finding { file, line, key, reason }])
+    }
+
     /// A problem with a file as a whole.
     pub(crate) fn of_file(file: &Path, reason: impl fmt::Display) -> Self {
-        Self(vec![Finding {
-            file: file.to_owned(),
-            line: None,
-            key: String::new(),
-            reason: reason.to_string(),
-        }])
+        Self::new(file, None, &reason)
     }
 
     /// A problem in a line of a file.
     pub(crate) fn of_line(file: &Path, line: usize, reason: impl fmt::Display) -> Self {
-        let reason = reason.to_string();
-        Self(vec![Finding { file: file.to_owned(), line: Some(line), key: String::new(), reason }])
+        Self::new(file, Some(line), &reason)
     }
 
     /// All problems, in the order found.
@@ -75,8 +65,16 @@ impl std::error::Error for Error {}
 /// A check's rejection: the path of the key at fault, such as `variables[3].unit`, and the reason.
 #[derive(Debug)]
 pub(crate) struct Refusal {
-    key: String,
-    reason: String,
+    pub(crate) key: String,
+    pub(crate) reason: String,
+}
+
+/// Likewise of a variable, whose path is known elsewhere: the key, such as `unit`, and the reason.
+pub(crate) type Blame = (&'static str, String);
+
+/// Rejects a variable's key if it is wrong.
+pub(crate) fn refuse_if(is_wrong: bool, key: &'static str, reason: impl fmt::Display) -> Result<(), Blame> {
+    if is_wrong { Err((key, reason.to_string())) } else { Ok(()) }
 }
 
 impl Refusal {
@@ -96,6 +94,13 @@ pub(crate) struct Refusals {
 impl Refusals {
     pub(crate) fn add(&mut self, key: impl Into<String>, reason: impl Into<String>) {
         self.push(Refusal::new(key, reason));
+    }
+
+    /// Adds a check's reason, if it has one.
+    pub(crate) fn require(&mut self, key: impl Into<String>, result: Result<(), String>) {
+        if let Err(reason) = result {
+            self.add(key, reason);
+        }
     }
 
     fn push(&mut self, refusal: Refusal) {
@@ -124,209 +129,8 @@ impl IntoIterator for Refusals {
     }
 }
 
-/// A text's lines, by the positions of its line breaks.
-pub(crate) struct Lines(Vec<usize>);
-
-impl Lines {
-    pub(crate) fn new(text: &str) -> Self {
-        Self(text.match_indices('\n').map(|(position, _)| position).collect())
-    }
-
-    /// The line of a position.
-    pub(crate) fn of(&self, position: usize) -> usize {
-        1 + self.0.partition_point(|&line_break| line_break < position)
-    }
-}
-
-/// A JSON file that was read.
-pub(crate) struct Source {
-    file: PathBuf,
-    text: String,
-}
-
-impl Source {
-    /// Reads a file with the schema `T`.
-    pub(crate) fn read<T: DeserializeOwned>(file: &Path) -> Result<(T, Self), Error> {
-        let text = fs::read_to_string(file).map_err(|error| Error::of_file(file, error))?;
-        // Some editors put a byte order mark first.
-        let text = text.strip_prefix('\u{feff}').map_or(text.clone(), str::to_owned);
-        let deserializer = &mut serde_json::Deserializer::from_str(&text);
-        let value = serde_path_to_error::deserialize(&mut *deserializer).map_err(|error| {
-            let key = error.path().to_string();
-            (key, error.into_inner())
-        });
-        let value = value.and_then(|value| match deserializer.end() {
-            Ok(()) => Ok(value),
-            Err(error) => Err((String::new(), error)),
-        });
-        let source = Self { file: file.to_owned(), text };
-        match value {
-            Ok(value) => Ok((value, source)),
-            Err((key, error)) if error.is_data() => Err(source.error(source.all::<T>(refusal(&key, &error)))),
-            // Not JSON: there are no keys yet.
-            Err((key, error)) => Err(Error::of_line(file, error.line(), refusal(&key, &error).reason)),
-        }
-    }
-
-    /// All the parser's rejections, of which it reports only the first: rereads the file without the rejected parts.
-    fn all<T: DeserializeOwned>(&self, first: Refusal) -> Vec<Refusal> {
-        let mut refusals = vec![first];
-        let Ok(mut content) = serde_json::from_str::<Value>(&self.text) else { return refusals };
-        let mut refused = refusals[0].key.clone();
-        for _ in 0..MOST_READINGS {
-            if !mend(&mut content, &refused) {
-                break;
-            }
-            let Err(error) = serde_path_to_error::deserialize::<_, T>(&content) else { break };
-            let refusal = refusal(&error.path().to_string(), error.inner());
-            let missing = refusal.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
-            let key = missing.map_or(refusal.key.clone(), |missing| format!("{}.{missing}", refusal.key));
-            key.trim_start_matches('.').clone_into(&mut refused);
-            // A removed part is missing now.
-            if refusals.iter().all(|known| known.key != refused) {
-                refusals.push(refusal);
-            }
-        }
-        refusals
-    }
-
-    /// Rejections of this file's content.
-    pub(crate) fn error(&self, refusals: impl IntoIterator<Item = Refusal>) -> Error {
-        let parsed = jsonc_parser::parse_to_ast(
-            &self.text,
-            &jsonc_parser::CollectOptions::default(),
-            &jsonc_parser::ParseOptions::default(),
-        );
-        let root = parsed.ok().and_then(|parsed| parsed.value);
-        let lines = Lines::new(&self.text);
-        let findings = refusals.into_iter().map(|Refusal { key, reason }| {
-            let line = root.as_ref().map(|root| lines.of(offset(root, &key)));
-            Finding { file: self.file.clone(), line, key, reason }
-        });
-        let mut findings: Vec<_> = findings.collect();
-        findings.sort_by_key(|finding| finding.line);
-        Error(findings)
-    }
-}
-
-/// Removes the value at a path, its innermost one with a key, or inserts one if there is none. Returns whether the
-/// place exists.
-fn mend(content: &mut Value, path: &str) -> bool {
-    let path =
-        path.trim_end_matches(|character: char| character.is_ascii_digit() || "[]".contains(character));
-    let (around, key) = path.rsplit_once('.').unwrap_or(("", path));
-    let pointer = format!("/{}", around.replace(['.', '['], "/").replace(']', ""));
-    let around = content.pointer_mut(pointer.trim_end_matches('/')).and_then(Value::as_object_mut);
-    let Some(around) = around else { return false };
-    if around.remove(key).is_none() {
-        let is_list = matches!(key, "items" | "variables");
-        around.insert(key.to_owned(), if is_list { Value::Array(vec![]) } else { key.into() });
-    }
-    true
-}
-
-/// The parser's rejection.
-fn refusal(key: &str, error: &serde_json::Error) -> Refusal {
-    // A finding states the position separately.
-    let position = format!(" at line {} column {}", error.line(), error.column());
-    let reason = error.to_string();
-    let reason = reason.strip_suffix(&position).unwrap_or(&reason);
-    Refusal::new(key.trim_end_matches(".?").trim_start_matches(['.', '?']), plain(reason))
-}
-
-/// The position in a text of the value at a path, or of the innermost existing one around it.
-fn offset(root: &ast::Value<'_>, path: &str) -> usize {
-    let (mut value, mut start) = (root, root.start());
-    for segment in path.split(['.', '[']) {
-        let next = match (value, segment.strip_suffix(']')) {
-            (ast::Value::Array(array), Some(index)) => index
-                .parse()
-                .ok()
-                .and_then(|index: usize| array.elements.get(index))
-                .map(|next| (next, next.start())),
-            (ast::Value::Object(object), None) => {
-                object.get(segment).map(|property| (&property.value, property.start()))
-            }
-            _ => None,
-        };
-        let Some(found) = next else { break };
-        (value, start) = found;
-    }
-    start
-}
-
-/// Serde's reason in terms of JSON, with a suggestion for an unknown word.
-fn plain(reason: &str) -> String {
-    let reason = reason.replace('`', "'").replace("unknown field", "unknown key");
-    let reason = reason.replace("unknown variant", "unknown value").replace("missing field", "missing key");
-    let Some((found, expected)) = reason.rsplit_once(", expected ") else { return reason };
-    if found.starts_with("unknown ") {
-        let words: Vec<_> = reason.split('\'').skip(1).step_by(2).map(str::to_owned).collect();
-        let nearest = words.split_first().map(|(word, known)| nearest(word, known.iter().cloned()));
-        if words.len() > 1 && words[0] == "state" && words.iter().any(|word| word == "calculatedParameter") {
-            return format!("{found}; a state is a variable with the key 'derivative'");
-        }
-        return nearest
-            .filter(|nearest| !nearest.is_empty())
-            .map_or(reason.clone(), |nearest| format!("{found}{nearest}"));
-    }
-    let Some(found) = found.strip_prefix("invalid type: ").or_else(|| found.strip_prefix("invalid value: "))
-    else {
-        return reason;
-    };
-    let found = match found {
-        "sequence" => "a list",
-        "map" => "an object",
-        _ => found,
-    };
-    let expected = match expected {
-        "a sequence" => "a list",
-        "f64" => "a number",
-        "u32" => "a whole number from 0 to 4294967295",
-        "usize" => "a whole number that is not negative",
-        "i32" => "a whole number",
-        _ if expected.starts_with("struct ") => "an object",
-        _ => expected,
-    };
-    format!("expected {expected}, found {found}")
-}
-
 /// The nearest known name, as the end of a message; empty if none is near.
-pub(crate) fn nearest(name: &str, known: impl Iterator<Item = String>) -> String {
-    nearest_of(name, known).map_or_else(String::new, |known| format!("; the nearest is '{known}'"))
-}
-
-/// The nearest known name, if at most a third of the letters differ; case is ignored.
-pub(crate) fn nearest_of(name: &str, known: impl Iterator<Item = String>) -> Option<String> {
-    let distance = |other: &str| {
-        let lower = strsim::osa_distance(&name.to_lowercase(), &other.to_lowercase());
-        (lower, strsim::osa_distance(name, other), other.len())
-    };
-    let is_near = |other: &str| 3 * distance(other).0 <= name.chars().count().max(other.chars().count());
-    known.filter(|known| is_near(known)).min_by_key(|known| distance(known))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_name_is_nearest_only_if_it_is_near() {
-        let known = ["reads", "start", "unit", "nominal", "K", "mass_flow", "mass_fraction", "Float32"];
-        let nearest = |name| nearest_of(name, known.iter().map(|&name| name.to_owned()));
-        for (name, meant) in [
-            ("reeds", "reads"),
-            ("nominals", "nominal"),
-            ("massFlow", "mass_flow"),
-            ("MASS_FLOW", "mass_flow"),
-            ("uint", "unit"),
-            ("k", "K"),
-            ("Float23", "Float32"),
-        ] {
-            assert_eq!(nearest(name).as_deref(), Some(meant), "{name}");
-        }
-        for name in ["", "K1", "red", "end", "stop", "mass", "mass_factor_in", "numerical"] {
-            assert_eq!(nearest(name), None, "{name}");
-        }
-    }
+pub(crate) fn nearest<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) -> String {
+    let nearest = fmu_terms::nearest(name, known);
+    nearest.map_or_else(String::new, |known| format!("; the nearest is '{}'", known.as_ref()))
 }

@@ -9,11 +9,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fmu_xml::page::breakable;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion, escape};
 
-use crate::error::{Error, Lines, nearest};
-use crate::page::breakable;
+use crate::error::{Error, nearest};
+use crate::source::Lines;
 
 /// A fragment ready for the page.
 #[derive(Default)]
@@ -246,7 +247,7 @@ impl Reading<'_> {
             return Err(place.refuse("<var> must contain a variable's name"));
         };
         let anchor = self.anchors.get(&*name).ok_or_else(|| {
-            let nearest = nearest(&name, self.anchors.keys().cloned());
+            let nearest = nearest(&name, self.anchors.keys());
             place.refuse(&format!("the model has no variable '{}'{nearest}", &*name))
         })?;
         self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");

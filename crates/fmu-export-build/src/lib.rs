@@ -1,15 +1,25 @@
 #![doc = include_str!("../README.md")]
 
+mod assembly;
 mod check;
+mod data_type;
 mod declaration;
 mod dependencies;
 mod error;
+mod flatten;
 mod fragment;
 mod interfaces;
 mod model;
+mod names;
+mod package;
 mod page;
+mod resolve;
 mod resources;
 mod rust;
+mod source;
+mod start;
+mod texts;
+mod type_names;
 mod units;
 mod xml;
 
@@ -18,50 +28,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process;
 
-use declaration::{Declaration, UnitDeclaration};
-use error::{Refusal, Refusals, Source};
-use model::Model;
+use declaration::Declaration;
+use error::{Refusal, Refusals};
 use resources::Resources;
+use source::Source;
+use units::declaration::UnitDeclaration;
 
 pub use error::{Error, Finding};
-pub use interfaces::{Fmi, INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+pub use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+pub use interfaces::Fmi;
+pub use package::Package;
 
 /// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
-
-/// A model's package, whose metadata its declaration need not repeat.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Package {
-    /// Its name.
-    pub name: String,
-    /// Its version.
-    pub version: String,
-    /// Its description, or empty.
-    pub description: String,
-    /// Its authors, separated by colons, or empty.
-    pub authors: String,
-    /// Its license's SPDX expression, or empty.
-    pub license: String,
-}
-
-impl Package {
-    /// The package whose build script runs.
-    ///
-    /// # Panics
-    /// Outside a build script.
-    #[must_use]
-    pub fn of_build_script() -> Self {
-        let variable =
-            |name| env::var(name).unwrap_or_else(|_| panic!("{name} is set for build scripts only"));
-        Self {
-            name: variable("CARGO_PKG_NAME"),
-            version: variable("CARGO_PKG_VERSION"),
-            description: variable("CARGO_PKG_DESCRIPTION"),
-            authors: variable("CARGO_PKG_AUTHORS"),
-            license: variable("CARGO_PKG_LICENSE"),
-        }
-    }
-}
 
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -185,11 +164,12 @@ pub fn generate_into(
     };
     let units_file = beside("units", &declaration.units)?;
     let units = units_file.as_deref().map(read_units).transpose()?.unwrap_or_default();
-    let model = Model::new(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
+    let model =
+        assembly::model(&declaration, &units, package, fmi).map_err(|refusals| source.error(refusals))?;
     let structure = dependencies::Structure::new(&model.scalars, model.fmi.version)
         .map_err(|refusal| source.error([refusal]))?;
     let description = xml::Description::new(&model, &structure);
-    let read_fragment = |file: PathBuf| fragment::read(&file, &page::anchors(&model));
+    let read_fragment = |file: PathBuf| fragment::read(&file, &page::variables::anchors(&model));
     let fragment = beside("documentation", &declaration.documentation)?.map(read_fragment).transpose()?;
     let icon_source = beside("icon", &declaration.icon)?;
     let icon = icon_source.as_deref().map(read_icon).transpose()?;
@@ -206,27 +186,20 @@ pub fn generate_into(
 
     let folder = out_dir.join(&model.library);
     fs::create_dir_all(&folder).map_err(|error| Error::of_file(&folder, error))?;
-    let write = |name: &str, content: &[u8]| {
+    // Writes a file, or removes that of a previous build.
+    let put = |name: &str, content: Option<&[u8]>| {
         let file = folder.join(name);
-        match fs::write(&file, content) {
-            Ok(()) => Ok(file),
-            Err(error) => Err(Error::of_file(&file, error)),
-        }
+        let done = match content {
+            Some(content) => fs::write(&file, content),
+            None if file.exists() => fs::remove_file(&file),
+            None => Ok(()),
+        };
+        done.map_err(|error| Error::of_file(&file, error)).map(|()| content.map(|_| file))
     };
+    let write = |name: &str, content: &str| put(name, Some(content.as_bytes())).map(|_| folder.join(name));
     let shows_icon = icon.is_some() && model.fmi.version == Version::Three;
-    let terminals =
-        (shows_icon || !model.declaration.terminals.is_empty()).then_some("terminalsAndIcons.xml");
-    for (is_there, name) in [
-        (icon.is_some(), "model.png"),
-        (drawing.is_some(), "model.svg"),
-        (terminals.is_some(), "terminalsAndIcons.xml"),
-    ] {
-        let file = folder.join(name);
-        if !is_there && file.exists() {
-            // From a previous build, before it was removed from the declaration.
-            fs::remove_file(&file).map_err(|error| Error::of_file(&file, error))?;
-        }
-    }
+    let has_terminals = shows_icon || !model.declaration.terminals.is_empty();
+    let terminals = has_terminals.then(|| xml::terminals::write(&model));
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
         // From a previous build, which may have had other files.
@@ -236,6 +209,12 @@ pub fn generate_into(
         resources.copy_to(&resources_folder)?;
     }
     Ok(Generated {
+        model_description: write("modelDescription.xml", &description.text)?,
+        variables: write("variables.rs", &rust::generate(&model, &structure, &description.guid))?,
+        documentation: write("index.html", &page)?,
+        icon: put("model.png", icon.as_deref())?,
+        drawing: put("model.svg", drawing.as_deref())?,
+        terminals: put("terminalsAndIcons.xml", terminals.as_ref().map(String::as_bytes))?,
         resources: resources.is_some().then_some(resources_folder),
         sources: units_file
             .into_iter()
@@ -244,19 +223,13 @@ pub fn generate_into(
             .chain(drawing_source)
             .chain(resources.map(|resources| resources.folder))
             .collect(),
-        model_description: write("modelDescription.xml", description.text.as_bytes())?,
-        variables: write("variables.rs", rust::generate(&model, &structure, &description.guid).as_bytes())?,
-        documentation: write("index.html", page.as_bytes())?,
-        icon: icon.map(|icon| write("model.png", &icon)).transpose()?,
-        drawing: drawing.map(|drawing| write("model.svg", &drawing)).transpose()?,
-        terminals: terminals.map(|name| write(name, xml::terminals::write(&model).as_bytes())).transpose()?,
     })
 }
 
 fn read_units(file: &Path) -> Result<Vec<UnitDeclaration>, Error> {
     let (units, source) = Source::read::<Vec<UnitDeclaration>>(file)?;
     let mut refusals = Refusals::default();
-    check::units(&units, &mut refusals);
+    check::units::all(&units, &mut refusals);
     refusals.check().map_err(|refusals| source.error(refusals))?;
     Ok(units)
 }

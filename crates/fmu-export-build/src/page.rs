@@ -4,74 +4,20 @@
 //! self-contained, readable without scripts, reproducible byte for byte, and both XML and HTML: every element is
 //! closed, so that both parsers read the same.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
-use std::slice;
+pub(crate) mod variables;
 
+use std::fmt::Write as _;
+
+use fmu_terms::Version;
+use fmu_xml::page::Document;
 use quick_xml::escape::escape;
 
-use crate::declaration::{Causality, UnitNames, VariableDeclaration};
-use crate::dependencies::{Structure, Unknown};
+use crate::dependencies::Structure;
 use crate::fragment::Fragment;
-use crate::interfaces::Version;
-use crate::model::{DataType, Field, Model, Part, Place, Start};
-use crate::units::Unit;
+use crate::model::{Field, Model, Part, Place};
+use crate::start::Start;
 use crate::xml;
-use fmu_xml::page::{self as document, Document};
-
-/// A table of variables on the page.
-#[derive(Clone, Copy)]
-struct Table {
-    id: &'static str,
-    title: &'static str,
-    causality: Causality,
-    /// For local variables, whether they are states; an output state belongs to the outputs.
-    of_states: bool,
-}
-
-impl Table {
-    const fn new(id: &'static str, title: &'static str, causality: Causality) -> Self {
-        Self { id, title, causality, of_states: false }
-    }
-
-    fn has(&self, field: &Field<'_>) -> bool {
-        let is_state = field.place == Place::States;
-        self.causality == field.declaration.causality
-            && (self.causality != Causality::Local || self.of_states == is_state)
-    }
-}
-
-/// The tables, in order.
-const TABLES: [Table; 7] = [
-    Table::new("page-inputs", "Inputs", Causality::Input),
-    Table::new("page-outputs", "Outputs", Causality::Output),
-    Table::new("page-parameters", "Parameters", Causality::Parameter),
-    Table::new("page-structural-parameters", "Structural parameters", Causality::StructuralParameter),
-    Table::new("page-calculated-parameters", "Calculated parameters", Causality::CalculatedParameter),
-    Table { of_states: true, ..Table::new("page-states", "States", Causality::Local) },
-    Table::new("page-locals", "Local variables", Causality::Local),
-];
-
-/// The id on the page of each name of a variable or enumeration: an array's elements are in its row.
-pub(crate) fn anchors(model: &Model<'_>) -> BTreeMap<String, String> {
-    let others = model.declaration.enumerations.iter().map(|enumeration| enumeration.name.as_str());
-    let mut anchors: BTreeMap<String, String> =
-        others.chain(["time"]).map(|name| (name.to_owned(), name.to_owned())).collect();
-    for (part, field) in fields(model) {
-        let name = name(part, field);
-        for &position in &field.positions {
-            anchors.insert(model.scalars[position].name.clone(), name.clone());
-            if field.place == Place::States {
-                anchors.insert(model.scalars[position + 1].name.clone(), derivative(&name));
-            }
-        }
-        if field.place == Place::States {
-            anchors.insert(derivative(&name), derivative(&name));
-        }
-        anchors.insert(name.clone(), name);
-    }
-    anchors
-}
+use variables::{Page, TABLES, fields, lines, number};
 
 /// Writes the page.
 pub(crate) fn write(
@@ -80,17 +26,7 @@ pub(crate) fn write(
     guid: &str,
     fragment: Option<&Fragment>,
 ) -> String {
-    let units = model.units.iter();
-    let page = Page {
-        model,
-        anchors: anchors(model),
-        outputs: structure.outputs.iter().map(|unknown| (unknown.scalar, unknown)).collect(),
-        units: units.clone().map(|unit| (unit.name.as_str(), unit)).collect(),
-        unit_names: units
-            .flat_map(|unit| unit.display_units.iter().map(|display| &display.name).chain([&unit.name]))
-            .map(String::as_str)
-            .collect(),
-    };
+    let page = Page::new(model, structure);
     let description = model.description.iter().map(|description| format!(": {description}"));
     let title = model.identifier.clone() + &description.collect::<String>();
     let (opening, sections) = fragment.map(Fragment::parts).unwrap_or_default();
@@ -139,30 +75,6 @@ fn section(id: &str, heading: &str, markup: &str) -> String {
         return String::new();
     }
     format!("<section id=\"{id}\">\n{heading}{markup}\n</section>\n")
-}
-
-/// All declared variables, each with its part.
-fn fields<'m, 'a>(model: &'m Model<'a>) -> impl Iterator<Item = (&'m Part<'a>, &'m Field<'a>)> {
-    model.parts.iter().flat_map(|part| part.fields.iter().map(move |field| (part, field)))
-}
-
-/// The name of a declared variable, without subscripts.
-fn name(part: &Part<'_>, field: &Field<'_>) -> String {
-    let component = part.name.map(|name| format!("{name}.")).unwrap_or_default();
-    format!("{component}{}", field.declaration.name)
-}
-
-fn derivative(name: &str) -> String {
-    format!("der({name})")
-}
-
-struct Page<'m, 'a> {
-    model: &'m Model<'a>,
-    anchors: BTreeMap<String, String>,
-    outputs: BTreeMap<usize, &'m Unknown>,
-    units: BTreeMap<&'m str, &'m Unit>,
-    /// The names of units and display units.
-    unit_names: BTreeSet<&'m str>,
 }
 
 impl<'m, 'a> Page<'m, 'a> {
@@ -234,45 +146,48 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
-        let co_simulation = self.model.fmi.interfaces.co_simulation();
-        let of_steps = [
+        let of_steps = self.model.fmi.interfaces.co_simulation();
+        let of_fmi3 = of_steps && self.model.fmi.version == Version::Three;
+        let over_time = if of_steps { ", and the outputs' derivatives over time" } else { "" };
+        let rows = [
             (
+                of_steps,
                 "canHandleVariableCommunicationStepSize",
                 has.variable_communication_step_size,
                 "communication steps may vary in length",
             ),
             (
+                of_steps,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
                 "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
             ),
-        ];
-        let of_both = [
             (
+                of_fmi3,
+                "hasEventMode",
+                has.event_mode,
+                "the importer may handle events, which then end communication steps",
+            ),
+            (
+                true,
                 "canGetAndSetFMUstate",
                 has.get_and_set_state,
                 "the state can be saved and restored, for example to repeat a step",
             ),
-            ("canSerializeFMUstate", has.serializes_state(), "a saved state can be moved to another process"),
             (
+                true,
+                "canSerializeFMUstate",
+                has.serializes_state(),
+                "a saved state can be moved to another process",
+            ),
+            (
+                true,
                 "providesDirectionalDerivative",
                 has.directional_derivatives,
-                if co_simulation {
-                    "exact partial derivatives, and the outputs' derivatives over time"
-                } else {
-                    "exact partial derivatives"
-                },
+                &format!("exact partial derivatives{over_time}"),
             ),
         ];
-        let of_fmi3 = [(
-            "hasEventMode",
-            has.event_mode,
-            "the importer may handle events, which then end communication steps",
-        )];
-        let is_fmi3 = self.model.fmi.version == Version::Three;
-        let of_steps = of_steps.into_iter().chain(of_fmi3.into_iter().filter(|_| is_fmi3));
-        let of_steps = of_steps.filter(|_| co_simulation);
-        lines(of_steps.chain(of_both).map(|(name, has, meaning)| {
+        lines(rows.into_iter().filter(|(exists, ..)| *exists).map(|(_, name, has, meaning)| {
             let has = if has { "yes" } else { "no" };
             format!("<tr><th scope=\"row\"><code>{name}</code></th><td>{has}</td><td>{meaning}</td></tr>")
         }))
@@ -288,13 +203,13 @@ impl<'m, 'a> Page<'m, 'a> {
         let (mut header, mut values) = ("\"time\"".to_owned(), number(start_time));
         for (part, field) in self.of(Place::Inputs) {
             if let Some(value) = self.typed_start(field) {
-                let _ = write!(header, ",\"{}\"", self::name(part, field));
+                let _ = write!(header, ",\"{}\"", variables::name(part, field));
                 let _ = write!(values, ",{value}");
             }
         }
         let parameters = self.of(Place::Parameters);
-        let mut settings =
-            parameters.filter_map(|(part, field)| Some((self::name(part, field), self.typed_start(field)?)));
+        let mut settings = parameters
+            .filter_map(|(part, field)| Some((variables::name(part, field), self.typed_start(field)?)));
         if let Some((parameter, value)) = settings.next() {
             commands += &run(&format!(" --start-values {parameter} {value}"));
         }
@@ -316,230 +231,8 @@ impl<'m, 'a> Page<'m, 'a> {
             Start::Boolean(value) => Some(u8::from(*value).to_string()),
             Start::String(_) => None,
             Start::Real(value) => Some(number(*value)),
-            value => Some(xml::start(value)),
+            value => Some(value.to_string()),
         }
-    }
-
-    /// The variables of a table, by component.
-    fn table(&self, table: &Table) -> String {
-        let Table { id, title, .. } = table;
-        let parts = self.model.parts.iter().map(|part| {
-            let fields: Vec<_> = part.fields.iter().filter(|field| table.has(field)).collect();
-            (part, fields)
-        });
-        let parts: Vec<_> = parts.filter(|(_, fields)| !fields.is_empty()).collect();
-        let all = || parts.iter().flat_map(|(_, fields)| fields);
-        if all().next().is_none() {
-            return String::new();
-        }
-        let columns = Columns {
-            start: all().any(|field| self.has_start(field)),
-            initial: table.of_states,
-            range: all().any(|field| field.declaration.min.is_some() || field.declaration.max.is_some()),
-        };
-        let mut text = format!("<section id=\"{id}\">\n<h3>{title}</h3>\n<table class=\"variables\">\n");
-        let head = [
-            (true, "name", "Variable"),
-            (true, "reference", "Ref."),
-            (true, "unit", "Unit or type"),
-            (columns.start, "start", "Start"),
-            (columns.range, "range", "Range"),
-            (true, "kind", if columns.initial { "Initial" } else { "Variability" }),
-            (true, "description", "Description"),
-        ];
-        let head: Vec<_> = head.into_iter().filter(|(shown, _, _)| *shown).collect();
-        let titles =
-            head.iter().map(|(_, class, title)| format!("<th scope=\"col\" class=\"{class}\">{title}</th>"));
-        let titles = lines(titles);
-        let _ = writeln!(text, "<thead><tr>{titles}</tr></thead>");
-        for (part, fields) in &parts {
-            text += "<tbody>\n";
-            if let Some(component) = part.name {
-                let _ = writeln!(
-                    text,
-                    "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{component}</code> {}</th></tr>",
-                    head.len(),
-                    escape(part.description.unwrap_or_default())
-                );
-            }
-            for field in fields {
-                text += &self.row(part, field, &columns);
-                if let [_, width] = field.declaration.sizes[..]
-                    && self.has_start(field)
-                {
-                    let matrix = self.matrix(field, width);
-                    let _ = writeln!(text, "<tr><td colspan=\"{}\">{matrix}</td></tr>", head.len());
-                }
-            }
-            text += "</tbody>\n";
-        }
-        text + "</table>\n</section>\n"
-    }
-
-    fn row(&self, part: &Part<'_>, field: &Field<'_>, columns: &Columns) -> String {
-        let name = name(part, field);
-        let first = &self.model.scalars[field.positions[0]];
-        let dimensions: Vec<_> = field.declaration.sizes.iter().map(usize::to_string).collect();
-        let dimensions =
-            if dimensions.is_empty() { String::new() } else { format!("[{}]", dimensions.join(",")) };
-        let mut text =
-            format!("<tr id=\"{name}\"><th scope=\"row\">{}", code(&format!("{name}{dimensions}")));
-        let mut reference = self.references(field, 0);
-        let mut unit = self.unit_or_type(field);
-        let description = field.declaration.description.as_deref().unwrap_or_default();
-        let mut description = self.prose(description);
-        if let Some(declared) = &field.declaration.derivative {
-            let rate = &self.model.scalars[field.positions[0] + 1];
-            let name = derivative(&name);
-            let _ = write!(text, "<span id=\"{name}\">{}</span>", code(&format!("{name}{dimensions}")));
-            let _ = write!(reference, "<span>{}</span>", self.references(field, 1));
-            let _ = write!(unit, "<span>{}</span>", document::unit(rate.unit.as_deref().unwrap_or_default()));
-            let derived = declared.description.as_deref().unwrap_or("time derivative");
-            let _ = write!(description, "<span>{}</span>", self.prose(derived));
-        }
-        let _ = write!(text, "</th><td class=\"reference\">{reference}</td><td class=\"unit\">{unit}</td>");
-        if columns.start {
-            let _ = write!(text, "<td class=\"start\">{}</td>", self.start(field));
-        }
-        if columns.range {
-            let _ = write!(text, "<td class=\"range\">{}</td>", range(field.declaration));
-        }
-        let kind = match first.initial {
-            Some(initial) if columns.initial => xml::initial(initial),
-            _ => xml::variability(first.variability),
-        };
-        if field.place == Place::Outputs {
-            description += &self.dependencies(field);
-        }
-        let _ = writeln!(text, "<td class=\"kind\">{kind}</td><td>{description}</td></tr>");
-        text
-    }
-
-    /// A text as markup, with superscript exponents in units.
-    fn prose(&self, text: &str) -> String {
-        let words = text.split(' ').map(|word| {
-            let bare = word.trim_matches(['(', ')', ',', ';', ':', '.']);
-            if self.unit_names.contains(bare) {
-                word.replace(bare, &document::unit(bare))
-            } else {
-                escape(word).into_owned()
-            }
-        });
-        words.collect::<Vec<_>>().join(" ")
-    }
-
-    /// The value references of a variable's elements, or (1) of their derivatives.
-    fn references(&self, field: &Field<'_>, offset: usize) -> String {
-        let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
-        let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
-        match references[..] {
-            [first, .., last] if references.windows(2).all(|pair| pair[1] == pair[0] + 1) => {
-                format!("{first} … {last}")
-            }
-            _ => references.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
-        }
-    }
-
-    fn unit_or_type(&self, field: &Field<'_>) -> String {
-        match field.data_type {
-            DataType::Real | DataType::Float32 => {
-                let units = match &field.declaration.unit {
-                    Some(UnitNames::All(unit)) => slice::from_ref(unit),
-                    Some(UnitNames::Each(units)) => units,
-                    None => &[],
-                };
-                units.iter().map(|unit| document::unit(unit)).collect::<Vec<_>>().join(", ")
-            }
-            DataType::Enumeration(enumeration) => {
-                let name = &self.model.declaration.enumerations[enumeration].name;
-                format!("<a href=\"#{name}\">{}</a>", breakable(name))
-            }
-            _ => field.declaration.data_type.clone(),
-        }
-    }
-
-    fn has_start(&self, field: &Field<'_>) -> bool {
-        self.model.scalars[field.positions[0]].start.is_some()
-    }
-
-    /// The start values of a scalar or a list, also in the display unit; a matrix has its own table.
-    fn start(&self, field: &Field<'_>) -> String {
-        if let [_, _] = field.declaration.sizes[..]
-            && self.has_start(field)
-        {
-            return "below".to_owned();
-        }
-        let starts: Vec<_> = self.starts(field).collect();
-        let mut text = starts.join(", ");
-        if let Some(display) = self.displayed(field) {
-            let _ = write!(text, " <small>{display}</small>");
-        }
-        text
-    }
-
-    fn starts(&self, field: &Field<'_>) -> impl Iterator<Item = String> {
-        let starts =
-            field.positions.iter().filter_map(|&position| self.model.scalars[position].start.as_ref());
-        starts.map(|start| match (start, field.data_type) {
-            (Start::Real(value), _) => number(*value),
-            (Start::String(text), _) => format!("“{}”", escape(text)),
-            (Start::Item(item), DataType::Enumeration(enumeration)) => {
-                format!(
-                    "{} ({})",
-                    self.model.declaration.enumerations[enumeration].items[*item].name,
-                    item + 1
-                )
-            }
-            (value, _) => xml::start(value),
-        })
-    }
-
-    /// A scalar's start value in its display unit.
-    fn displayed(&self, field: &Field<'_>) -> Option<String> {
-        let variable = &self.model.scalars[field.positions[0]];
-        let [_] = field.positions[..] else { return None };
-        let wanted = variable.display_unit.as_ref()?;
-        let Some(Start::Real(start)) = variable.start else { return None };
-        let unit = self.units.get(variable.unit.as_deref()?)?;
-        let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
-        // Conversion leaves errors of some 1e-16 that nobody wants to read.
-        let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
-        Some(format!("{} {}", number(value), document::unit(wanted)))
-    }
-
-    /// A matrix's start values, row by row.
-    fn matrix(&self, field: &Field<'_>, columns: usize) -> String {
-        let starts: Vec<_> = self.starts(field).collect();
-        let head = lines((1..=columns).map(|column| format!("<th scope=\"col\">{column}</th>")));
-        let rows = lines(starts.chunks(columns).zip(1..).map(|(values, row)| {
-            let cells = values.iter().map(|value| format!("<td>{value}</td>")).collect::<Vec<_>>().concat();
-            format!("<tr><th scope=\"row\">{row}</th>{cells}</tr>")
-        }));
-        format!(
-            "<details><summary>Start values of <code>{}</code></summary><div class=\"wide\"><table class=\"matrix\">\n\
-            <thead><tr><td></td>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div></details>",
-            field.declaration.name
-        )
-    }
-
-    /// The inputs and states on which an output depends instantaneously.
-    fn dependencies(&self, field: &Field<'_>) -> String {
-        let unknowns = field.positions.iter().filter_map(|position| self.outputs.get(position));
-        let knowns: Option<Vec<_>> = unknowns.map(|unknown| unknown.dependencies.as_deref()).collect();
-        let Some(knowns) = knowns else {
-            return "<span>may depend instantaneously on every input and state</span>".to_owned();
-        };
-        let mut knowns: Vec<_> = knowns.concat();
-        knowns.sort_unstable();
-        knowns.dedup();
-        let mut links: Vec<_> = knowns
-            .iter()
-            .map(|&position| &self.anchors[&self.model.scalars[position].name])
-            .map(|anchor| format!("<a href=\"#{anchor}\">{}</a>", code(anchor)))
-            .collect();
-        links.dedup();
-        let links = if links.is_empty() { "no input or state".to_owned() } else { links.join(", ") };
-        format!("<span>depends instantaneously on {links}</span>")
     }
 
     fn enumerations(&self) -> String {
@@ -559,49 +252,4 @@ impl<'m, 'a> Page<'m, 'a> {
         }));
         format!("<section id=\"page-enumerations\">\n<h2>Enumerations</h2>\n{tables}\n</section>\n")
     }
-}
-
-/// The columns that only some tables have.
-struct Columns {
-    start: bool,
-    range: bool,
-    /// How the start value is determined, instead of the variability.
-    initial: bool,
-}
-
-fn code(name: &str) -> String {
-    format!("<code>{}</code>", breakable(name))
-}
-
-/// A name with breaks between its words: after dots and underscores, and before capitals.
-pub(crate) fn breakable(name: &str) -> String {
-    let mut text = String::new();
-    let mut before = '.';
-    for letter in name.chars() {
-        let begins_word = matches!(before, '.' | '_') || before.is_lowercase() && letter.is_uppercase();
-        if begins_word && !text.is_empty() {
-            text += "<wbr/>";
-        }
-        text.push(letter);
-        before = letter;
-    }
-    text
-}
-
-fn range(variable: &VariableDeclaration) -> String {
-    match (variable.min, variable.max) {
-        (Some(min), Some(max)) => format!("{} … {}", number(min), number(max)),
-        (Some(min), None) => format!("≥ {}", number(min)),
-        (None, Some(max)) => format!("≤ {}", number(max)),
-        (None, None) => String::new(),
-    }
-}
-
-/// The shortest decimal that reads back as the same double, with an exponent if it saves many zeros.
-fn number(value: f64) -> String {
-    if value == 0.0 || (1e-4..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
-}
-
-fn lines(lines: impl Iterator<Item = String>) -> String {
-    lines.collect::<Vec<_>>().join("\n")
 }

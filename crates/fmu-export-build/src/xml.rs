@@ -1,22 +1,22 @@
-//! The modelDescription.xml, written element by element in the order of its schema.
+//! The modelDescription.xml, written element by element in the order of its version's schema.
 //!
 //! The same model gives the same bytes: nothing depends on time or a hash map's order, so the GUID, a hash of these
 //! bytes, changes exactly when the interface does.
 
-mod fmi2;
-mod fmi3;
+mod interfaces;
 pub(crate) mod terminals;
+pub(crate) mod variables;
 
-use std::fmt::Write as _;
 use std::io;
 
+use fmu_terms::Version;
+use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float, given};
 use uuid::Uuid;
 
-use crate::declaration::{Causality, Declaration, Described, EnumerationDeclaration, Initial, Variability};
+use crate::declaration::{Declaration, Described};
 use crate::dependencies::Structure;
-use crate::interfaces::Version;
-use crate::model::{Model, Start};
-use fmu_xml::{Attributes, XmlWriter, conversion, element, empty, float};
+use crate::model::Model;
+use variables::Variables;
 
 /// The tool that made the FMU.
 pub(crate) const GENERATION_TOOL: &str = concat!("fmu-export ", env!("CARGO_PKG_VERSION"));
@@ -29,10 +29,6 @@ pub(crate) struct Description {
 
 impl Description {
     pub(crate) fn new(model: &Model<'_>, structure: &Structure) -> Self {
-        let write = match model.fmi.version {
-            Version::Two => fmi2::write,
-            Version::Three => fmi3::write,
-        };
         let without_guid = write(model, structure, "");
         let guid = format!("{{{}}}", Uuid::new_v5(&Uuid::NAMESPACE_OID, without_guid.as_bytes()));
         let text = write(model, structure, &guid);
@@ -40,9 +36,41 @@ impl Description {
     }
 }
 
-/// The attributes that have a value.
-fn given<const N: usize>(attributes: [(&'static str, Option<String>); N]) -> Attributes {
-    attributes.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
+    let Model { declaration, fmi, .. } = model;
+    let (version, hash) = match fmi.version {
+        Version::Two => ("2.0", "guid"),
+        Version::Three => ("3.0", "instantiationToken"),
+    };
+    let counts_indicators = fmi.version == Version::Two && fmi.interfaces.model_exchange();
+    let identity = given([
+        ("fmiVersion", Some(version.to_owned())),
+        ("modelName", Some(model.identifier.clone())),
+        (hash, Some(guid.to_owned())),
+        ("description", model.description.clone()),
+        ("author", model.author.clone()),
+        ("version", Some(model.version.to_owned())),
+        ("copyright", declaration.copyright.clone()),
+        ("license", model.license.clone()),
+        ("generationTool", Some(GENERATION_TOOL.to_owned())),
+        ("variableNamingConvention", Some("structured".to_owned())),
+        (
+            "numberOfEventIndicators",
+            counts_indicators.then(|| declaration.event_indicators.len().to_string()),
+        ),
+    ]);
+    let variables = Variables::new(model);
+    document(|writer| {
+        element(writer, "fmiModelDescription", identity, |writer| {
+            interfaces::write(writer, model)?;
+            write_units(writer, model)?;
+            write_types(writer, model)?;
+            write_log_categories(writer, model)?;
+            write_experiment(writer, declaration)?;
+            element(writer, "ModelVariables", vec![], |writer| variables.write_all(writer))?;
+            element(writer, "ModelStructure", vec![], |writer| variables.write_structure(writer, structure))
+        })
+    })
 }
 
 fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
@@ -55,10 +83,9 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
             }
             element(writer, "Unit", name, |writer| {
                 if let Some(base) = &unit.base {
-                    let mut attributes: Attributes =
-                        base.iter().map(|(unit, exponent)| (unit.symbol(), exponent.to_string())).collect();
-                    attributes.extend(conversion(unit.factor, unit.offset));
-                    empty(writer, "BaseUnit", attributes)?;
+                    let powers = base.powers().map(|(unit, exponent)| (unit, exponent.to_string()));
+                    let attributes = powers.chain(conversion(base.factor, base.offset));
+                    empty(writer, "BaseUnit", attributes.collect())?;
                 }
                 // Including those in the file that no variable uses: importers offer them to their users.
                 unit.display_units.iter().try_for_each(|display| {
@@ -72,36 +99,36 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     })
 }
 
-/// The root's attributes: the model's identity, and the version's own attribute for its hash.
-fn identity(model: &Model<'_>, version: &str, (hash, value): (&'static str, &str)) -> Attributes {
-    given([
-        ("fmiVersion", Some(version.to_owned())),
-        ("modelName", Some(model.identifier.clone())),
-        (hash, Some(value.to_owned())),
-        ("description", model.description.clone()),
-        ("author", model.author.clone()),
-        ("version", Some(model.version.to_owned())),
-        ("copyright", model.declaration.copyright.clone()),
-        ("license", model.license.clone()),
-        ("generationTool", Some(GENERATION_TOOL.to_owned())),
-        ("variableNamingConvention", Some("structured".to_owned())),
-    ])
-}
-
-fn write_items(writer: &mut XmlWriter, enumeration: &EnumerationDeclaration) -> io::Result<()> {
-    enumeration.items.iter().zip(1..).try_for_each(|(item, value): (_, i32)| {
-        let attributes = vec![
-            ("name", item.name.clone()),
-            ("value", value.to_string()),
-            ("description", item.description.clone()),
-        ];
-        empty(writer, "Item", attributes)
+fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
+    let enumerations = &model.declaration.enumerations;
+    if enumerations.is_empty() {
+        return Ok(());
+    }
+    element(writer, "TypeDefinitions", vec![], |writer| {
+        enumerations.iter().try_for_each(|enumeration| {
+            let items = |writer: &mut XmlWriter| {
+                enumeration.items.iter().zip(1_i32..).try_for_each(|(item, value)| {
+                    let mut attributes = described(&item.name, &item.description);
+                    attributes.insert(1, ("value", value.to_string()));
+                    empty(writer, "Item", attributes)
+                })
+            };
+            let attributes = described(&enumeration.name, &enumeration.description);
+            match model.fmi.version {
+                Version::Two => element(writer, "SimpleType", attributes, |writer| {
+                    element(writer, "Enumeration", vec![], items)
+                }),
+                Version::Three => element(writer, "EnumerationType", attributes, items),
+            }
+        })
     })
 }
 
 fn write_log_categories(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     element(writer, "LogCategories", vec![], |writer| {
-        model.log_categories.iter().try_for_each(|category| empty(writer, "Category", described(category)))
+        model.log_categories.iter().try_for_each(|Described { name, description }| {
+            empty(writer, "Category", described(name, description))
+        })
     })
 }
 
@@ -115,50 +142,6 @@ fn write_experiment(writer: &mut XmlWriter, declaration: &Declaration) -> io::Re
     empty(writer, "DefaultExperiment", attributes)
 }
 
-pub(crate) fn start(start: &Start) -> String {
-    match start {
-        Start::Real(value) => float(*value),
-        Start::Integer(value) => value.to_string(),
-        Start::Boolean(value) => value.to_string(),
-        Start::String(value) => value.clone(),
-        Start::Binary(bytes) => bytes.iter().fold(String::new(), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}");
-            text
-        }),
-        Start::Item(item) => (item + 1).to_string(),
-    }
-}
-
-pub(crate) fn causality(causality: Option<Causality>) -> &'static str {
-    match causality {
-        None => "independent",
-        Some(Causality::Parameter) => "parameter",
-        Some(Causality::StructuralParameter) => "structuralParameter",
-        Some(Causality::CalculatedParameter) => "calculatedParameter",
-        Some(Causality::Input) => "input",
-        Some(Causality::Output) => "output",
-        Some(Causality::Local) => "local",
-    }
-}
-
-pub(crate) fn variability(variability: Variability) -> &'static str {
-    match variability {
-        Variability::Constant => "constant",
-        Variability::Fixed => "fixed",
-        Variability::Tunable => "tunable",
-        Variability::Discrete => "discrete",
-        Variability::Continuous => "continuous",
-    }
-}
-
-pub(crate) fn initial(initial: Initial) -> &'static str {
-    match initial {
-        Initial::Exact => "exact",
-        Initial::Approx => "approx",
-        Initial::Calculated => "calculated",
-    }
-}
-
-fn described(described: &Described) -> Attributes {
-    vec![("name", described.name.clone()), ("description", described.description.clone())]
+fn described(name: &str, description: &str) -> Attributes {
+    vec![("name", name.to_owned()), ("description", description.to_owned())]
 }

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::{FmuVariable, Linear, ValueType, like};
+use fmu_package::{FmuVariable, Linear, ValueType};
+use fmu_terms::like;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;

@@ -4,10 +4,11 @@
 use std::path::Path;
 
 use anyhow::{Context, Error, Result, bail};
-use fmu_package::temporary::Folder;
-use fmu_package::terminal::number;
+use fmu_io::reading;
+use fmu_io::temporary::Folder;
+use fmu_io::terminal::number;
 use fmu_package::{
-    ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value, reading,
+    ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
 };
 
 use crate::importer::extract;

@@ -1,6 +1,6 @@
 //! ZIP archives: reproducible writing, and safe reading of untrusted ones.
 //!
-//! An archive is read if [validation](super::validation) finds no error in its entries: paths that escape the
+//! An archive is read if [validation](crate::validation) finds no error in its entries: paths that escape the
 //! archive's folder, links, duplicate paths and huge sizes are rejected.
 
 use std::collections::BTreeMap;
@@ -8,15 +8,15 @@ use std::fs::{self, File};
 use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
 
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to, utf_8};
 use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-use super::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
-use super::validation::Report;
-use super::validation::archive::Files;
-use super::validation::rules::Severity;
+use crate::validation::archive::Files;
+use crate::validation::report::Report;
+use crate::validation::rules::Severity;
 
 /// Opens the archive of an FMU or a system, and unpacks each entry once to check it.
 ///
@@ -111,26 +111,12 @@ fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
     Ok(entry.name().map_err(plain)?.into_owned())
 }
 
-/// Whether a path stays in its extraction folder, on every system.
-pub(crate) fn is_inside(path: &str) -> bool {
-    // A folder's path ends with a slash.
-    let path = path.strip_suffix('/').unwrap_or(path);
-    // Windows ignores trailing dots and blanks in a name.
-    let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
-    !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
-}
-
 /// The error, without the prefix that repeats the system's message.
 fn plain(error: ZipError) -> io::Error {
     match error {
         ZipError::Io(error) => error,
         other => broken(other.to_string()),
     }
-}
-
-/// An error in a file.
-pub(crate) fn broken(message: impl Into<String>) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, message.into())
 }
 
 /// Writes an archive of paths and contents, with fixed order, times and permissions of entries. Entries that [`open`]

@@ -3,13 +3,11 @@
 
 use std::io::{self, Write};
 
-use super::archive;
-use super::library::Library;
-use super::model_description::refuse_no_identifier;
-use super::platform::Platform;
-
-/// The path of the description.
-pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
+use crate::archive;
+use crate::identifier::refuse_no_identifier;
+use crate::library::Library;
+use crate::model_description::MODEL_DESCRIPTION;
+use crate::platform::Platform;
 
 /// The parts of an FMU.
 #[derive(Clone, Debug)]
@@ -55,7 +53,7 @@ impl Fmu<'_> {
         if !self.model_description.contains(" fmiVersion=\"3.") {
             return Ok(vec![platform.folder().to_owned()]);
         }
-        let mut folders = platform.folders(&Library::read(library)?, true);
+        let mut folders = Library::read(library)?.folders(platform, true);
         // A library for this processor only takes precedence over the universal one, which would be in the same
         // folder.
         let own = Platform::Aarch64Darwin;

@@ -6,73 +6,13 @@ use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 use std::io;
 
+use fmu_io::reading::broken;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
 use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, elf, macho};
 
-use super::archive::broken;
-use super::platform::Platform;
-
-/// The formats of shared libraries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Linux.
-    Elf,
-    /// macOS.
-    MachO,
-    /// Windows.
-    Pe,
-}
-
-impl Format {
-    /// The suffix of a library's file.
-    #[must_use]
-    pub fn suffix(self) -> &'static str {
-        match self {
-            Self::Elf => "so",
-            Self::MachO => "dylib",
-            Self::Pe => "dll",
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Elf => "ELF",
-            Self::MachO => "Mach-O",
-            Self::Pe => "PE",
-        }
-    }
-}
-
-/// The processors of FMU libraries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[allow(missing_docs)]
-pub enum Architecture {
-    Aarch64,
-    X86,
-    X86_64,
-}
-
-impl Architecture {
-    /// The processor of this program.
-    pub(crate) fn host() -> Option<Self> {
-        match std::env::consts::ARCH {
-            "aarch64" => Some(Self::Aarch64),
-            "x86" => Some(Self::X86),
-            "x86_64" => Some(Self::X86_64),
-            _ => None,
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Aarch64 => "aarch64",
-            Self::X86 => "x86",
-            Self::X86_64 => "x86-64",
-        }
-    }
-}
+use crate::platform::{Architecture, Format, Platform};
 
 /// A library's platform.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -144,6 +84,16 @@ impl Library {
             platform.format().name(),
             names(platform.architectures(), " or ")
         )))
+    }
+
+    /// Its folders in `binaries/` of an FMU of FMI 2.0 or 3.0 for a platform: in FMI 3.0 one per processor.
+    #[must_use]
+    pub fn folders(&self, platform: Platform, is_fmi3: bool) -> Vec<String> {
+        if is_fmi3 {
+            self.architectures.iter().map(|&architecture| platform.tuple(architecture)).collect()
+        } else {
+            vec![platform.folder().to_owned()]
+        }
     }
 }
 

@@ -7,12 +7,13 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use super::archive::{self, broken};
-use super::fmu::MODEL_DESCRIPTION;
-use super::library::{self, Library};
-use super::model_description::FmuDescription;
-use super::platform::Platform;
-use super::platform_list::PlatformList;
+use fmu_io::reading::broken;
+
+use crate::archive;
+use crate::library::{self, Library};
+use crate::model_description::{FmuDescription, MODEL_DESCRIPTION};
+use crate::platform::Platform;
+use crate::platform_list::PlatformList;
 
 /// An FMU to merge.
 #[derive(Clone, Debug)]
@@ -77,7 +78,7 @@ impl<'a> Merged<'a> {
                 let Some((platform, folder)) = library_at(path, identifier, is_fmi3) else { continue };
                 let library = Library::read(content).and_then(|library| {
                     let is_for_it = |own: &String| own == folder && library.format == platform.format();
-                    if is_fmi3 && platform.folders(&library, true).iter().any(is_for_it) {
+                    if is_fmi3 && library.folders(platform, true).iter().any(is_for_it) {
                         return Ok(library);
                     }
                     library.fits(platform).map(|()| library)

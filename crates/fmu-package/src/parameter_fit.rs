@@ -2,12 +2,13 @@
 
 use std::io;
 
-use super::archive::broken;
-use super::likeness::like;
-use super::model_description::{FmuDescription, FmuVariable, ValueType};
-use super::parameter_set::{Parameter, ParameterSet, Value};
-use super::terminal;
-use super::units::{Linear, Unit};
+use fmu_io::reading::broken;
+use fmu_io::terminal;
+use fmu_terms::{Linear, Unit, like};
+
+use crate::model_description::FmuDescription;
+use crate::parameter_set::{Parameter, ParameterSet, Value};
+use crate::variable::{FmuVariable, ValueType};
 
 impl ParameterSet {
     /// The set converted for an FMU: each value with its variable's type and unit, and within its range.

@@ -5,12 +5,13 @@ use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::Path;
 
-use super::archive::broken;
-use super::model_description::{Attributes, read_elements};
-use super::reading;
-use super::terminal::number;
-use super::units::{Unit, write_units};
+use fmu_io::reading::{self, broken};
+use fmu_io::terminal::number;
+use fmu_terms::Unit;
 use fmu_xml::{XmlWriter, document, element, empty, float};
+
+use crate::units;
+use crate::xml::{self, Element, children, named, text, wrong};
 
 /// The namespace of parameter sets.
 pub(crate) const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
@@ -72,58 +73,35 @@ impl ParameterSet {
     /// # Errors
     /// When it is not XML, or not of a parameter set of SSP 1; the message names element or parameter.
     pub fn parse(xml: &str) -> io::Result<Self> {
-        let mut set = Self::default();
+        let document = xml::read(xml, "ParameterSet")?;
+        let root = document.root_element();
+        let version = text(root, "version");
+        if !version.starts_with("1.") {
+            return Err(wrong(root, &format!("parameter sets of version '{version}' are not supported")));
+        }
         let mut names = BTreeSet::new();
-        // A parameter whose value is still to come.
-        let mut open: Option<(String, String)> = None;
-        let root = read_elements(xml, |path, name, attributes| {
-            match path {
-                [] if name == "ParameterSet" => {
-                    let version = attributes.text("version");
-                    if !version.starts_with("1.") {
-                        return Err(broken(format!(
-                            "parameter sets of version '{version}' are not supported"
-                        )));
-                    }
-                    set.name = attributes.text("name");
-                    set.description = attributes.text("description");
+        let parameters =
+            named(root, "Parameters").flat_map(|list| named(list, "Parameter")).map(|parameter| {
+                let name = text(parameter, "name");
+                let refuse = |what: &str| wrong(parameter, &format!("the parameter {name} {what}"));
+                if !names.insert(name.clone()) {
+                    return Err(refuse("occurs twice"));
                 }
-                ["ParameterSet", "Parameters"] if name == "Parameter" => {
-                    if let Some((name, _)) = &open {
-                        return Err(broken(format!("the parameter {name} before it has no value")));
-                    }
-                    let parameter = attributes.text("name");
-                    if !names.insert(parameter.clone()) {
-                        return Err(broken(format!("the parameter {parameter} occurs twice")));
-                    }
-                    open = Some((parameter, attributes.text("description")));
+                let mut values = children(parameter).filter(|child| child.tag_name().name() != "Annotations");
+                let value = values.next().ok_or_else(|| refuse("has no value"))?;
+                if values.next().is_some() {
+                    return Err(refuse("has a second value"));
                 }
-                ["ParameterSet", "Parameters", "Parameter"] if name != "Annotations" => {
-                    let (parameter, description) =
-                        open.take().ok_or_else(|| broken("the parameter has a second value"))?;
-                    let value = Value::read(name, &attributes)
-                        .map_err(|error| broken(format!("the parameter {parameter}: {error}")))?;
-                    set.parameters.push(Parameter { name: parameter, description, value });
-                }
-                ["ParameterSet", "Units"] if name == "Unit" => {
-                    set.units.push(Unit { name: attributes.text("name"), base: None, display_units: vec![] });
-                }
-                ["ParameterSet", "Units", "Unit"] => {
-                    if let Some(unit) = set.units.last_mut() {
-                        unit.take(name, &attributes)?;
-                    }
-                }
-                _ => {}
-            }
-            Ok(())
-        })?;
-        if root != "ParameterSet" {
-            return Err(broken(format!("the root element is {root}, not ParameterSet")));
-        }
-        if let Some((name, _)) = open {
-            return Err(broken(format!("the parameter {name} has no value")));
-        }
-        Ok(set)
+                let value = Value::read(value)
+                    .map_err(|error| wrong(parameter, &format!("the parameter {name}: {error}")))?;
+                Ok(Parameter { description: text(parameter, "description"), value, name })
+            });
+        Ok(Self {
+            name: text(root, "name"),
+            description: text(root, "description"),
+            parameters: parameters.collect::<io::Result<_>>()?,
+            units: units::read(named(root, "Units").flat_map(|list| named(list, "Unit")))?,
+        })
     }
 
     /// The text of the .ssv file.
@@ -150,7 +128,7 @@ impl ParameterSet {
                 )
             };
             let units: Vec<_> = self.units.iter().filter(referred).cloned().collect();
-            write_units(writer, "ssv:Units", &units)
+            units::write(writer, "ssv:Units", &units)
         })
     }
 
@@ -176,13 +154,13 @@ impl ParameterSet {
 }
 
 impl Value {
-    fn read(data_type: &str, attributes: &Attributes) -> io::Result<Self> {
-        let text = attributes.get("value").ok_or_else(|| broken("it has no value"))?;
+    fn read(element: Element<'_>) -> io::Result<Self> {
+        let text = element.attribute("value").ok_or_else(|| broken("it has no value"))?;
         let no = |what: &str| broken(format!("'{text}' is not a {what}"));
-        Ok(match data_type {
+        Ok(match element.tag_name().name() {
             "Real" => {
                 let value = text.trim().parse().map_err(|_| no("number"))?;
-                Self::Real(value, attributes.get("unit").map(str::to_owned))
+                Self::Real(value, element.attribute("unit").map(str::to_owned))
             }
             "Integer" => Self::Integer(text.trim().parse().map_err(|_| no("32-bit integer"))?),
             "Boolean" => match text.trim() {

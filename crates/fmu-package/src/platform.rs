@@ -6,7 +6,72 @@
 use std::io;
 use std::str::FromStr;
 
-use super::library::{Architecture, Format, Library};
+/// The formats of shared libraries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Linux.
+    Elf,
+    /// macOS.
+    MachO,
+    /// Windows.
+    Pe,
+}
+
+impl Format {
+    /// The format of this program.
+    fn host() -> Option<Self> {
+        [Self::Elf, Self::MachO, Self::Pe].into_iter().find(|format| format.row()[2] == std::env::consts::OS)
+    }
+
+    /// The suffix of a library's file, its name, and its system in Rust and in FMI 3.0.
+    fn row(self) -> [&'static str; 4] {
+        match self {
+            Self::Elf => ["so", "ELF", "linux", "linux"],
+            Self::MachO => ["dylib", "Mach-O", "macos", "darwin"],
+            Self::Pe => ["dll", "PE", "windows", "windows"],
+        }
+    }
+
+    /// The suffix of a library's file.
+    #[must_use]
+    pub fn suffix(self) -> &'static str {
+        self.row()[0]
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        self.row()[1]
+    }
+}
+
+/// The processors of FMU libraries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum Architecture {
+    Aarch64,
+    X86,
+    X86_64,
+}
+
+impl Architecture {
+    /// The processor of this program.
+    pub(crate) fn host() -> Option<Self> {
+        let all = [Self::Aarch64, Self::X86, Self::X86_64];
+        all.into_iter().find(|processor| processor.tuple() == std::env::consts::ARCH)
+    }
+
+    /// The name in FMI 3.0, and in Rust.
+    fn tuple(self) -> &'static str {
+        match self {
+            Self::Aarch64 => "aarch64",
+            Self::X86 => "x86",
+            Self::X86_64 => "x86_64",
+        }
+    }
+
+    pub(crate) fn name(self) -> String {
+        self.tuple().replace('_', "-")
+    }
+}
 
 /// A platform with a folder in FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,57 +105,50 @@ impl Platform {
     /// This program's platform, if FMI 2.0 has a folder for it.
     #[must_use]
     pub fn host() -> Option<Self> {
-        match (std::env::consts::OS, std::env::consts::ARCH) {
-            ("macos", "x86_64" | "aarch64") => Some(Self::Darwin64),
-            ("linux", "aarch64") => Some(Self::Aarch64Linux),
-            ("linux", "x86") => Some(Self::Linux32),
-            ("linux", "x86_64") => Some(Self::Linux64),
-            ("windows", "aarch64") => Some(Self::Aarch64Windows),
-            ("windows", "x86") => Some(Self::Win32),
-            ("windows", "x86_64") => Some(Self::Win64),
-            _ => None,
+        let format = Format::host()?;
+        let own = Architecture::host()?;
+        let is_own = |platform: &Self| platform.format() == format && platform.architectures().contains(&own);
+        // On macOS the folder that other importers use, too.
+        Self::ALL.into_iter().filter(is_own).max()
+    }
+
+    /// Its folder in `binaries/` in FMI 2.0, its library format, and the processors of its libraries.
+    fn row(self) -> (&'static str, Format, &'static [Architecture]) {
+        use Architecture::{Aarch64, X86, X86_64};
+        match self {
+            Self::Aarch64Darwin => ("aarch64-darwin", Format::MachO, &[Aarch64]),
+            Self::Aarch64Linux => ("aarch64-linux", Format::Elf, &[Aarch64]),
+            Self::Aarch64Windows => ("aarch64-windows", Format::Pe, &[Aarch64]),
+            Self::Darwin64 => ("darwin64", Format::MachO, &[X86_64, Aarch64]),
+            Self::Linux32 => ("linux32", Format::Elf, &[X86]),
+            Self::Linux64 => ("linux64", Format::Elf, &[X86_64]),
+            Self::Win32 => ("win32", Format::Pe, &[X86]),
+            Self::Win64 => ("win64", Format::Pe, &[X86_64]),
         }
     }
 
     /// Its folder in `binaries/` in FMI 2.0.
     #[must_use]
     pub fn folder(self) -> &'static str {
-        match self {
-            Self::Aarch64Darwin => "aarch64-darwin",
-            Self::Aarch64Linux => "aarch64-linux",
-            Self::Aarch64Windows => "aarch64-windows",
-            Self::Darwin64 => "darwin64",
-            Self::Linux32 => "linux32",
-            Self::Linux64 => "linux64",
-            Self::Win32 => "win32",
-            Self::Win64 => "win64",
-        }
+        self.row().0
+    }
+
+    /// Its library format.
+    #[must_use]
+    pub fn format(self) -> Format {
+        self.row().1
+    }
+
+    /// The processors of its libraries.
+    #[must_use]
+    pub fn architectures(self) -> &'static [Architecture] {
+        self.row().2
     }
 
     /// Its folder in `binaries/` in FMI 3.0 (section 2.5.1.4.1), for one of its processors: the platform tuple.
     #[must_use]
     pub fn tuple(self, architecture: Architecture) -> String {
-        let processor = match architecture {
-            Architecture::Aarch64 => "aarch64",
-            Architecture::X86 => "x86",
-            Architecture::X86_64 => "x86_64",
-        };
-        let system = match self.format() {
-            Format::MachO => "darwin",
-            Format::Elf => "linux",
-            Format::Pe => "windows",
-        };
-        format!("{processor}-{system}")
-    }
-
-    /// A library's folders in `binaries/` of an FMU of FMI 2.0 or 3.0: in FMI 3.0 one per processor.
-    #[must_use]
-    pub fn folders(self, library: &Library, is_fmi3: bool) -> Vec<String> {
-        if is_fmi3 {
-            library.architectures.iter().map(|&architecture| self.tuple(architecture)).collect()
-        } else {
-            vec![self.folder().to_owned()]
-        }
+        format!("{}-{}", architecture.tuple(), self.format().row()[3])
     }
 
     /// The platform of a folder in `binaries/` of an FMU of FMI 2.0 or 3.0.
@@ -104,27 +162,6 @@ impl Platform {
     /// Whether a text is the platform tuple for one of its processors.
     fn is_tuple(self, text: &str) -> bool {
         self.architectures().iter().any(|&architecture| self.tuple(architecture) == text)
-    }
-
-    /// Its library format.
-    #[must_use]
-    pub fn format(self) -> Format {
-        match self {
-            Self::Aarch64Darwin | Self::Darwin64 => Format::MachO,
-            Self::Aarch64Linux | Self::Linux32 | Self::Linux64 => Format::Elf,
-            Self::Aarch64Windows | Self::Win32 | Self::Win64 => Format::Pe,
-        }
-    }
-
-    /// The processors of its libraries.
-    #[must_use]
-    pub fn architectures(self) -> &'static [Architecture] {
-        match self {
-            Self::Aarch64Darwin | Self::Aarch64Linux | Self::Aarch64Windows => &[Architecture::Aarch64],
-            Self::Darwin64 => &[Architecture::X86_64, Architecture::Aarch64],
-            Self::Linux32 | Self::Win32 => &[Architecture::X86],
-            Self::Linux64 | Self::Win64 => &[Architecture::X86_64],
-        }
     }
 
     /// The path of the library for this program's processor in an FMU of FMI 2.0 or 3.0.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 
-use super::library::Library;
-use super::platform::Platform;
+use crate::library::Library;
+use crate::platform::Platform;
 
 /// Starts a line's list of systems on which the library was run.
 const RUN: &str = "; run: ";

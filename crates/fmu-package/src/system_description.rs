@@ -5,10 +5,12 @@
 
 use std::io;
 
-use super::archive::{broken, is_inside};
-use super::model_description::{Attributes, read_elements};
-use super::system_structure::{End, Kind};
-use super::units::{Linear, Unit};
+use fmu_terms::{Linear, Unit};
+
+use crate::system_structure::{End, Kind};
+use crate::units;
+use crate::validation::archive::is_inside;
+use crate::xml::{self, Element, children, flag, listed, named, number, text, wrong};
 
 const ROOT: &str = "SystemStructureDescription";
 
@@ -80,162 +82,126 @@ impl SystemDescription {
     /// # Errors
     /// When it is not XML, or not of a flat system of SSP 1; the message names the element.
     pub fn parse(xml: &str) -> io::Result<Self> {
-        let mut system = Self::default();
-        let root = read_elements(xml, |path, name, attributes| match path {
-            [ROOT, rest @ ..] => system.take(rest, name, &attributes),
-            [] if name == ROOT => {
-                let version = attributes.text("version");
-                if !version.starts_with("1.") {
-                    return Err(broken(format!("structures of version '{version}' are not supported")));
-                }
-                system.description = attributes.text("description");
-                Ok(())
-            }
-            _ => Ok(()),
-        })?;
-        if root != ROOT {
-            return Err(broken(format!("the root element is {root}, not {ROOT}")));
+        let document = xml::read(xml, ROOT)?;
+        let root = document.root_element();
+        let version = text(root, "version");
+        if !version.starts_with("1.") {
+            return Err(wrong(root, &format!("structures of version '{version}' are not supported")));
         }
-        Ok(system)
-    }
-
-    /// Adopts an element below the root.
-    fn take(&mut self, path: &[&str], name: &str, attributes: &Attributes) -> io::Result<()> {
-        match (path, name) {
-            ([], "System") => self.name = attributes.text("name"),
-            ([], "DefaultExperiment") => {
-                self.start_time = time(attributes, "startTime")?;
-                self.stop_time = time(attributes, "stopTime")?;
-            }
-            ([.., "SimulationInformation"], "FixedStepMaster") => {
-                self.step_size = time(attributes, "stepSize")?;
-            }
-            ([.., "Algorithm"], "FixedStepAlgorithm") => self.step_size = time(attributes, "baseStepSize")?,
-            (["Units"], "Unit") => {
-                self.units.push(Unit { name: attributes.text("name"), base: None, display_units: vec![] });
-            }
-            (["Units", "Unit"], _) => {
-                if let Some(unit) = self.units.last_mut() {
-                    unit.take(name, attributes)?;
-                }
-            }
-            (["System", rest @ ..], _) => self.take_in_system(rest, name, attributes)?,
-            _ => {}
+        let mut read = Self {
+            description: text(root, "description"),
+            units: units::read(named(root, "Units").flat_map(|list| named(list, "Unit")))?,
+            ..Self::default()
+        };
+        for experiment in named(root, "DefaultExperiment") {
+            read.start_time = number(experiment, "startTime")?;
+            read.stop_time = number(experiment, "stopTime")?;
         }
-        Ok(())
-    }
-
-    /// Adopts an element of the system.
-    fn take_in_system(&mut self, path: &[&str], name: &str, attributes: &Attributes) -> io::Result<()> {
-        match (path, name) {
-            (["Elements"], "Component") => self.components.push(ComponentDescription {
-                name: attributes.text("name"),
-                source: inside(attributes)?,
-                ..ComponentDescription::default()
-            }),
-            (["Elements"], other) => {
-                return Err(broken(format!("{other} elements are not supported")));
+        for master in root.descendants() {
+            match master.tag_name().name() {
+                "FixedStepMaster" => read.step_size = number(master, "stepSize")?,
+                "FixedStepAlgorithm" => read.step_size = number(master, "baseStepSize")?,
+                _ => {}
             }
-            (["Connections"], "Connection") => {
-                let end = |element: &str, connector: &str| End {
-                    component: attributes.get(element).map(str::to_owned),
-                    connector: attributes.text(connector),
-                };
-                self.connections.push(ConnectionDescription {
-                    start: end("startElement", "startConnector"),
-                    end: end("endElement", "endConnector"),
-                    transformation: Linear::IDENTITY,
-                    converts_units: !matches!(attributes.get("suppressUnitConversion"), Some("true" | "1")),
-                });
-            }
-            (["Connections", "Connection"], "LinearTransformation") => {
-                if let Some(connection) = self.connections.last_mut() {
-                    connection.transformation = Linear {
-                        factor: attributes.number("factor", 1.0)?,
-                        offset: attributes.number("offset", 0.0)?,
-                    };
-                }
-            }
-            (
-                ["Connections", "Connection"],
-                "BooleanMappingTransformation"
-                | "IntegerMappingTransformation"
-                | "EnumerationMappingTransformation",
-            ) => {
-                return Err(broken("connections with value tables are not supported"));
-            }
-            (["Elements", "Component", rest @ ..], _) => {
-                if let Some(component) = self.components.last_mut() {
-                    take_part(
-                        &mut component.connectors,
-                        &mut component.parameter_sets,
-                        rest,
-                        name,
-                        attributes,
-                    )?;
-                }
-            }
-            _ => take_part(&mut self.connectors, &mut self.parameter_sets, path, name, attributes)?,
         }
-        Ok(())
+        let Some(system) = named(root, "System").next() else { return Ok(read) };
+        read.name = text(system, "name");
+        (read.connectors, read.parameter_sets) = (connectors(system), parameter_sets(system)?);
+        for element in listed(system, "Elements") {
+            let kind = element.tag_name().name();
+            if kind != "Component" {
+                return Err(wrong(element, &format!("{kind} elements are not supported")));
+            }
+            read.components.push(ComponentDescription {
+                name: text(element, "name"),
+                source: inside(element)?,
+                connectors: connectors(element),
+                parameter_sets: parameter_sets(element)?,
+            });
+        }
+        let connections = named(system, "Connections").flat_map(|list| named(list, "Connection"));
+        read.connections = connections.map(ConnectionDescription::read).collect::<io::Result<_>>()?;
+        Ok(read)
     }
 }
 
-/// Adopts connectors and parameter sets, alike in systems and components.
-fn take_part(
-    connectors: &mut Vec<ConnectorDescription>,
-    parameter_sets: &mut Vec<String>,
-    path: &[&str],
-    name: &str,
-    attributes: &Attributes,
-) -> io::Result<()> {
-    match (path, name) {
-        (["Connectors"], "Connector") => connectors.push(ConnectorDescription {
-            name: attributes.text("name"),
-            kind: match attributes.get("kind") {
-                Some("input") => Some(Kind::Input),
-                Some("output") => Some(Kind::Output),
-                _ => None,
-            },
-            unit: String::new(),
-        }),
-        (["Connectors", "Connector"], "Real") => {
-            if let Some(connector) = connectors.last_mut() {
-                connector.unit = attributes.text("unit");
+impl ConnectionDescription {
+    fn read(connection: Element<'_>) -> io::Result<Self> {
+        let end = |element: &str, connector: &str| End {
+            component: connection.attribute(element).map(str::to_owned),
+            connector: text(connection, connector),
+        };
+        let mut transformation = Linear::IDENTITY;
+        for child in children(connection) {
+            match child.tag_name().name() {
+                "LinearTransformation" => {
+                    transformation.factor = number(child, "factor")?.unwrap_or(1.0);
+                    transformation.offset = number(child, "offset")?.unwrap_or(0.0);
+                }
+                "BooleanMappingTransformation"
+                | "IntegerMappingTransformation"
+                | "EnumerationMappingTransformation" => {
+                    return Err(wrong(child, "connections with value tables are not supported"));
+                }
+                _ => {}
             }
         }
-        (["ParameterBindings"], "ParameterBinding") => {
-            if attributes.get("prefix").is_some() || attributes.get("sourceBase") == Some("component") {
-                return Err(broken("parameter sets with a prefix or within a component are not supported"));
-            }
-            parameter_sets.push(inside(attributes)?);
-        }
-        (["ParameterBindings", "ParameterBinding"], "ParameterMapping") => {
-            return Err(broken("mapped parameters are not supported"));
-        }
-        _ => {}
+        Ok(Self {
+            start: end("startElement", "startConnector"),
+            end: end("endElement", "endConnector"),
+            transformation,
+            converts_units: !flag(connection, "suppressUnitConversion"),
+        })
     }
-    Ok(())
+}
+
+/// The connectors of the system or of a component.
+fn connectors(element: Element<'_>) -> Vec<ConnectorDescription> {
+    let connectors = named(element, "Connectors").flat_map(|list| named(list, "Connector"));
+    let read = |connector: Element<'_>| ConnectorDescription {
+        name: text(connector, "name"),
+        kind: match connector.attribute("kind") {
+            Some("input") => Some(Kind::Input),
+            Some("output") => Some(Kind::Output),
+            _ => None,
+        },
+        unit: named(connector, "Real").next().map(|real| text(real, "unit")).unwrap_or_default(),
+    };
+    connectors.map(read).collect()
+}
+
+/// The parameter sets of the system or of a component.
+fn parameter_sets(element: Element<'_>) -> io::Result<Vec<String>> {
+    let bindings = named(element, "ParameterBindings").flat_map(|list| named(list, "ParameterBinding"));
+    let read = |binding: Element<'_>| {
+        if binding.has_attribute("prefix") || binding.attribute("sourceBase") == Some("component") {
+            return Err(wrong(
+                binding,
+                "parameter sets with a prefix or within a component are not supported",
+            ));
+        }
+        if named(binding, "ParameterMapping").next().is_some() {
+            return Err(wrong(binding, "mapped parameters are not supported"));
+        }
+        inside(binding)
+    };
+    bindings.map(read).collect()
 }
 
 /// The path of a file in the package.
-fn inside(attributes: &Attributes) -> io::Result<String> {
-    match attributes.get("source") {
+fn inside(element: Element<'_>) -> io::Result<String> {
+    match element.attribute("source") {
         Some(path) if is_inside(path) => Ok(path.to_owned()),
-        Some(path) => Err(broken(format!("'{path}' is not a file in the package"))),
-        None => Err(broken("parameters within the structure are not supported")),
+        Some(path) => Err(wrong(element, &format!("'{path}' is not a file in the package"))),
+        None => Err(wrong(element, "parameters within the structure are not supported")),
     }
-}
-
-fn time(attributes: &Attributes, name: &str) -> io::Result<Option<f64>> {
-    attributes.get(name).map(|_| attributes.number(name, 0.0)).transpose()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const STRUCTURE: &str = r#"<ssd:SystemStructureDescription xmlns:ssd="" xmlns:ssc="" version="1.0" name="any">
+    const STRUCTURE: &str = r#"<ssd:SystemStructureDescription xmlns:ssd="ssd" xmlns:ssc="ssc" xmlns:osp="osp" version="1.0" name="any">
         <ssd:System name="Loop">
           <ssd:Connectors><ssd:Connector name="r" kind="input"><ssc:Real unit="bar"/></ssd:Connector></ssd:Connectors>
           <ssd:ParameterBindings><ssd:ParameterBinding source="start.ssv"/></ssd:ParameterBindings>

@@ -13,10 +13,12 @@
 use std::io::{self, Write};
 use std::iter;
 
-use super::archive;
-use super::parameter_set::{self, Parameter, ParameterSet, Value};
-use super::units::{Linear, Unit, write_units};
+use fmu_terms::{Linear, Unit};
 use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
+
+use crate::archive;
+use crate::parameter_set::{self, Parameter, ParameterSet, Value};
+use crate::units;
 
 /// The namespace of system structures.
 const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription";
@@ -182,7 +184,7 @@ impl SystemStructure {
                         .any(|connector| connector.unit == unit.name)
                 };
                 let units: Vec<_> = self.units.iter().filter(is_used).cloned().collect();
-                write_units(writer, "ssd:Units", &units)?;
+                units::write(writer, "ssd:Units", &units)?;
                 let times = vec![("startTime", float(self.start_time)), ("stopTime", float(self.stop_time))];
                 element(writer, "ssd:DefaultExperiment", times, |writer| self.write_libcosim_step(writer))
             })

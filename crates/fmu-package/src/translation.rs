@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::{FmuDescription, Linear};
+use fmu_terms::Linear;
+
+use crate::model_description::FmuDescription;
 
 /// An FMU's description in other names and units, and the conversion of its values.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 
 #[cfg(feature = "html")]
 pub(crate) use self::interactive::script;
-use fmu_package::terminal::printable;
+use fmu_io::terminal::printable;
 use fmu_xml::page::STYLE;
 
 /// A colour, named in the style sheet for the light and the dark scheme.

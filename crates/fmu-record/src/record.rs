@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading;
+use fmu_io::reading;
 
 use crate::parquet;
 use crate::table::{Cells, Table, TableColumn, TableFormat, expect_seconds, name_and_unit};

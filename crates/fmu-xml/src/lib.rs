@@ -54,6 +54,12 @@ pub fn empty(writer: &mut XmlWriter, name: &'static str, attributes: Attributes)
     Ok(())
 }
 
+/// The attributes that have a value.
+#[must_use]
+pub fn given<const N: usize>(attributes: [(&'static str, Option<String>); N]) -> Attributes {
+    attributes.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
+
 /// The shortest decimal that reads back as the same double.
 #[must_use]
 pub fn float(value: f64) -> String {

@@ -67,6 +67,22 @@ pub fn unit(name: &str) -> String {
     markup + &escape(rest)
 }
 
+/// A name with breaks between its words: after dots and underscores, and before capitals.
+#[must_use]
+pub fn breakable(name: &str) -> String {
+    let mut text = String::new();
+    let mut before = '.';
+    for letter in name.chars() {
+        let begins_word = matches!(before, '.' | '_') || before.is_lowercase() && letter.is_uppercase();
+        if begins_word && !text.is_empty() {
+            text += "<wbr/>";
+        }
+        text.push(letter);
+        before = letter;
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

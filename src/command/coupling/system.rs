@@ -27,7 +27,7 @@ pub struct Member<'a> {
 
 /// A variable of an FMU in the interface.
 struct Wire<'a> {
-    port: &'a Port,
+    port: &'a Port<'a>,
     variable: &'a FmuVariable,
     to_interface: Linear,
 }
@@ -282,7 +282,7 @@ fn component_names(fits: [&Compatibility<'_>; 2]) -> [String; 2] {
 
 /// The units of the interface, and those of the FMUs without a conflicting definition there.
 fn units(fits: [&Compatibility<'_>; 2]) -> Vec<Unit> {
-    let interface = [Role::Controller, Role::Plant].map(|role| &role.description().units);
+    let interface = [Role::Controller, Role::Plant].map(|role| &fits[0].interface.description(role).units);
     let own = fits.map(|compatibility| &compatibility.fmu.units);
     let mut units: Vec<Unit> = vec![];
     let mut ambiguous: Vec<String> = vec![];

@@ -6,9 +6,9 @@ use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
 use cargo_fmu::run::name_and_value;
 use clap::Args;
+use fmu_io::terminal::{complain, print};
 use fmu_master::Fmu;
 use fmu_package::ParameterSet;
-use fmu_package::terminal::{complain, print};
 use fmu_record::numbers::estimate;
 
 /// The files in the folder of results.

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, ParameterSet, writing};
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::{FmuDescription, ParameterSet};
 
 use crate::live::{LOOP, Live, Module};
 use crate::reproduce::{FIGURES, Laboratory};

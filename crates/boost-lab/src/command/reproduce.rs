@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::reproduce::{FIGURES, Laboratory, html, json};
 use anyhow::{Result, bail};
-use fmu_package::terminal::print;
+use fmu_io::terminal::print;
 
 /// Reproduces the numbered figures, or all if none is given. Returns whether all claims hold.
 pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {

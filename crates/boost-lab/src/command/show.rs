@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use fmu_io::terminal::print;
+use fmu_io::writing;
 use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::Scenario;
 use fmu_master::{LoadedFmus, Master, Run};
-use fmu_package::terminal::print;
-use fmu_package::writing;
 use fmu_plot::escaped;
 use fmu_plot::page;
 use fmu_plot::panels;
@@ -52,7 +52,7 @@ fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<St
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let title = scenario.title.as_deref().unwrap_or(&name);
     let figure = panels::draw(&run.record, title, scenario.panel_names().as_deref());
-    let text = fmu_package::reading::text(path)?;
+    let text = fmu_io::reading::text(path)?;
     Ok(format!(
         "<h2 id=\"{0}\">{1}</h2>\n<p>{2}</p>\n{3}<figure>\n{4}</figure>\n<details><summary>The scenario {0}</summary>\
          <pre>{5}</pre></details>\n",

@@ -10,8 +10,9 @@ use anyhow::{Result, bail};
 use boost_interface::NameMap;
 use cargo_fmu::run::journal::{Settings, digest};
 use clap::Args;
-use fmu_package::terminal::{complain, print};
-use fmu_package::{ParameterSet, writing};
+use fmu_io::terminal::{complain, print};
+use fmu_io::writing;
+use fmu_package::ParameterSet;
 
 const CSV: &str = "results.csv";
 const HTML: &str = "report.html";
@@ -64,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     let mut sources =
         [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
     for path in &arguments.maps {
-        let map = NameMap::read(path)?;
+        let map = NameMap::read(&mapping::INTERFACE, path)?;
         let mut is_taken = false;
         for source in &mut sources {
             if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {

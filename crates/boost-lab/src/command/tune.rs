@@ -7,9 +7,9 @@ use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal
 use anyhow::{Context, Result};
 use cargo_fmu::run::journal::digest;
 use clap::Args;
+use fmu_io::terminal::{complain, print};
 use fmu_master::Fmu;
 use fmu_package::ParameterSet;
-use fmu_package::terminal::{complain, print};
 
 /// The name of the parameter set.
 const SET: &str = "schedule";

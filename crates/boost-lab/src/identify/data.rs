@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading;
-use fmu_package::terminal::number as shown;
+use fmu_io::reading;
+use fmu_io::terminal::number as shown;
 
 /// A quantity that a column of the data can hold.
 struct Quantity {

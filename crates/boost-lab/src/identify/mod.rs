@@ -21,7 +21,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::Parameters;
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 

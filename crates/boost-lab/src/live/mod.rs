@@ -9,7 +9,8 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use fmu_package::{FmuDescription, ParameterSet, Value, reading};
+use fmu_io::reading;
+use fmu_package::{FmuDescription, ParameterSet, Value};
 use serde_json::{Value as Json, json};
 use wasmparser::{Parser, Payload};
 

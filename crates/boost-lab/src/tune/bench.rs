@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{ParameterSet, Value};
 use serde::{Deserialize, Serialize};
 

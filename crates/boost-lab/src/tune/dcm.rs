@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{ParameterSet, Value};
 
 use super::schedule::{Schedule, ScheduleTable, boost_limit_parameter};

@@ -1,11 +1,13 @@
 //! The controller's gain schedule: its grid of engine speeds and boost references, and the other parameters that an
 //! identification needs.
 
+use crate::mapping::INTERFACE;
 use anyhow::{Context, Result, bail};
 use boost_fmu::controller::variables::AllocationParameters;
 use boost_interface::Role;
-use fmu_package::terminal::number;
-use fmu_package::{FmuDescription, FmuVariable, Value, like};
+use fmu_io::terminal::number;
+use fmu_package::{FmuDescription, FmuVariable, Value};
+use fmu_terms::like;
 
 use super::procedure::Strategy;
 
@@ -135,7 +137,7 @@ impl Allocation {
 
 impl Schedule {
     pub fn built_in(strategy: Strategy) -> Result<Self> {
-        Self::read(Role::Controller.description(), strategy)
+        Self::read(INTERFACE.description(Role::Controller), strategy)
     }
 
     pub fn read(controller: &FmuDescription, strategy: Strategy) -> Result<Self> {
@@ -335,7 +337,7 @@ mod tests {
     #[test]
     fn missing_parameters_of_a_controller_are_named() {
         let refusal_of = |strategy, name: &str, change: fn(&mut FmuVariable)| {
-            let mut controller = Role::Controller.description().clone();
+            let mut controller = INTERFACE.description(Role::Controller).clone();
             change(controller.variables.iter_mut().find(|variable| variable.name == name).unwrap());
             Schedule::read(&controller, strategy).unwrap_err().to_string()
         };

@@ -7,8 +7,8 @@ use super::comparison::Comparison;
 use super::make_folder;
 use anyhow::Result;
 use clap::Args;
-use fmu_package::terminal::{complain, print};
-use fmu_package::writing;
+use fmu_io::terminal::{complain, print};
+use fmu_io::writing;
 use fmu_plot::PlotFormat;
 use fmu_record::Record;
 

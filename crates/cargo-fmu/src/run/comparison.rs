@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
-use fmu_package::like;
+use fmu_terms::like;
 
 use fmu_plot::panels::shown;
 use fmu_plot::{Figure, Line, Panel, color, escaped};

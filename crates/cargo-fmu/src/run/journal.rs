@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading::{self, LARGEST_CONTENT, up_to};
+use fmu_io::reading::{self, LARGEST_CONTENT, up_to};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use fmu_io::terminal::print;
+use fmu_io::writing;
 use fmu_master::scenario::Scenario;
 use fmu_master::{NameMap, ReadMap};
-use fmu_package::terminal::print;
-use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Arc;
 

@@ -10,15 +10,17 @@ use super::{FmuArguments, Maps, finite, inputs, name_and_value, positive, progre
 use crate::Export;
 use anyhow::{Context, Error, Result, bail};
 use clap::Args;
+use fmu_io::temporary::Folder;
+use fmu_io::terminal::{complain, number, print};
+use fmu_io::writing;
 use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal, read_signals};
 use fmu_master::system::{self, Times};
 use fmu_master::{LoadedFmus, Master};
-use fmu_package::temporary::Folder;
-use fmu_package::terminal::{complain, number, print};
-use fmu_package::{FmuVariable, ParameterSet, Value, ValueType, like, writing};
+use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_plot::{PlotFormat, panels};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Header, Record, TableFormat};
+use fmu_terms::like;
 
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;

@@ -1,15 +1,14 @@
-//! The runtime's part of the typed interface: access by value reference, and the tables that describe each value
-//! reference.
+//! Access by value reference.
 
 use std::fmt::Write as _;
 
-use super::{Generator, numbered};
-use crate::declaration::{Declaration, Initial, Variability};
-use crate::model::{DataType, Place, Scalar};
-use crate::xml;
+use super::generator::{Generator, enumeration_path, full_path};
+use crate::data_type::DataType;
+use crate::declaration::{Initial, Variability};
+use crate::model::{Place, Scalar};
 
 impl Generator<'_, '_> {
-    pub(crate) fn inputs_impl(&self) -> String {
+    pub(super) fn inputs_impl(&self) -> String {
         let (mut bounds, mut getters, mut setters) = (String::new(), String::new(), String::new());
         for (place, position) in self.real_inputs().enumerate() {
             let scalar = &self.model.scalars[position];
@@ -39,7 +38,7 @@ impl ::fmu_export::Inputs for Inputs {{
         )
     }
 
-    pub(crate) fn variables_impl(&self) -> String {
+    pub(super) fn variables_impl(&self) -> String {
         // States fail first; derivatives and outputs follow from them.
         let (mut sums, mut reals, mut count) = ([const { String::new() }; 4], String::new(), 0);
         for place in [Place::States, Place::Derivatives, Place::Outputs] {
@@ -128,52 +127,6 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// The positions of the clocks: inputs first, by priority, then the others.
-    fn clocks_by_priority(&self) -> Vec<usize> {
-        let mut clocks: Vec<_> = self.model.in_place(Place::Clocks).collect();
-        clocks.sort_by_key(|&clock| {
-            let priority = self.model.field(clock).declaration.priority.unwrap_or(u32::MAX);
-            (!self.model.scalars[clock].is_input_clock(), priority)
-        });
-        clocks
-    }
-
-    /// The clocks, and the variables that belong to them, if any.
-    fn clock_tables(&self) -> String {
-        let reference = |&position: &usize| self.model.scalars[position].value_reference;
-        let (mut clocks, mut clocked) = (String::new(), String::new());
-        for position in self.clocks_by_priority() {
-            let declaration = self.model.field(position).declaration;
-            let _ = writeln!(
-                clocks,
-                "        fmi::ClockDescription {{ value_reference: {}, is_input: {}, interval_variability: \
-                 fmi::IntervalVariability::{:?}, has_interval: {}, supports_fraction: {}, can_be_deactivated: {} }},",
-                reference(&position),
-                self.model.scalars[position].is_input_clock(),
-                declaration.ticks(),
-                declaration.timing().is_some(),
-                declaration.has_fractions(),
-                declaration.can_be_deactivated,
-            );
-        }
-        for position in self.by_value_reference() {
-            let of: Vec<_> = self.model.scalars[position].clocks.iter().map(reference).collect();
-            if !of.is_empty() {
-                let _ = writeln!(clocked, "        ({}, &{of:?}),", reference(&position));
-            }
-        }
-        if clocks.is_empty() {
-            return clocks;
-        }
-        format!(
-            "    const CLOCKS: &'static [fmi::ClockDescription] = &[
-{clocks}    ];
-    const CLOCKED: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
-{clocked}    ];
-"
-        )
-    }
-
     /// The clocks by position.
     fn clocks(&self) -> String {
         let clocks = self.clocks_by_priority();
@@ -206,129 +159,32 @@ impl ::fmu_export::Variables for Variables {{
         )
     }
 
-    /// The states' nominal values, in the order of their arrays.
-    fn nominals(&self) -> String {
-        let fields = self.model.parts.iter().flat_map(|part| Place::States.fields(part));
-        let positions = fields.flat_map(|field| field.positions.iter().copied());
-        let nominals =
-            positions.map(|position| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0)));
-        nominals.collect::<Vec<_>>().join(", ")
-    }
-
-    /// The state bounds beyond which the equations are invalid, if any.
-    fn strict_states(&self) -> String {
-        let fields = self.model.parts.iter().flat_map(|part| Place::States.fields(part));
-        let positions = fields.flat_map(|field| field.positions.iter().copied());
-        let bound = |is_strict: bool, bound: Option<f64>, none: &str| {
-            bound.filter(|_| is_strict).map_or_else(|| none.to_owned(), |bound| format!("{bound:?}"))
-        };
-        let strict: Vec<_> = positions
-            .enumerate()
-            .map(|(state, position)| (state, &self.model.scalars[position]))
-            .filter(|(_, scalar)| scalar.strict != [false; 2])
-            .map(|(state, scalar)| {
-                let min = bound(scalar.strict[0], scalar.min, "f64::NEG_INFINITY");
-                let max = bound(scalar.strict[1], scalar.max, "f64::INFINITY");
-                format!("({state}, {min}, {max})")
-            })
-            .collect();
-        if strict.is_empty() {
-            return String::new();
-        }
-        format!("    const STRICT_STATES: &'static [(usize, f64, f64)] = &[{}];\n", strict.join(", "))
-    }
-
-    /// The event indicators' names, if any.
-    fn event_indicators(&self) -> String {
-        let Declaration { event_indicators: names, limits, .. } = self.model.declaration;
-        if names.is_empty() {
-            return String::new();
-        }
-        let mut text = format!("    const EVENT_INDICATORS: &'static [&'static str] = &{names:?};\n");
-        if !limits.is_empty() {
-            let limits: Vec<_> = (0..names.len()).filter(|&number| limits.contains(&names[number])).collect();
-            let _ = writeln!(text, "    const LIMITS: &'static [usize] = &{limits:?};");
-        }
-        if let Some(first) = self.model.in_place(Place::EventIndicators).next() {
-            let first = self.model.scalars[first].value_reference;
-            let _ = writeln!(text, "    const FIRST_EVENT_INDICATOR: fmi::ValueReference = {first};");
-        }
-        text
-    }
-
-    /// The arrays that are one variable each, if any.
-    fn arrays_of_fmi3(&self) -> String {
-        let reference = |&position: &usize| self.model.scalars[position].value_reference;
-        let arrays = self.model.arrays();
-        if arrays.is_empty() {
-            return String::new();
-        }
-        let arrays: Vec<Vec<_>> = arrays.iter().map(|array| array.iter().map(reference).collect()).collect();
-        let mut inner: Vec<_> = arrays.iter().flat_map(|array| &array[1..]).collect();
-        inner.sort_unstable();
-        let arrays: Vec<_> = arrays.iter().map(|array| format!("&{array:?}")).collect();
-        format!(
-            "    const ARRAYS: &'static [&'static [fmi::ValueReference]] = &[{}];
-    const INNER_ELEMENTS: &'static [fmi::ValueReference] = &{inner:?};\n",
-            arrays.join(", ")
-        )
-    }
-
-    /// The declared dependencies of Real outputs and derivatives.
-    fn dependencies(&self) -> String {
-        let reference = |&position: &usize| self.model.scalars[position].value_reference;
-        let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
-        let structure = self.structure.outputs.iter().chain(&self.structure.derivatives);
-        let (mut lines, mut depends_on_time) = (String::new(), false);
-        for unknown in structure.filter(|unknown| is_real(unknown.scalar)) {
-            if let Some(knowns) = &unknown.dependencies {
-                depends_on_time |= knowns.iter().any(|&known| self.model.scalars[known].place == Place::Time);
-                let knowns: Vec<_> = knowns.iter().map(reference).collect();
-                let _ = writeln!(lines, "        ({}, &{knowns:?}),", reference(&unknown.scalar));
-            } else {
-                depends_on_time = true;
-            }
-        }
-        if !lines.is_empty() {
-            lines = format!(
-                "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
-            );
-        }
-        if depends_on_time && self.model.declaration.capabilities.directional_derivatives {
-            lines.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
-        }
-        lines
-    }
-
     /// The variables over other number types, and their states.
     fn numbers(&self) -> String {
-        let of = if self.has_reals() {
-            "
-    type Of<T: ::fmu_export::Number> = Variables<T>;
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
-
-    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
-        self.combine(other, &mut number)
-    }
-
-    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
-        numbers.combine(other, &mut number)
-    }
-"
+        // Without Reals the variables are the same over all number types.
+        let [of, evaluation, other, number, combined, collected] = if self.has_reals() {
+            let [combined, collected] =
+                ["self", "numbers"].map(|numbers| format!("{numbers}.combine(other, &mut number)"));
+            ["Variables<T>", "Evaluation<'a, T>", "other", "mut number", &combined, &collected]
+                .map(str::to_owned)
         } else {
-            "
-    type Of<T: ::fmu_export::Number> = Self;
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a>;
-
-    fn combined<T: ::fmu_export::Number>(&self, _other: &Self, _number: impl FnMut(f64, f64) -> T) -> Self {
-        self.clone()
-    }
-
-    fn collected<T: ::fmu_export::Number>(numbers: &Self, _other: &Self, _number: impl FnMut(T, f64) -> f64) -> Self {
-        numbers.clone()
-    }
-"
+            ["Self", "Evaluation<'a>", "_other", "_number", "self.clone()", "numbers.clone()"]
+                .map(str::to_owned)
         };
+        let of = format!(
+            "
+    type Of<T: ::fmu_export::Number> = {of};
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = {evaluation};
+
+    fn combined<T: ::fmu_export::Number>(&self, {other}: &Self, {number}: impl FnMut(f64, f64) -> T) -> {of} {{
+        {combined}
+    }}
+
+    fn collected<T: ::fmu_export::Number>(numbers: &{of}, {other}: &Self, {number}: impl FnMut(T, f64) -> f64) -> Self {{
+        {collected}
+    }}
+"
+        );
         let has_states = self.is_real(Place::States);
         let each = |name: &str, place: &str| {
             let (function, body) = if has_states {
@@ -365,7 +221,8 @@ impl ::fmu_export::Variables for Variables {{
         Evaluation { parameters, inputs, states, derivatives, locals, outputs }
     }
 ";
-        [of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set].concat()
+        [&of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set]
+            .concat()
     }
 
     /// A place's variables without changes, from its default, named after the place.
@@ -376,17 +233,16 @@ impl ::fmu_export::Variables for Variables {{
 
     /// The getters and setters of all types.
     fn all_accessors(&self) -> String {
-        let accessors: Vec<_> = [
-            ("real", "f64", "f64", "0.0"),
-            ("integer", "i32", "i32", "0"),
-            ("boolean", "bool", "bool", "false"),
-            ("string", "&str", "&str", "\"\""),
-            ("float32", "f32", "f32", "0.0"),
-            ("whole", "i128", "i128", "0"),
-            ("binary", "&[u8]", "&[u8]", "&[]"),
-        ]
-        .into_iter()
-        .map(|(name, value_type, argument_type, default)| {
+        let accessors = [
+            ("real", "f64", "0.0"),
+            ("integer", "i32", "0"),
+            ("boolean", "bool", "false"),
+            ("string", "&str", "\"\""),
+            ("float32", "f32", "0.0"),
+            ("whole", "i128", "0"),
+            ("binary", "&[u8]", "&[]"),
+        ];
+        let accessors = accessors.map(|(name, value_type, default)| {
             let (getters, setters) = self.accessors(name);
             // Types of FMI 3.0 only have defaults in the trait.
             if getters.is_empty() && matches!(name, "float32" | "whole" | "binary") {
@@ -400,7 +256,7 @@ impl ::fmu_export::Variables for Variables {{
         }}
     }}
 
-    fn set_{name}(&mut self, reference: fmi::ValueReference, value: {argument_type}) {{
+    fn set_{name}(&mut self, reference: fmi::ValueReference, value: {value_type}) {{
         let _ = value;
         match reference {{
 {setters}            _ => {{}}
@@ -408,8 +264,7 @@ impl ::fmu_export::Variables for Variables {{
     }}
 "
             )
-        })
-        .collect();
+        });
         accessors.concat()
     }
 
@@ -443,21 +298,11 @@ impl ::fmu_export::Variables for Variables {{
     /// A type's getter and setter arms.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        let is_held = |scalar: &&Scalar| !matches!(scalar.place, Place::Time | Place::EventIndicators);
-        for scalar in self.model.scalars.iter().filter(is_held) {
-            let of_type = match scalar.data_type {
-                DataType::Real => "real",
-                DataType::Integer | DataType::Enumeration(_) => "integer",
-                DataType::Boolean => "boolean",
-                DataType::String => "string",
-                DataType::Float32 => "float32",
-                DataType::Whole(_) => "whole",
-                DataType::Binary => "binary",
-                DataType::Clock => continue,
-            };
-            if of_type != accessor {
-                continue;
-            }
+        let is_of_type = |scalar: &&Scalar| {
+            !matches!(scalar.place, Place::Time | Place::EventIndicators)
+                && accessor_of(scalar.data_type) == Some(accessor)
+        };
+        for scalar in self.model.scalars.iter().filter(is_of_type) {
             let reference = scalar.value_reference;
             let from = full_path(scalar);
             let to = match scalar.place {
@@ -467,139 +312,45 @@ impl ::fmu_export::Variables for Variables {{
                 _ if scalar.initial == Some(Initial::Exact) => Some(from.clone()),
                 _ => None,
             };
-            let (get, set) = match scalar.data_type {
-                DataType::Enumeration(enumeration) => {
-                    let name = super::enumeration_path(&self.model.declaration.enumerations[enumeration]);
-                    let item = format!("if let Some(item) = {name}::from_value(value)");
-                    let set = to.map(|to| format!("{{\n                {item} {{\n                    self.{to} = item;\n                }}\n            }}"));
-                    (format!("self.{from} as i32"), set)
+            let if_let = |pattern: &str, to: &str| {
+                format!(
+                    "{{\n                if let {pattern} {{\n                    self.{to};\n                }}\n            }}"
+                )
+            };
+            let (get, set): (_, &dyn Fn(String) -> String) = match (accessor, scalar.data_type) {
+                (_, DataType::Enumeration(enumeration)) => {
+                    let name = enumeration_path(&self.model.declaration.enumerations[enumeration]);
+                    let item = format!("Some(item) = {name}::from_value(value)");
+                    (format!("self.{from} as i32"), &move |to| if_let(&item, &format!("{to} = item")))
                 }
-                DataType::Whole(_) => {
-                    let set = to.map(|to| format!("{{\n                if let Ok(value) = value.try_into() {{\n                    self.{to} = value;\n                }}\n            }}"));
-                    (format!("self.{from}.into()"), set)
+                ("whole", _) => (format!("self.{from}.into()"), &|to| {
+                    if_let("Ok(value) = value.try_into()", &format!("{to} = value"))
+                }),
+                ("string" | "binary", _) => {
+                    (format!("&self.{from}"), &|to| format!("value.clone_into(&mut self.{to}),"))
                 }
-                DataType::String | DataType::Binary => {
-                    (format!("&self.{from}"), to.map(|to| format!("value.clone_into(&mut self.{to}),")))
-                }
-                _ => (format!("self.{from}"), to.map(|to| format!("self.{to} = value,"))),
+                _ => (format!("self.{from}"), &|to| format!("self.{to} = value,")),
             };
             let _ = writeln!(getters, "            {reference} => {get},");
-            if let Some(set) = set {
-                let _ = writeln!(setters, "            {reference} => {set}");
+            if let Some(to) = to {
+                let _ = writeln!(setters, "            {reference} => {}", set(to));
             }
         }
         (getters, setters)
     }
+}
 
-    /// The tables for the runtime.
-    pub(crate) fn description(&self, guid: &str) -> String {
-        let model = self.model;
-        let categories: Vec<_> =
-            model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
-        let mut variables = String::new();
-        let real_inputs = numbered(&self.real_inputs().collect::<Vec<_>>());
-        let states = numbered(&model.in_place(Place::States).collect::<Vec<_>>());
-        for position in self.by_value_reference() {
-            let scalar = &model.scalars[position];
-            let (min, max) = self.bounds(scalar);
-            let _ = writeln!(
-                variables,
-                "        fmi::VariableDescription {{ name: {:?}, data_type: fmi::DataType::{}, causality: fmi::Causality::{}, \
-                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?}, state: {:?} }},",
-                scalar.name,
-                match scalar.data_type {
-                    DataType::Real => "Real",
-                    DataType::Integer => "Integer",
-                    DataType::Boolean => "Boolean",
-                    DataType::String => "String",
-                    DataType::Enumeration(_) => "Enumeration",
-                    DataType::Float32 => "Float32",
-                    DataType::Whole(whole) => whole.name(),
-                    DataType::Binary => "Binary",
-                    DataType::Clock => "Clock",
-                },
-                super::pascal_case(xml::causality(scalar.causality)),
-                scalar.variability,
-                scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
-                real_inputs.get(&position),
-                states.get(&position),
-            );
-        }
-        let capabilities = &model.declaration.capabilities;
-        format!(
-            "
-static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
-    model_identifier: {:?},
-    guid: {guid:?},
-    variables: &[
-{variables}    ],
-    log_categories: &[{categories}],
-    version: fmi::Version::{:?},
-    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {}, scheduled_execution: {} }},
-    has_resources: {},
-    capabilities: fmi::Capabilities {{
-        interpolate_inputs: {},
-        get_and_set_state: {},
-        serialize_state: {},
-        directional_derivatives: {},
-        adjoint_derivatives: {},
-        event_mode: {},
-    }},
-}};
-",
-            model.identifier,
-            model.fmi.version,
-            model.fmi.interfaces.co_simulation(),
-            model.fmi.interfaces.model_exchange(),
-            model.fmi.interfaces.scheduled_execution(),
-            model.declaration.resources.is_some(),
-            capabilities.interpolate_inputs,
-            capabilities.get_and_set_state,
-            capabilities.serializes_state(),
-            capabilities.directional_derivatives,
-            capabilities.adjoint_derivatives,
-            capabilities.event_mode,
-            categories = categories.join(", "),
-        )
-    }
-
-    /// The variables' positions, ordered by value reference.
-    fn by_value_reference(&self) -> Vec<usize> {
-        let mut positions: Vec<_> = (0..self.model.scalars.len()).collect();
-        positions.sort_by_key(|&position| self.model.scalars[position].value_reference);
-        positions
-    }
-
-    /// Their value references, unless these are 0, 1, 2, …, and those of arrays.
-    fn value_references(&self) -> String {
-        let scalars = self.by_value_reference().into_iter().map(|position| &self.model.scalars[position]);
-        let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
-        if (0..).zip(&references).all(|(position, reference)| position == *reference) {
-            return self.arrays_of_fmi3();
-        }
-        let arrays = self.arrays_of_fmi3();
-        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n{arrays}")
-    }
-
-    fn real_inputs(&self) -> impl Iterator<Item = usize> {
-        self.model
-            .in_place(Place::Inputs)
-            .filter(|&position| self.model.scalars[position].data_type == DataType::Real)
-    }
-
-    /// A variable's bounds, as Rust text.
-    fn bounds(&self, scalar: &Scalar) -> (String, String) {
-        let text = |bound: Option<f64>, open: &str| match bound {
-            Some(bound) => format!("{bound:?}"),
-            None => open.to_owned(),
-        };
-        match scalar.data_type {
-            DataType::Enumeration(enumeration) => {
-                let items = self.model.declaration.enumerations[enumeration].items.len();
-                ("1.0".to_owned(), format!("{items}.0"))
-            }
-            _ => (text(scalar.min, "f64::NEG_INFINITY"), text(scalar.max, "f64::INFINITY")),
-        }
+/// The functions that exchange a type's values; none for clocks.
+fn accessor_of(data_type: DataType) -> Option<&'static str> {
+    match data_type {
+        DataType::Real => Some("real"),
+        DataType::Integer | DataType::Enumeration(_) => Some("integer"),
+        DataType::Boolean => Some("boolean"),
+        DataType::String => Some("string"),
+        DataType::Float32 => Some("float32"),
+        DataType::Binary => Some("binary"),
+        DataType::Clock => None,
+        _ => Some("whole"),
     }
 }
 
@@ -608,18 +359,4 @@ fn is_evaluated(scalar: &Scalar) -> bool {
     matches!(scalar.place, Place::Derivatives | Place::Locals | Place::Outputs)
         && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
         && scalar.initial == Some(Initial::Calculated)
-}
-
-/// A variable's path in `Variables`.
-fn full_path(scalar: &Scalar) -> String {
-    let place = match scalar.place {
-        Place::Parameters => "parameters",
-        Place::Inputs => "inputs",
-        Place::States => "states",
-        Place::Derivatives => "derivatives",
-        Place::Outputs => "outputs",
-        Place::Clocks => "clocks",
-        Place::Locals | Place::Time | Place::EventIndicators => "locals",
-    };
-    format!("{place}.{}", scalar.path)
 }

@@ -5,10 +5,10 @@
 
 use std::collections::BTreeSet;
 
-use super::given;
-use crate::declaration::MatchingRule;
+use fmu_xml::{document, element, empty, given};
+
+use crate::declaration::word;
 use crate::model::Model;
-use fmu_xml::{document, element, empty};
 
 pub(crate) fn write(model: &Model<'_>) -> String {
     let terminals = &model.declaration.terminals;
@@ -33,13 +33,9 @@ pub(crate) fn write(model: &Model<'_>) -> String {
             }
             element(writer, "Terminals", vec![], |writer| {
                 terminals.iter().try_for_each(|terminal| {
-                    let rule = match terminal.matching_rule {
-                        MatchingRule::Plug => "plug",
-                        MatchingRule::Bus => "bus",
-                    };
                     let attributes = given([
                         ("name", Some(terminal.name.clone())),
-                        ("matchingRule", Some(rule.to_owned())),
+                        ("matchingRule", Some(word(terminal.matching_rule).to_string())),
                         ("description", terminal.description.clone()),
                     ]);
                     element(writer, "Terminal", attributes, |writer| {

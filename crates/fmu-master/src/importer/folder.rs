@@ -5,8 +5,8 @@ use std::io::BufReader;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use fmu_io::temporary::Folder;
 use fmu_package::archive;
-use fmu_package::temporary::Folder;
 
 /// A unique prefix: leftovers of killed processes with it are removed.
 const PREFIX: &str = ".unpacked-by-fmu-master-";

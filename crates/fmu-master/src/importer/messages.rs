@@ -3,7 +3,7 @@
 use std::ffi::c_int;
 use std::fmt;
 
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 use fmu_package::{FmuDescription, FmuVariable};
 
 /// A status, as the FMU returned it.

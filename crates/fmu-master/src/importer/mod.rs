@@ -28,11 +28,11 @@ pub use self::messages::{CallFailed, Ended, Message, Status};
 use crate::name_map::NameMap;
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
+use fmu_io::reading;
+use fmu_io::temporary::Folder;
 use fmu_package::library::refuse_cut_short;
-use fmu_package::temporary::Folder;
-use fmu_package::{
-    Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Translation, Value, like, reading,
-};
+use fmu_package::{Element, FmuDescription, FmuVariable, Linear, ParameterSet, Platform, Translation, Value};
+use fmu_terms::like;
 
 /// The capability flag of FMUs with a single instance per process, for [`FmuDescription::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow, bail};
-use fmu_package::like;
+use fmu_terms::like;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 

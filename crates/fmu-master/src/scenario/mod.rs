@@ -37,8 +37,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::terminal::number;
-use fmu_package::{Linear, ParameterSet, Value, reading};
+use fmu_io::reading;
+use fmu_io::terminal::number;
+use fmu_package::{Linear, ParameterSet, Value};
 use toml::de::DeValue;
 
 use crate::importer::Fmu;

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading;
-use fmu_package::terminal::number as shown;
+use fmu_io::reading;
+use fmu_io::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};

@@ -5,15 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 use zip::{CompressionMethod, ZipArchive};
 
+use super::report::{Place, Report};
 use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
     ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
-use super::{Place, Report};
-use crate::archive::is_inside;
-use crate::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
@@ -216,4 +215,13 @@ fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut R
     if report.findings.len() == before {
         report.add(&ARCHIVE_DUPLICATE, Place::default(), "two entries have the same path");
     }
+}
+
+/// Whether a path stays in its extraction folder, on every system.
+pub(crate) fn is_inside(path: &str) -> bool {
+    // A folder's path ends with a slash.
+    let path = path.strip_suffix('/').unwrap_or(path);
+    // Windows ignores trailing dots and blanks in a name.
+    let is_name = |part: &str| !part.trim_end_matches(['.', ' ']).is_empty();
+    !path.contains(['\\', ':', '\0']) && path.split('/').all(is_name)
 }

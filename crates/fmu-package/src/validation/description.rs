@@ -4,14 +4,15 @@ use std::collections::BTreeSet;
 
 use regex_lite::Regex;
 
-use super::model::{Element, Model, children, flag, named};
+use super::model::Model;
+use super::report::{Report, Version};
 use super::rules::{
     CAPABILITY, DEFAULT_EXPERIMENT, EVENT_INDICATOR_COUNT, GENERATION_DATE, GUID, INTERFACE, LOG_CATEGORY,
     MODEL_IDENTIFIER, Rule,
 };
 use super::schema::number;
-use super::{Report, Version};
-use crate::model_description::refuse_no_identifier;
+use crate::identifier::refuse_no_identifier;
+use crate::xml::{Element, flag, listed, named};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     interfaces(model, report);
@@ -21,7 +22,7 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     generation_date(model, report);
     default_experiment(model, report);
     capabilities(model, report);
-    let categories = named(model.root, "LogCategories").flat_map(children);
+    let categories = listed(model.root, "LogCategories");
     unique(model, report, &LOG_CATEGORY, categories, "name");
 }
 

@@ -1,8 +1,9 @@
 //! What the standard allows but known importers reject: one table, shown in `docs/validation.md`.
 
-use super::model::{Model, named};
+use super::model::Model;
+use super::report::{Place, Report, Version};
 use super::rules::{ARRAY, Rule, STRUCTURAL_PARAMETER, TYPE_DESCRIPTION};
-use super::{Place, Report, Version};
+use crate::xml::named;
 
 /// A tool that imports FMUs.
 #[derive(Debug)]

@@ -3,14 +3,15 @@
 use std::collections::BTreeSet;
 
 use super::archive::Files;
-use super::model::{Model, named};
+use super::model::Model;
+use super::report::{Place, Report, Version};
 use super::rules::{
     LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
     LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
 };
-use super::{Place, Report, Version};
-use crate::library::{Architecture, Format, Linkage};
-use crate::{Library, Platform};
+use crate::library::{Library, Linkage};
+use crate::platform::{Architecture, Format, Platform};
+use crate::xml::named;
 
 /// The functions of FMI 1.0 for Model Exchange, without their prefix.
 const FMI1_MODEL_EXCHANGE: &str =

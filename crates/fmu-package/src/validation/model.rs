@@ -2,14 +2,11 @@
 
 use std::collections::HashMap;
 
-use roxmltree::Node;
-
+use super::report::{Place, Report, Version};
 use super::rules::Rule;
 use super::xml::Xml;
-use super::{Place, Report, Version};
-
-/// An element of the description.
-pub(super) type Element<'d> = Node<'d, 'd>;
+use crate::model_description::INTERFACES;
+use crate::xml::{Element, children, listed, named};
 
 /// A description. Parts may be missing where it violates the schema, which is reported separately.
 pub(super) struct Model<'d> {
@@ -82,28 +79,12 @@ pub(super) fn is_float(kind: &str) -> bool {
     matches!(kind, "Real" | "Float32" | "Float64")
 }
 
-/// An element's children.
-pub(super) fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
-    element.children().filter(Node::is_element)
-}
-
-/// An element's children of a name.
-pub(super) fn named<'d>(element: Element<'d>, name: &'static str) -> impl Iterator<Item = Element<'d>> {
-    children(element).filter(move |child| child.tag_name().name() == name)
-}
-
-/// An attribute of a variable's element.
-pub(super) fn flag(element: Element<'_>, name: &str) -> bool {
-    matches!(element.attribute(name).map(str::trim), Some("true" | "1"))
-}
-
 impl<'d> Model<'d> {
     pub fn new(version: Version, xml: &'d Xml<'d>) -> Self {
         let root = xml.root();
-        let below = |name| named(root, name).flat_map(children);
-        let interfaces = ["ModelExchange", "CoSimulation", "ScheduledExecution"];
+        let below = |name| listed(root, name);
         let interfaces =
-            children(root).filter(|child| interfaces.contains(&child.tag_name().name())).collect();
+            children(root).filter(|child| INTERFACES.contains(&child.tag_name().name())).collect();
         let types: Vec<_> = below("TypeDefinitions")
             .map(|declared| match version {
                 Version::Three => (declared, declared),
@@ -173,7 +154,7 @@ impl<'d> Model<'d> {
     }
 
     fn read_structure(&self) -> Vec<Entry<'d>> {
-        let structure = named(self.root, "ModelStructure").flat_map(children);
+        let structure = listed(self.root, "ModelStructure");
         let elements: Vec<(&str, Element<'d>)> = match self.version {
             Version::Three => structure.map(|entry| (entry.tag_name().name(), entry)).collect(),
             _ => structure

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::archive::Files;
-use super::model::{Element, Model, named};
+use super::model::Model;
+use super::report::{Place, Report, Version};
 use super::rules::{SOURCES, TERMINALS};
+use super::schema;
 use super::xml::Xml;
-use super::{Place, Report, Version, schema};
+use crate::xml::{Element, named};
 
 pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     for file in model

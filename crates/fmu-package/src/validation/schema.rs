@@ -10,9 +10,9 @@ use std::rc::Rc;
 use regex_lite::Regex;
 use roxmltree::{Document, Node};
 
+use super::report::{Report, Version};
 use super::rules::{SCHEMA_ATTRIBUTE, SCHEMA_ELEMENT, SCHEMA_VALUE};
 use super::xml::Xml;
-use super::{Report, Version};
 
 type Declaration<'s> = Node<'s, 's>;
 

@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::model::{Entry, Model};
+use super::report::{Report, Version, Wrong};
 use super::rules::{
     CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KIND_USE, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES,
     EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
     STRUCTURE_REFERENCE,
 };
-use super::{Report, Version, Wrong};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     if model.version == Version::One

@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 
 use super::description::unique;
-use super::model::{Element, Model, children, flag, named};
+use super::model::Model;
+use super::report::{Place, Report, Version};
 use super::rules::{
     DISPLAY_UNIT, ENUMERATION_ITEM, RANGE, TYPE_DEFINED, TYPE_NAME, UNIT_DEFINED, UNIT_FACTOR, UNIT_NAME,
 };
 use super::schema::number;
-use super::{Place, Report, Version};
+use crate::xml::{Element, children, flag, named};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     units(model, report);

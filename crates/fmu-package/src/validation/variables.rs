@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use regex_lite::Regex;
 
-use super::model::{Model, Variable, flag, initials, named};
+use super::model::{Model, Variable, initials};
+use super::report::{Report, Version, Wrong};
 use super::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
     FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT,
@@ -12,7 +13,7 @@ use super::rules::{
 };
 use super::schema::number;
 use super::types::range;
-use super::{Report, Version, Wrong};
+use crate::xml::{flag, named};
 
 /// Structured names (FMI 2.0.5, section 2.2.9; FMI 3.0.2, section 2.4.7.5.1).
 const STRUCTURED: &str = r"^(?:IDENTIFIER|der\(IDENTIFIER(?:,[0-9]+)?\))$";

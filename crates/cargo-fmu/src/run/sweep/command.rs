@@ -7,8 +7,8 @@ use super::{Study, report, results};
 use crate::run::{FmuArguments, Maps, inputs, progress_bar, refuse_overlap, write};
 use anyhow::Result;
 use clap::Args;
-use fmu_package::terminal::{complain, print};
-use fmu_package::writing;
+use fmu_io::terminal::{complain, print};
+use fmu_io::writing;
 use fmu_record::{Header, TableFormat};
 
 /// Run a scenario for many parameter values, on all cores; resumes if interrupted

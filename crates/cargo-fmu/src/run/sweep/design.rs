@@ -1,7 +1,8 @@
 //! The values of a study's parameters in each run.
 
 use anyhow::Result;
-use fmu_package::{Value, terminal};
+use fmu_io::terminal;
+use fmu_package::Value;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

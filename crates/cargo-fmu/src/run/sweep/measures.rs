@@ -1,7 +1,7 @@
 //! The measures of each run of a study.
 
 use anyhow::{Context, Result};
-use fmu_package::terminal::number;
+use fmu_io::terminal::number;
 
 use fmu_master::measure::{Following, between, greatest, least};
 use fmu_master::scenario::document::{Node, TomlTable};

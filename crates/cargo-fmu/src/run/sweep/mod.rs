@@ -18,8 +18,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
-use fmu_package::temporary::remove_unfinished;
-use fmu_package::{FmuVariable, Value, reading, writing};
+use fmu_io::temporary::remove_unfinished;
+use fmu_io::{reading, writing};
+use fmu_package::{FmuVariable, Value};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;

@@ -4,12 +4,16 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use super::archive::broken;
-
 /// The largest text in bytes; descriptions of the largest models have some 50 MB.
 pub const LARGEST_TEXT: u64 = 64 << 20;
 /// The largest archive, packed or unpacked, or other binary file in bytes.
 pub const LARGEST_CONTENT: u64 = 1 << 30;
+
+/// An error in a file.
+#[must_use]
+pub fn broken(message: impl Into<String>) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message.into())
+}
 
 /// Opens a file.
 ///

@@ -7,7 +7,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::temporary::Unfinished;
+use crate::temporary::Unfinished;
 
 /// The writer of a file's content.
 pub type Writer<'a> = BufWriter<&'a File>;

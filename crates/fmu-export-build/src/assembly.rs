@@ -1,0 +1,143 @@
+//! From the declaration to the [`Model`], which is complete and consistent: anything else is rejected on the way.
+
+use fmu_terms::Version;
+
+use crate::check;
+use crate::data_type::DataType;
+use crate::declaration::{Causality, Declaration, Described, Initial, Variability, VariableDeclaration};
+use crate::dependencies;
+use crate::error::Refusals;
+use crate::flatten::Flat;
+use crate::interfaces::Fmi;
+use crate::model::{Field, Model, Place, Scalar};
+use crate::package::Package;
+use crate::units::Units;
+use crate::units::declaration::UnitDeclaration;
+
+/// What an FMU for Scheduled Execution adds to the identifier of the same model's other FMU.
+const SCHEDULED: &str = "Scheduled";
+
+/// Flattens and checks a declaration.
+pub(crate) fn model<'a>(
+    declaration: &'a Declaration,
+    units: &'a [UnitDeclaration],
+    package: &'a Package,
+    fmi: Fmi,
+) -> Result<Model<'a>, Refusals> {
+    let given = |text: &str| Some(text.to_owned()).filter(|text| !text.is_empty());
+    let library = declaration.model_identifier.clone().unwrap_or_else(|| package.name.replace('-', "_"));
+    let mut refusals = Refusals::default();
+    check::declaration(declaration, &library, &mut refusals);
+    refusals.check()?;
+    let mut flat = Flat::new(declaration)?;
+    flat.look_up_reads();
+    flat.look_up_clocks();
+    flat.look_up_previous();
+    let units = flat.find_units(&Units::new(units));
+    let Flat { parts, scalars, names, mut refusals, .. } = flat;
+    let mut model = Model {
+        declaration,
+        fmi,
+        identifier: library.clone(),
+        library,
+        description: declaration.description.clone().or_else(|| given(&package.description)),
+        author: declaration.author.clone().or_else(|| given(&package.authors.replace(':', ", "))),
+        license: declaration.license.clone().or_else(|| given(&package.license)),
+        version: &package.version,
+        log_categories: log_categories(&declaration.log_categories),
+        units,
+        parts,
+        scalars,
+        names,
+    };
+    check::model::variables(&model, &mut refusals);
+    dependencies::refuse_cycles(&model.scalars, &mut refusals);
+    refusals.check()?;
+    if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
+        add_event_indicators(&mut model, &mut refusals);
+        refusals.check()?;
+    }
+    if fmi.interfaces.scheduled_execution()
+        && let Some(clock) = &declaration.sample_clock
+    {
+        model.identifier += SCHEDULED;
+        add_sample_clock(&mut model, clock);
+    }
+    check::model::terminals(&model, &mut refusals);
+    refusals.check()?;
+    Ok(model)
+}
+
+/// The value reference after all others.
+fn next_reference(scalars: &[Scalar]) -> u32 {
+    scalars.iter().map(|scalar| scalar.value_reference + 1).max().unwrap_or(0)
+}
+
+/// Adds a sampled model's clock. Everything that changes does so at its ticks, depending on all that is known then.
+fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
+    let position = model.scalars.len();
+    for scalar in &mut model.scalars {
+        if matches!(scalar.place, Place::Inputs | Place::Outputs | Place::Locals)
+            && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
+        {
+            scalar.variability = Variability::Discrete;
+            scalar.clocks = vec![position];
+            scalar.reads = None;
+        }
+    }
+    let fields = &mut model.parts[0].fields;
+    let field = Field {
+        declaration: clock,
+        place: Place::Clocks,
+        data_type: DataType::Clock,
+        positions: vec![position],
+    };
+    model.scalars.push(Scalar {
+        name: clock.name.clone(),
+        field: [0, fields.len()],
+        value_reference: next_reference(&model.scalars),
+        description: clock.description.clone(),
+        place: Place::Clocks,
+        causality: Causality::Input,
+        variability: Variability::Discrete,
+        data_type: DataType::Clock,
+        unit: None,
+        path: field.name(),
+        ..Scalar::time()
+    });
+    fields.push(field);
+}
+
+/// Adds the event indicators, variables in FMI 3.0.
+fn add_event_indicators(model: &mut Model<'_>, refusals: &mut Refusals) {
+    for (number, name) in model.declaration.event_indicators.iter().enumerate() {
+        let indicator = Scalar {
+            name: format!("event_indicators.{name}"),
+            value_reference: next_reference(&model.scalars),
+            description: Some(format!("Event indicator {name}")),
+            place: Place::EventIndicators,
+            causality: Causality::Local,
+            initial: Some(Initial::Calculated),
+            unit: None,
+            reads: None,
+            initial_reads: None,
+            ..Scalar::time()
+        };
+        if model.names.contains_key(&indicator.name) {
+            let reason = format!("{}: another variable has this name", indicator.name);
+            refusals.add(format!("event_indicators[{number}]"), reason);
+        }
+        model.scalars.push(indicator);
+    }
+}
+
+/// The runtime's log categories, unless declared, and the declared ones.
+fn log_categories(declared: &[Described]) -> Vec<Described> {
+    let default = [("logStatusError", "errors"), ("logStatusWarning", "warnings"), ("logEvents", "events")];
+    default
+        .into_iter()
+        .filter(|(name, _)| declared.iter().all(|category| category.name != *name))
+        .map(|(name, description)| Described { name: name.to_owned(), description: description.to_owned() })
+        .chain(declared.iter().cloned())
+        .collect()
+}

@@ -1,0 +1,179 @@
+//! The flat model as a whole.
+
+use std::collections::BTreeSet;
+
+use fmu_terms::Version;
+
+use crate::declaration::Causality;
+use crate::error::{Refusals, nearest};
+use crate::model::{Model, Place, Scalar};
+use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
+use crate::texts::one_line;
+use crate::type_names::{FIXED_NAMES, struct_names};
+
+pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
+    state_groups(model, refusals);
+    type_names(model, refusals);
+    types_of_version(model, refusals);
+    outputs(model, refusals);
+    calculated_parameters(model, refusals);
+    clocks(model, refusals);
+}
+
+/// If there are groups, each state belongs to one, and each group has states.
+fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
+    let groups = &model.declaration.state_groups;
+    let names: BTreeSet<_> = groups.iter().map(|group| group.name.as_str()).collect();
+    for part in &model.parts {
+        let state = part.fields.iter().find(|field| field.place == Place::States);
+        let component = part.name.unwrap_or_default();
+        match (part.state_group, state) {
+            (Some(group), _) if !names.contains(group) => {
+                let nearest = nearest(group, names.iter());
+                let reason = format!("{component}: '{group}' is not one of the state_groups{nearest}");
+                refusals.add(format!("{}.state_group", part.key), reason);
+            }
+            (Some(group), None) => {
+                let reason = format!("{component}: it is in the state group '{group}', but has no states");
+                refusals.add(format!("{}.state_group", part.key), reason);
+            }
+            (None, Some(state)) if !groups.is_empty() => {
+                let Scalar { name, key, .. } = &model.scalars[state.positions[0]];
+                refusals.add(key, format!("{name}: it is a state, but its component has no 'state_group'"));
+            }
+            _ => {}
+        }
+    }
+    let used: BTreeSet<_> = model.parts.iter().filter_map(|part| part.state_group).collect();
+    for (number, group) in groups.iter().enumerate() {
+        if !used.contains(group.name.as_str()) {
+            let reason = format!("no component is in the state group '{}'", group.name);
+            refusals.add(format!("state_groups[{number}]"), reason);
+        }
+    }
+}
+
+/// The generated types must have distinct names.
+fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
+    let declaration = model.declaration;
+    let mut names: BTreeSet<_> = FIXED_NAMES.map(str::to_owned).into();
+    if declaration.has_clocks() {
+        names.insert(Place::Clocks.type_name().to_owned());
+    }
+    let enumerations = declaration.enumerations.iter().enumerate();
+    let enumerations =
+        enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.name.clone()));
+    for (key, name) in struct_names(declaration, &model.parts).into_iter().chain(enumerations) {
+        if names.contains(&name) {
+            refusals.add(key, format!("two generated types would be called '{name}'"));
+        }
+        names.insert(name);
+    }
+}
+
+/// FMI 2.0 has fewer types than FMI 3.0.
+fn types_of_version(model: &Model<'_>, refusals: &mut Refusals) {
+    let is_wrong = |scalar: &&Scalar| model.fmi.version == Version::Two && !scalar.data_type.is_of_fmi2();
+    for Scalar { name, key, data_type, .. } in model.scalars.iter().filter(is_wrong) {
+        let data_type = data_type.name();
+        let reason = format!("{name}: FMI 2.0 has no type {data_type}; FMI 3.0 has it (--fmi 3)");
+        refusals.add(format!("{key}.type"), reason);
+    }
+}
+
+/// A co-simulation unit without outputs is useless.
+fn outputs(model: &Model<'_>, refusals: &mut Refusals) {
+    if model.scalars.iter().all(|scalar| scalar.causality != Causality::Output) {
+        refusals.add("variables", "no variable has causality 'output'");
+    }
+}
+
+/// Only parameters change a calculated parameter.
+fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
+    let scalars = &model.scalars;
+    let of_parameter = |scalar: &Scalar| {
+        matches!(
+            scalar.causality,
+            Causality::Parameter | Causality::StructuralParameter | Causality::CalculatedParameter
+        )
+    };
+    for scalar in scalars.iter().filter(|scalar| scalar.causality == Causality::CalculatedParameter) {
+        for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {
+            let read = reads.iter().flatten().map(|&read| &scalars[read]).find(|read| !of_parameter(read));
+            if let Some(read) = read {
+                let (name, read) = (&scalar.name, &read.name);
+                let reason =
+                    format!("{name}: a calculatedParameter reads '{read}', which is not a parameter");
+                refusals.add(format!("{}.{list}", scalar.key), reason);
+                break;
+            }
+        }
+    }
+}
+
+/// The clocks. Scheduled Execution needs an input clock; a package may declare further models without one, which are
+/// not exported.
+fn clocks(model: &Model<'_>, refusals: &mut Refusals) {
+    let Model { declaration, fmi, parts, scalars, .. } = model;
+    if let Some(clock) = &declaration.clock {
+        if let Err(reason) = mixed_name(&clock.name, OF_VARIABLES) {
+            refusals.add("clock.name", reason);
+        } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
+            refusals.add("clock.name", format!("{}: another variable has this name", clock.name));
+        }
+        refusals.require("clock.description", clock.description.as_deref().map_or(Ok(()), one_line));
+        if let Some(other) = scalars.iter().find(|scalar| scalar.place == Place::Clocks) {
+            let reason = format!("{}: there is another clock, '{}'", clock.name, other.name);
+            refusals.add("clock", reason);
+        }
+    } else if !declaration.has_clocks() {
+        return;
+    }
+    if !fmi.interfaces.scheduled_execution() {
+        return;
+    }
+    if let Some(state) = scalars.iter().find(|scalar| scalar.place == Place::States) {
+        let reason = format!("{}: Scheduled Execution is for models without continuous states", state.name);
+        refusals.add(format!("{}.derivative", state.key), reason);
+    }
+    for field in parts.iter().flat_map(|part| &part.fields).filter(|field| field.place == Place::Clocks) {
+        let (declaration, Scalar { name, key, .. }) = (field.declaration, &scalars[field.positions[0]]);
+        if declaration.causality == Causality::Local {
+            let reason = format!("{name}: Scheduled Execution has no local clocks");
+            refusals.add(format!("{key}.causality"), reason);
+        } else if declaration.causality == Causality::Input && declaration.priority.is_none() {
+            let reason = format!("{name}: in Scheduled Execution an input clock needs a 'priority'");
+            refusals.add(key, reason);
+        }
+    }
+}
+
+/// Terminals: their names, and that their variables exist, each once.
+pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
+    let Model { declaration, scalars, names, .. } = model;
+    let elements: BTreeSet<_> =
+        model.arrays().into_iter().flatten().map(|element| &scalars[element].name).collect();
+    let terminals = &declaration.terminals;
+    unique("terminals", terminals.iter().map(|terminal| terminal.name.clone()), refusals);
+    for (number, terminal) in terminals.iter().enumerate() {
+        let key = format!("terminals[{number}]");
+        refusals.require(format!("{key}.name"), field_name(&terminal.name));
+        let description = terminal.description.as_deref();
+        refusals.require(format!("{key}.description"), description.map_or(Ok(()), one_line));
+        let mut seen = BTreeSet::new();
+        for (position, name) in terminal.variables.iter().enumerate() {
+            let key = format!("{key}.variables[{position}]");
+            let reason = match names.get(name) {
+                None => format!("there is no variable '{name}'{}", nearest(name, names.keys())),
+                Some(_) if elements.contains(name) => {
+                    format!("in FMI 3.0 the array of '{name}' is one variable; name the array")
+                }
+                Some(positions) if !positions.iter().all(|position| seen.insert(position)) => {
+                    format!("'{name}' is listed twice")
+                }
+                Some(_) => continue,
+            };
+            refusals.add(key, format!("{}: {reason}", terminal.name));
+        }
+    }
+}

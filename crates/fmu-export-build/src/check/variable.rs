@@ -1,0 +1,245 @@
+//! One declared variable.
+
+use serde_json::Value;
+
+use crate::check::clocks;
+use crate::data_type::DataType;
+use crate::declaration::{
+    Causality, Declaration, Initial, UnitNames, Variability, VariableDeclaration, word,
+};
+use crate::error::{Blame, refuse_if};
+use crate::model::Place;
+use crate::names::{OF_VARIABLES, mixed_name};
+use crate::start::Start;
+use crate::texts::one_line;
+
+/// The most scalar variables in a model: more than anyone compiles.
+const MOST_VARIABLES: usize = 100_000;
+
+/// The most dimensions of an array.
+const MOST_DIMENSIONS: usize = 16;
+
+/// The results of one variable's checks.
+pub(crate) struct Checked {
+    pub(crate) place: Place,
+    pub(crate) data_type: DataType,
+    pub(crate) variability: Variability,
+    pub(crate) initial: Option<Initial>,
+    /// Its scalars' start values, row by row.
+    pub(crate) starts: Option<Vec<Start>>,
+}
+
+/// Checks one declared variable, which follows this many scalars.
+pub(crate) fn check(
+    declaration: &Declaration,
+    variable: &VariableDeclaration,
+    start: Option<&Value>,
+    before: usize,
+) -> Result<Checked, Blame> {
+    mixed_name(&variable.name, OF_VARIABLES).map_err(|reason| {
+        let component = variable.name.split_once('.').map(|(component, own)| {
+            format!("; '{own}' is declared under the component '{component}' of 'components'")
+        });
+        ("name", reason + &component.unwrap_or_default())
+    })?;
+    let of_derivative = variable.derivative.as_ref().and_then(|derivative| derivative.description.as_ref());
+    for (key, text) in
+        [("description", variable.description.as_ref()), ("derivative.description", of_derivative)]
+    {
+        text.map_or(Ok(()), |text| one_line(text)).map_err(|reason| (key, reason))?;
+    }
+    refuse_if(variable.sizes.contains(&0), "dimensions", "a dimension is 0")?;
+    let reason = format_args!("an array has at most {MOST_DIMENSIONS}");
+    refuse_if(variable.sizes.len() > MOST_DIMENSIONS, "dimensions", reason)?;
+    let with_derivative = if variable.derivative.is_some() { 2 } else { 1 };
+    let scalars =
+        variable.sizes.iter().try_fold(with_derivative, |product: usize, &size| product.checked_mul(size));
+    let scalars = scalars.filter(|scalars| before.saturating_add(*scalars) <= MOST_VARIABLES);
+    let key = if variable.sizes.is_empty() { "name" } else { "dimensions" };
+    let reason = format_args!(
+        "a model has at most {MOST_VARIABLES} variables, counting array elements and derivatives"
+    );
+    refuse_if(scalars.is_none(), key, reason)?;
+    let enumerations: Vec<_> = declaration.enumerations.iter().map(|known| known.name.as_str()).collect();
+    let data_type = DataType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
+    let (place, variability) = place(variable, data_type)?;
+    let initial = initial(variable, place, variability)?;
+    reads(variable, place, variability, initial)?;
+    unit(variable, data_type)?;
+    bounds(variable, data_type)?;
+    clocks::keys(variable, data_type)?;
+    let is_discrete = variability == Variability::Discrete;
+    let (is_clocked, has_previous) = (!variable.clocks.is_empty(), variable.previous.is_some());
+    let reason = "a variable with clocks is 'discrete' or 'tunable'";
+    refuse_if(is_clocked && !is_discrete && variability != Variability::Tunable, "clocks", reason)?;
+    let reason = "a variable with a previous value is 'discrete' and has 'clocks'";
+    refuse_if(has_previous && !(is_clocked && is_discrete), "previous", reason)?;
+    let needs_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
+    let has_start = start.is_some();
+    refuse_if(has_start && data_type == DataType::Clock, "start", "a Clock has none")?;
+    let unless = if is_discrete { ", unless 'initial' is 'exact'" } else { "" };
+    let reason = format_args!("it is calculated, so it has no start value{unless}");
+    refuse_if(has_start && !needs_start, "start", reason)?;
+    refuse_if(!has_start && needs_start, "start", "it needs a start value")?;
+    let starts = start.map(|start| Start::all(declaration, variable, data_type, start));
+    let starts = starts.transpose().map_err(|reason| ("start", reason))?;
+    Ok(Checked { place, data_type, variability, initial, starts })
+}
+
+/// The combinations of causality and variability that FMI 2.0.5 allows (section 2.2.7).
+fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, Variability), Blame> {
+    let causality = variable.causality;
+    let (is_structural, is_clock) =
+        (causality == Causality::StructuralParameter, data_type == DataType::Clock);
+    let reason = "a structuralParameter is of type UInt64";
+    refuse_if(is_structural && data_type != DataType::UInt64, "type", reason)?;
+    let of_parameter =
+        is_structural || matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
+    let default = match data_type {
+        _ if of_parameter => Variability::Fixed,
+        DataType::Real | DataType::Float32 => Variability::Continuous,
+        _ => Variability::Discrete,
+    };
+    let variability = variable.variability.unwrap_or(default);
+    let is_continuous = variability == Variability::Continuous;
+    let reason = "the build fixes a structuralParameter, so it is 'fixed'";
+    refuse_if(is_structural && variability != Variability::Fixed, "variability", reason)?;
+    let may_tick = matches!(causality, Causality::Input | Causality::Output | Causality::Local);
+    refuse_if(is_clock && !may_tick, "causality", "a Clock is an input, an output or local")?;
+    refuse_if(is_clock && variability != Variability::Discrete, "variability", "a Clock is discrete")?;
+    let changes = is_continuous || variability == Variability::Discrete;
+    let is_allowed = match causality {
+        Causality::Parameter | Causality::CalculatedParameter => {
+            matches!(variability, Variability::Fixed | Variability::Tunable)
+        }
+        Causality::Input => changes,
+        Causality::Output => changes || variability == Variability::Constant,
+        Causality::Local | Causality::StructuralParameter | Causality::Independent => true,
+    };
+    let (of_causality, of_variability) = (word(causality), word(variability));
+    let reason =
+        format_args!("FMI does not allow variability '{of_variability}' with causality '{of_causality}'");
+    refuse_if(!is_allowed, "variability", reason)?;
+    let reason = format_args!("only a Real can be continuous, not {}", variable.data_type);
+    refuse_if(is_continuous && !data_type.is_float(), "variability", reason)?;
+    let is_state = variable.derivative.is_some();
+    let may_be_state = data_type == DataType::Real
+        && is_continuous
+        && matches!(causality, Causality::Local | Causality::Output);
+    let reason = "only a continuous local or output Real has one";
+    refuse_if(is_state && !may_be_state, "derivative", reason)?;
+    let reason = "events can set only a state, which has a 'derivative'";
+    refuse_if(variable.reinit && !is_state, "reinit", reason)?;
+    for (key, is_strict, of, bound) in [
+        ("strict_min", variable.strict_min, "min", variable.min),
+        ("strict_max", variable.strict_max, "max", variable.max),
+    ] {
+        let reason = format_args!("it is for a state, which has a 'derivative', with a '{of}'");
+        refuse_if(is_strict && !(is_state && bound.is_some()), key, reason)?;
+    }
+    let place = match causality {
+        _ if is_state => Place::States,
+        _ if is_clock => Place::Clocks,
+        Causality::Parameter | Causality::StructuralParameter => Place::Parameters,
+        Causality::Input => Place::Inputs,
+        Causality::Output => Place::Outputs,
+        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Place::Locals,
+    };
+    Ok((place, variability))
+}
+
+/// How the start value is determined: a choice for states, and for discrete variables that events change. The
+/// standard's default, `calculated`, does not suit variables with a start value, which all states have.
+fn initial(
+    variable: &VariableDeclaration,
+    place: Place,
+    variability: Variability,
+) -> Result<Option<Initial>, Blame> {
+    // The default first.
+    let (allowed, reason): (&[_], _) = match place {
+        Place::Inputs => (&[], "an input has none"),
+        Place::Clocks => (&[], "a Clock has none"),
+        Place::Parameters => (&[Initial::Exact], "a parameter's is 'exact'"),
+        Place::States if variable.initial_reads.is_some() => {
+            (&[Initial::Approx, Initial::Exact], "a state's is 'approx' or 'exact'")
+        }
+        Place::States => (&[Initial::Exact, Initial::Approx], "a state's is 'approx' or 'exact'"),
+        _ if variability == Variability::Constant => (&[Initial::Exact], "a constant's is 'exact'"),
+        _ if variability == Variability::Discrete => {
+            (&[Initial::Calculated, Initial::Exact], "a discrete variable's is 'calculated' or 'exact'")
+        }
+        _ => (
+            &[Initial::Calculated],
+            "for a calculated variable, neither state nor discrete, it is 'calculated'",
+        ),
+    };
+    let is_wrong = variable.initial.is_some_and(|initial| !allowed.contains(&initial));
+    refuse_if(is_wrong, "initial", reason)?;
+    Ok(variable.initial.or(allowed.first().copied()))
+}
+
+/// Whether dependencies are declared only where possible.
+fn reads(
+    variable: &VariableDeclaration,
+    place: Place,
+    variability: Variability,
+    initial: Option<Initial>,
+) -> Result<(), Blame> {
+    let (reads, initial_reads) = (variable.reads.is_some(), variable.initial_reads.is_some());
+    let is_given =
+        matches!(place, Place::Parameters | Place::Inputs) || variable.causality == Causality::Input;
+    refuse_if(is_given && reads, "reads", "it is set from outside, so it reads nothing")?;
+    refuse_if(is_given && initial_reads, "initial_reads", "it is set from outside, so it reads nothing")?;
+    let is_state = place == Place::States;
+    refuse_if(is_state && reads, "reads", "a state's reads belong to its 'derivative'")?;
+    refuse_if(reads && variability == Variability::Constant, "reads", "a constant reads nothing")?;
+    let reason = "its start is exact, so it reads nothing in initialization";
+    refuse_if(initial_reads && initial == Some(Initial::Exact), "initial_reads", reason)
+}
+
+/// Only Reals have unit, display unit and nominal.
+fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+    if !data_type.is_float() {
+        let reason = format_args!("it is for a Real, not for {}", variable.data_type);
+        refuse_if(variable.unit.is_some(), "unit", reason)?;
+        refuse_if(variable.display_unit.is_some(), "display_unit", reason)?;
+        return refuse_if(variable.nominal.is_some(), "nominal", reason);
+    }
+    refuse_if(variable.unit.is_none(), "unit", "a Real needs one; '1' if dimensionless")?;
+    if let Some(UnitNames::Each(units)) = &variable.unit {
+        let elements: usize = variable.sizes.iter().product();
+        refuse_if(variable.sizes.is_empty(), "unit", "only an array can have a list of units")?;
+        let reason = format_args!("the list has {} units for {elements} elements", units.len());
+        refuse_if(units.len() != elements, "unit", reason)?;
+        refuse_if(variable.display_unit.is_some(), "display_unit", "it needs one unit, not a list")?;
+    }
+    let is_positive = variable.nominal.is_none_or(|nominal| nominal > 0.0);
+    refuse_if(!is_positive, "nominal", "it is not greater than 0")
+}
+
+/// Min and max, for types that have them.
+fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+    for (key, bound) in [("min", variable.min), ("max", variable.max)] {
+        let Some(bound) = bound else { continue };
+        let is_of_type = match (data_type, data_type.integer()) {
+            (DataType::Real, _) => true,
+            (DataType::Float32, _) => bound.abs() <= f32::MAX.into(),
+            (_, Some((_, range))) => {
+                bound.fract() == 0.0 && (exact(*range.start())..=exact(*range.end())).contains(&bound)
+            }
+            _ => return Err((key, format!("it is for numbers, not for {}", variable.data_type))),
+        };
+        refuse_if(!is_of_type, key, format_args!("{bound} is not of type {}", variable.data_type))?;
+    }
+    if let (Some(min), Some(max)) = (variable.min, variable.max) {
+        refuse_if(min > max, "min", format_args!("{min} is greater than max {max}"))?;
+    }
+    Ok(())
+}
+
+/// The nearest bound that a JSON number represents exactly.
+#[expect(clippy::cast_precision_loss, reason = "every whole number up to 2 to the power of 53 is exact")]
+fn exact(bound: i128) -> f64 {
+    const LARGEST: i128 = 1 << f64::MANTISSA_DIGITS;
+    bound.clamp(-LARGEST, LARGEST) as f64
+}

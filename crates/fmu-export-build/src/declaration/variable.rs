@@ -1,0 +1,288 @@
+//! A declared variable.
+
+use std::fmt;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
+
+/// A variable, or an array of them.
+#[allow(clippy::struct_excessive_bools, reason = "each is a key of its own")]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct VariableDeclaration {
+    /// Letters, digits and underscores, up to 200. `lower_case` in Rust.
+    pub(crate) name: String,
+    /// What it is.
+    pub(crate) description: Option<String>,
+    /// Default: local.
+    #[serde(default)]
+    pub(crate) causality: Causality,
+    /// When its value may change. Default: fixed for parameters, continuous for other Reals, otherwise discrete.
+    pub(crate) variability: Option<Variability>,
+    /// How its start value is determined. For states: exact (the default), or approx if initialization computes it
+    /// (the default with `initial_reads`); for other discrete variables: calculated (the default), or exact if they
+    /// begin at a start value that events change.
+    pub(crate) initial: Option<Initial>,
+    /// Real (the default), Integer, Boolean, String or an enumeration's name; in FMI 3.0 also `Float32`, `Int8`,
+    /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
+    #[serde(rename = "type", default = "real")]
+    pub(crate) data_type: String,
+    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. For an array optionally a list.
+    pub(crate) unit: Option<UnitNames>,
+    /// Unit in which tools show the value.
+    pub(crate) display_unit: Option<String>,
+    /// Smallest value.
+    pub(crate) min: Option<f64>,
+    /// Largest value.
+    pub(crate) max: Option<f64>,
+    /// Typical magnitude, for solvers.
+    pub(crate) nominal: Option<f64>,
+    /// Initial value of a parameter, input, state, constant or exact variable; for an array a list, row by row.
+    #[serde(default)]
+    #[cfg_attr(test, schemars(schema_with = "start_schema"))]
+    pub(crate) start: Option<Value>,
+    /// Array sizes, up to 16; in FMI 3.0 optionally names of structural parameters. A model has up to 100000
+    /// variables, counting array elements and derivatives.
+    #[serde(default)]
+    pub(crate) dimensions: Vec<Dimension>,
+    /// The same as numbers, from the declaration as a whole.
+    #[serde(skip)]
+    pub(crate) sizes: Vec<usize>,
+    /// Makes the variable a continuous-time state.
+    #[serde(default, deserialize_with = "true_or_object")]
+    #[cfg_attr(test, schemars(schema_with = "derivative_schema"))]
+    pub(crate) derivative: Option<DerivativeDeclaration>,
+    /// For a state: events may set it, so that it jumps.
+    #[serde(default)]
+    pub(crate) reinit: bool,
+    /// For a state: the equations are invalid below `min`, as for a pressure below 0. Evaluations there are discarded,
+    /// so that a solver tries a shorter step.
+    #[serde(default)]
+    pub(crate) strict_min: bool,
+    /// Likewise above `max`.
+    #[serde(default)]
+    pub(crate) strict_max: bool,
+    /// Variables that its equation reads directly. Default: everything.
+    pub(crate) reads: Option<Vec<String>>,
+    /// Likewise for initialization, if different.
+    pub(crate) initial_reads: Option<Vec<String>>,
+    /// Importers' number for it, up to 2147483647; for an array, the first element's. Default: the next free number.
+    pub(crate) value_reference: Option<u32>,
+    /// The clocks at whose ticks the variable changes, and only then.
+    #[serde(default)]
+    pub(crate) clocks: Vec<String>,
+    /// For a variable with clocks: the variable holding its value at the previous tick, which makes it a clocked
+    /// state.
+    pub(crate) previous: Option<String>,
+    /// For an input clock: when it ticks. Other clocks are triggered.
+    pub(crate) interval_variability: Option<IntervalVariability>,
+    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable one if it follows from
+    /// parameters.
+    pub(crate) interval_decimal: Option<f64>,
+    /// For a periodic clock with a declared interval: the time from start to first tick, in s.
+    pub(crate) shift_decimal: Option<f64>,
+    /// Interval as a multiple of 1/`resolution` s.
+    pub(crate) interval_counter: Option<u64>,
+    /// Shift as a multiple of 1/`resolution` s.
+    pub(crate) shift_counter: Option<u64>,
+    /// Denominator of `interval_counter` and `shift_counter`.
+    pub(crate) resolution: Option<u64>,
+    /// For a clock with an interval: importers may exchange it as a fraction. Implied by `interval_counter`.
+    #[serde(default)]
+    pub(crate) supports_fraction: bool,
+    /// For an input clock: importers may revoke a tick during an event.
+    #[serde(default)]
+    pub(crate) can_be_deactivated: bool,
+    /// For an input clock: order of simultaneous ticks, from 0; required in Scheduled Execution.
+    pub(crate) priority: Option<u32>,
+}
+
+/// When a clock ticks (FMI 3.0.2, section 2.2.8).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum IntervalVariability {
+    /// Periodically, as declared.
+    Constant,
+    /// Periodically, as set by the importer or following from fixed parameters.
+    Fixed,
+    /// Likewise with tunable parameters.
+    Tunable,
+    /// After a time that the model determines at each tick for the next one.
+    Changing,
+    /// After a time that the model determines at any time.
+    Countdown,
+    /// When something triggers it.
+    Triggered,
+}
+
+impl IntervalVariability {
+    /// Whether ticks are equidistant.
+    pub(crate) fn is_periodic(self) -> bool {
+        matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
+    }
+}
+
+impl VariableDeclaration {
+    /// A multiple of 1/`resolution` s.
+    #[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
+    pub(crate) fn seconds(&self, counter: Option<u64>) -> Option<f64> {
+        Some(counter? as f64 / self.resolution? as f64)
+    }
+
+    /// The interval and shift of a periodic clock in s, if declared.
+    pub(crate) fn timing(&self) -> Option<[f64; 2]> {
+        let interval = self.interval_decimal.or(self.seconds(self.interval_counter))?;
+        let shift = self.shift_decimal.or(self.seconds(self.shift_counter));
+        Some([interval, shift.unwrap_or(0.0)])
+    }
+
+    /// When a clock ticks.
+    pub(crate) fn ticks(&self) -> IntervalVariability {
+        self.interval_variability.unwrap_or(IntervalVariability::Triggered)
+    }
+
+    /// Whether importers may exchange a clock's interval as a fraction.
+    pub(crate) fn has_fractions(&self) -> bool {
+        self.supports_fraction || self.interval_counter.is_some()
+    }
+}
+
+/// An array size.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(untagged, expecting = "expected a size, or the name of a structural parameter")]
+pub(crate) enum Dimension {
+    Size(usize),
+    Parameter(String),
+}
+
+/// The unit of a variable, or of each array element.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(untagged, expecting = "expected a unit, or a list of units")]
+pub(crate) enum UnitNames {
+    All(String),
+    Each(Vec<String>),
+}
+
+impl UnitNames {
+    /// The unit of an element, numbered from 0.
+    pub(crate) fn of(&self, element: usize) -> &str {
+        match self {
+            Self::All(unit) => unit,
+            Self::Each(units) => &units[element],
+        }
+    }
+}
+
+fn real() -> String {
+    "Real".to_owned()
+}
+
+/// The time derivative of a state.
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct DerivativeDeclaration {
+    /// Default: Time derivative of the state.
+    pub(crate) description: Option<String>,
+    /// Default: the state's unit divided by s.
+    pub(crate) unit: Option<String>,
+    /// Variables that its equation reads directly. Default: everything.
+    pub(crate) reads: Option<Vec<String>>,
+    /// Likewise for initialization, if different.
+    pub(crate) initial_reads: Option<Vec<String>>,
+    /// Default: the number after the state's.
+    pub(crate) value_reference: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Causality {
+    Parameter,
+    /// An array size, which the build fixes at its start value. FMI 3.0 only.
+    StructuralParameter,
+    CalculatedParameter,
+    Input,
+    Output,
+    #[default]
+    Local,
+    /// Of time only.
+    #[serde(skip_deserializing)]
+    Independent,
+}
+
+/// A word of the standard, the same in a declaration and in XML.
+pub(crate) fn word(value: impl Serialize) -> impl fmt::Display {
+    struct Word<T>(T);
+
+    impl<T: Serialize> fmt::Display for Word<T> {
+        fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            self.0.serialize(formatter)
+        }
+    }
+
+    Word(value)
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Variability {
+    Constant,
+    Fixed,
+    Tunable,
+    Discrete,
+    #[default]
+    Continuous,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Initial {
+    Exact,
+    Approx,
+    Calculated,
+}
+
+/// `true` for a derivative that needs no details.
+fn true_or_object<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<DerivativeDeclaration>, D::Error> {
+    struct TrueOrObject;
+
+    impl<'de> Visitor<'de> for TrueOrObject {
+        type Value = Option<DerivativeDeclaration>;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("true or an object")
+        }
+
+        fn visit_bool<E>(self, is_state: bool) -> Result<Self::Value, E> {
+            Ok(is_state.then(DerivativeDeclaration::default))
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, access: A) -> Result<Self::Value, A::Error> {
+            DerivativeDeclaration::deserialize(MapAccessDeserializer::new(access)).map(Some)
+        }
+    }
+
+    deserializer.deserialize_any(TrueOrObject)
+}
+
+#[cfg(test)]
+pub(super) fn start_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({"type": ["number", "boolean", "string", "array", "null"]})
+}
+
+#[cfg(test)]
+fn derivative_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    let object = generator.subschema_for::<DerivativeDeclaration>();
+    schemars::json_schema!({"anyOf": [{"type": "boolean"}, object]})
+}

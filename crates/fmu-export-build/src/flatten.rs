@@ -1,0 +1,342 @@
+//! From the declaration to parts and scalars: fills in components, and spreads arrays into scalars.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
+
+use crate::check::variable;
+use crate::declaration::{
+    Causality, ComponentDeclaration, Declaration, Initial, Variability, VariableDeclaration,
+};
+use crate::error::{Refusal, Refusals, nearest};
+use crate::model::{Field, Part, Place, Scalar};
+use crate::names::snake_case;
+use crate::units::notation::per_second;
+
+/// The largest value reference that can be declared, leaving room for those that follow.
+const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
+
+/// Parts and scalars whose names are not yet resolved.
+pub(crate) struct Flat<'a> {
+    pub(crate) declaration: &'a Declaration,
+    /// The positions of the component types.
+    types: BTreeMap<&'a str, usize>,
+    pub(crate) parts: Vec<Part<'a>>,
+    pub(crate) scalars: Vec<Scalar>,
+    /// The declared value references, with their keys' paths.
+    pinned: Vec<(usize, u32, String)>,
+    /// The scalars behind each name in `reads`, of a scalar or an array.
+    pub(crate) names: BTreeMap<String, Vec<usize>>,
+    /// The equations whose reads are not yet resolved.
+    pub(crate) equations: Vec<Equation<'a>>,
+    pub(crate) refusals: Refusals,
+}
+
+/// What a scalar reads, as declared.
+pub(crate) struct Equation<'a> {
+    pub(crate) position: usize,
+    pub(crate) component: Option<&'a ComponentDeclaration>,
+    pub(crate) reads: Option<&'a [String]>,
+    pub(crate) initial_reads: Option<&'a [String]>,
+}
+
+impl<'a> Flat<'a> {
+    pub(crate) fn new(declaration: &'a Declaration) -> Result<Self, Refusals> {
+        let types = declaration.component_types.iter().enumerate();
+        let mut flat = Self {
+            declaration,
+            types: types.map(|(position, known)| (known.name.as_str(), position)).collect(),
+            parts: Vec::new(),
+            scalars: vec![Scalar::time()],
+            pinned: Vec::new(),
+            names: BTreeMap::from([("time".to_owned(), vec![0])]),
+            equations: Vec::new(),
+            refusals: Refusals::default(),
+        };
+        flat.add_part("variables", None, &declaration.variables);
+        for (number, component) in declaration.components.iter().enumerate() {
+            flat.add_component(number, component);
+        }
+        flat.refuse_unused_types();
+        flat.refusals.check()?;
+        flat.assign_value_references();
+        Ok(flat)
+    }
+
+    fn add_component(&mut self, number: usize, component: &'a ComponentDeclaration) {
+        let (name, key) = (&component.name, format!("components[{number}]"));
+        let types = &self.declaration.component_types;
+        let (variables, list) = match (&component.variables, &component.component_type) {
+            (Some(variables), None) => {
+                for (unused, of) in [
+                    (!component.start.is_empty(), "start"),
+                    (!component.connections.is_empty(), "connections"),
+                ] {
+                    if unused {
+                        let reason = format!("{name}: '{of}' is for components with a type");
+                        self.refusals.add(format!("{key}.{of}"), reason);
+                    }
+                }
+                (variables, format!("{key}.variables"))
+            }
+            (None, Some(wanted)) => {
+                if let Some(&found) = self.types.get(wanted.as_str()) {
+                    (&types[found].variables, format!("component_types[{found}].variables"))
+                } else {
+                    let nearest = nearest(wanted, self.types.keys());
+                    let reason = format!("{name}: '{wanted}' is not one of the component_types{nearest}");
+                    return self.refusals.add(format!("{key}.type"), reason);
+                }
+            }
+            _ => return self.refusals.add(key, format!("{name}: it needs either 'variables' or a 'type'")),
+        };
+        let names: BTreeSet<_> = variables.iter().map(|variable| &variable.name).collect();
+        for started in component.start.keys() {
+            if !names.contains(started) {
+                let nearest = nearest(started, &names);
+                let reason = format!("{name}: its type has no variable '{started}'{nearest}");
+                self.refusals.add(format!("{key}.start.{started}"), reason);
+            }
+        }
+        self.add_part(&list, Some((number, component)), variables);
+    }
+
+    fn add_part(
+        &mut self,
+        list: &str,
+        component: Option<(usize, &'a ComponentDeclaration)>,
+        variables: &'a [VariableDeclaration],
+    ) {
+        let (number, component) = component.unzip();
+        let mut part = Part {
+            name: component.map(|component| component.name.as_str()),
+            component_type: component.and_then(|component| component.component_type.as_deref()),
+            state_group: component.and_then(|component| component.state_group.as_deref()),
+            description: component.and_then(|component| component.description.as_deref()),
+            fields: Vec::new(),
+            key: number.map(|number| format!("components[{number}]")).unwrap_or_default(),
+        };
+        let mut names = BTreeMap::new();
+        for (position, variable) in variables.iter().enumerate() {
+            let key = format!("{list}[{position}]");
+            let own = component.and_then(|component| component.start.get(&variable.name));
+            let (start, start_key) = match own {
+                Some(_) => (own, format!("{}.start.{}", part.key, variable.name)),
+                None => (variable.start.as_ref(), format!("{key}.start")),
+            };
+            let name_key = format!("{key}.name");
+            let field = self.add_field(&part, component, variable, start, [key, start_key]);
+            let Some(field) = self.refusals.take(field) else { continue };
+            let name = &variable.name;
+            if let Some(other) = names.insert((field.place, field.name()), name) {
+                self.refusals.add(name_key, format!("{name}: its Rust name is that of '{other}'"));
+            }
+            part.fields.push(field);
+        }
+        self.parts.push(part);
+    }
+
+    /// Spreads a declared variable into its scalars, each state followed by its derivative.
+    fn add_field(
+        &mut self,
+        part: &Part<'a>,
+        component: Option<&'a ComponentDeclaration>,
+        declaration: &'a VariableDeclaration,
+        start: Option<&Value>,
+        [key, start_key]: [String; 2],
+    ) -> Result<Field<'a>, Refusal> {
+        let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
+        let name = format!("{prefix}{}", declaration.name);
+        let before = self.scalars.len();
+        let checked =
+            variable::check(self.declaration, declaration, start, before).map_err(|(of, reason)| {
+                let key = if of == "start" { start_key } else { format!("{key}.{of}") };
+                Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
+            })?;
+        let describe = |text: &str| match part.description {
+            Some(component) => format!("{component}: {text}"),
+            None => text.to_owned(),
+        };
+        let mut positions = Vec::new();
+        for (number, (subscripts, indices)) in elements(&declaration.sizes).into_iter().enumerate() {
+            let position = self.scalars.len();
+            positions.push(position);
+            let unit = declaration.unit.as_ref().map(|unit| unit.of(number).to_owned());
+            // A structural parameter's start value is its only value.
+            let fixed = start.filter(|_| declaration.causality == Causality::StructuralParameter);
+            let fixed = fixed.and_then(Value::as_f64);
+            let state = Scalar {
+                name: format!("{name}{subscripts}"),
+                key: key.clone(),
+                field: [self.parts.len(), part.fields.len()],
+                description: declaration.description.as_deref().map(describe),
+                place: checked.place,
+                causality: declaration.causality,
+                variability: checked.variability,
+                initial: checked.initial,
+                data_type: checked.data_type,
+                unit: unit.clone(),
+                display_unit: declaration.display_unit.clone(),
+                min: fixed.or(declaration.min),
+                max: fixed.or(declaration.max),
+                nominal: declaration.nominal,
+                reinit: declaration.reinit,
+                strict: [declaration.strict_min, declaration.strict_max],
+                start: checked.starts.as_ref().map(|starts| starts[number].clone()),
+                path: format!("{prefix}{}{indices}", snake_case(&declaration.name)),
+                ..Scalar::time()
+            };
+            let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
+                name: format!("der({})", state.name),
+                key: format!("{key}.derivative"),
+                field: state.field,
+                description: Some(match &derivative.description {
+                    Some(description) => describe(description),
+                    None => format!("Time derivative of {}", state.name),
+                }),
+                place: Place::Derivatives,
+                causality: Causality::Local,
+                variability: Variability::Continuous,
+                initial: Some(Initial::Calculated),
+                unit: derivative.unit.clone().or_else(|| unit.as_deref().map(per_second)),
+                state: Some(position),
+                path: state.path.clone(),
+                ..Scalar::time()
+            });
+            let calculated = match checked.place {
+                Place::Inputs | Place::Parameters => false,
+                Place::Clocks => declaration.causality != Causality::Input,
+                Place::States => checked.initial != Some(Initial::Exact),
+                _ => checked.variability != Variability::Constant,
+            };
+            self.add_scalar(state)?;
+            if calculated {
+                self.equations.push(Equation {
+                    position,
+                    component,
+                    reads: declaration.reads.as_deref(),
+                    initial_reads: declaration.initial_reads.as_deref(),
+                });
+            }
+            if let (Some(rate), Some(derivative)) = (rate, &declaration.derivative) {
+                self.add_scalar(rate)?;
+                self.equations.push(Equation {
+                    position: position + 1,
+                    component,
+                    reads: derivative.reads.as_deref(),
+                    initial_reads: derivative.initial_reads.as_deref(),
+                });
+            }
+        }
+        if !declaration.sizes.is_empty() {
+            if checked.place == Place::States {
+                let derivatives = positions.iter().map(|position| position + 1).collect();
+                self.names.insert(format!("der({name})"), derivatives);
+            }
+            if self.names.insert(name.clone(), positions.clone()).is_some() {
+                return Err(duplicate(&name, &key));
+            }
+        }
+        self.pin(declaration, &positions, &key)?;
+        Ok(Field { declaration, place: checked.place, data_type: checked.data_type, positions })
+    }
+
+    fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {
+        if self.names.insert(scalar.name.clone(), vec![self.scalars.len()]).is_some() {
+            return Err(duplicate(&scalar.name, &scalar.key));
+        }
+        self.scalars.push(scalar);
+        Ok(())
+    }
+
+    /// Records a variable's declared value references: its own, and its derivative's, which follows unless declared.
+    fn pin(
+        &mut self,
+        declaration: &VariableDeclaration,
+        positions: &[usize],
+        key: &str,
+    ) -> Result<(), Refusal> {
+        let derivative = declaration.derivative.as_ref();
+        let own_derivative = derivative.and_then(|derivative| derivative.value_reference);
+        let stride = if derivative.is_some() && own_derivative.is_none() { 2 } else { 1 };
+        let mut pin = |first: Option<u64>, step: usize, offset: usize, key: &str| {
+            let key = format!("{key}.value_reference");
+            for (number, position) in positions.iter().enumerate() {
+                let Some(first) = first else { continue };
+                let reference = u32::try_from(first + (number * step) as u64).ok();
+                let reference =
+                    reference.filter(|&reference| reference <= LARGEST_REFERENCE).ok_or_else(|| {
+                        Refusal::new(&key, format!("value references go up to {LARGEST_REFERENCE}"))
+                    })?;
+                self.pinned.push((position + offset, reference, key.clone()));
+            }
+            Ok(())
+        };
+        let own = declaration.value_reference.map(u64::from);
+        pin(own, stride, 0, key)?;
+        pin(own_derivative.map(u64::from), 1, 1, &format!("{key}.derivative"))?;
+        if stride == 2 {
+            pin(own.map(|own| own + 1), stride, 1, key)?;
+        }
+        Ok(())
+    }
+
+    /// Rejects types without a component, which nothing would check.
+    fn refuse_unused_types(&mut self) {
+        let used: BTreeSet<_> = self.parts.iter().filter_map(|part| part.component_type).collect();
+        for (number, component_type) in self.declaration.component_types.iter().enumerate() {
+            let name = &component_type.name;
+            if !used.contains(name.as_str()) {
+                self.refusals
+                    .add(format!("component_types[{number}]"), format!("no component has the type '{name}'"));
+            }
+        }
+    }
+
+    /// Assigns the declared value references, and the gaps to other variables, in declaration order.
+    fn assign_value_references(&mut self) {
+        let mut taken = BTreeMap::new();
+        for (position, reference, key) in &self.pinned {
+            if let Some(other) = taken.insert(*reference, *position) {
+                let (name, other) = (&self.scalars[*position].name, &self.scalars[other].name);
+                let reason = format!("{name}: '{other}' also has the value reference {reference}");
+                self.refusals.add(key, reason);
+            }
+            self.scalars[*position].value_reference = *reference;
+        }
+        let pinned: BTreeSet<_> = self.pinned.iter().map(|(position, ..)| *position).collect();
+        let mut free = (0..).filter(|reference| !taken.contains_key(reference));
+        for (position, scalar) in self.scalars.iter_mut().enumerate() {
+            if !pinned.contains(&position) {
+                scalar.value_reference = free.next().expect("there are more numbers than variables");
+            }
+        }
+    }
+}
+
+fn duplicate(name: &str, key: &str) -> Refusal {
+    Refusal::new(format!("{key}.name"), format!("{name}: another variable has this name"))
+}
+
+/// An array's elements, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in Rust's (`[0][1]`). A
+/// scalar has one element without either.
+fn elements(dimensions: &[usize]) -> Vec<(String, String)> {
+    let mut elements = vec![Vec::new()];
+    for &size in dimensions {
+        elements = elements
+            .iter()
+            .flat_map(|outer| (0..size).map(|index| [outer.as_slice(), &[index]].concat()))
+            .collect();
+    }
+    elements
+        .iter()
+        .map(|element| {
+            let subscripts: Vec<_> = element.iter().map(|index| (index + 1).to_string()).collect();
+            let indices: Vec<_> = element.iter().map(|index| format!("[{index}]")).collect();
+            (
+                if subscripts.is_empty() { String::new() } else { format!("[{}]", subscripts.join(",")) },
+                indices.concat(),
+            )
+        })
+        .collect()
+}

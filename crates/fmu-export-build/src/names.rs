@@ -1,0 +1,108 @@
+//! Names: which are allowed, and their form in Rust.
+
+use std::collections::BTreeSet;
+
+use crate::error::Refusals;
+
+/// Rust keywords, which cannot name fields.
+const RESERVED: [&str; 51] = [
+    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
+    "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
+    "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "static",
+    "struct", "super", "trait", "true", "try", "type", "typeof", "unsafe", "unsized", "use", "virtual",
+    "where", "while", "yield",
+];
+
+/// The longest name, in bytes: longer ones are unreadable and slow to look up.
+const LONGEST_NAME: usize = 200;
+
+/// The characters of a variable's name.
+pub(crate) const OF_VARIABLES: &str = "letters, digits and underscores";
+/// The characters of an enumeration item's name.
+pub(crate) const OF_ITEMS: &str = "letters, digits, underscores and spaces";
+
+/// Rejects a name that occurs twice in a list.
+pub(crate) fn unique(list: &str, names: impl IntoIterator<Item = String>, refusals: &mut Refusals) {
+    let mut seen = BTreeSet::new();
+    for (number, name) in names.into_iter().enumerate() {
+        if seen.contains(&name) {
+            refusals.add(format!("{list}[{number}].name"), format!("'{name}' is declared twice"));
+        }
+        seen.insert(name);
+    }
+}
+
+pub(crate) fn is_c_identifier(name: &str) -> bool {
+    name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
+        && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
+}
+
+pub(crate) fn length(name: &str) -> Result<(), String> {
+    if name.len() <= LONGEST_NAME {
+        return Ok(());
+    }
+    let start: String = name.chars().take(20).collect();
+    Err(format!("'{start}…' is longer than {LONGEST_NAME} bytes"))
+}
+
+/// A type's name, `TypeName`.
+pub(crate) fn type_name(name: &str) -> Result<(), String> {
+    length(name)?;
+    let upper = name.starts_with(|first: char| first.is_ascii_uppercase());
+    if upper && name != "Self" && name.chars().all(|character| character.is_ascii_alphanumeric()) {
+        return Ok(());
+    }
+    Err(format!("'{name}' is not of the form TypeName"))
+}
+
+/// A field's name, the same in Rust.
+pub(crate) fn field_name(name: &str) -> Result<(), String> {
+    length(name)?;
+    let lower =
+        |character: char| character.is_ascii_lowercase() || character.is_ascii_digit() || character == '_';
+    if !name.starts_with(|first: char| first.is_ascii_lowercase()) || !name.chars().all(lower) {
+        return Err(format!("'{name}' is not made of lower-case letters, digits and underscores"));
+    }
+    not_reserved(name, name)
+}
+
+/// A name that is written differently in Rust; `made_of` describes its characters.
+pub(crate) fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
+    length(name)?;
+    let allowed = |character: char| {
+        character.is_ascii_alphanumeric() || character == '_' || character == ' ' && made_of == OF_ITEMS
+    };
+    if !name.starts_with(|first: char| first.is_ascii_alphabetic()) || !name.chars().all(allowed) {
+        return Err(format!("'{name}' is not made of {made_of}"));
+    }
+    not_reserved(name, &snake_case(name))
+}
+
+fn not_reserved(name: &str, in_rust: &str) -> Result<(), String> {
+    if RESERVED.contains(&in_rust) { Err(format!("'{name}' is a reserved word in Rust")) } else { Ok(()) }
+}
+
+/// `hpCompressor` and `HP compressor` as `hp_compressor`.
+pub(crate) fn snake_case(name: &str) -> String {
+    let mut snake = String::new();
+    let mut after_lower = false;
+    for character in name.chars() {
+        if character.is_ascii_uppercase() && after_lower {
+            snake.push('_');
+        }
+        after_lower = character.is_ascii_lowercase() || character.is_ascii_digit();
+        snake.push(if character == ' ' { '_' } else { character.to_ascii_lowercase() });
+    }
+    snake
+}
+
+/// `hp_compressor` and `hp compressor` as `HpCompressor`.
+pub(crate) fn pascal_case(name: &str) -> String {
+    name.split(['_', ' '])
+        .flat_map(|word| {
+            let mut characters = word.chars();
+            let first = characters.next().map(|first| first.to_ascii_uppercase());
+            first.into_iter().chain(characters)
+        })
+        .collect()
+}

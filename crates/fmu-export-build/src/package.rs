@@ -1,0 +1,37 @@
+//! The package of a build script's model.
+
+use std::env;
+
+/// A model's package, whose metadata its declaration need not repeat.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Package {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Its description, or empty.
+    pub description: String,
+    /// Its authors, separated by colons, or empty.
+    pub authors: String,
+    /// Its license's SPDX expression, or empty.
+    pub license: String,
+}
+
+impl Package {
+    /// The package whose build script runs.
+    ///
+    /// # Panics
+    /// Outside a build script.
+    #[must_use]
+    pub fn of_build_script() -> Self {
+        let variable =
+            |name| env::var(name).unwrap_or_else(|_| panic!("{name} is set for build scripts only"));
+        Self {
+            name: variable("CARGO_PKG_NAME"),
+            version: variable("CARGO_PKG_VERSION"),
+            description: variable("CARGO_PKG_DESCRIPTION"),
+            authors: variable("CARGO_PKG_AUTHORS"),
+            license: variable("CARGO_PKG_LICENSE"),
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! The structs that hold the variables.
+
+use std::fmt::Write as _;
+
+use super::generator::{Generator, described};
+use crate::data_type::DataType;
+use crate::declaration::UnitNames;
+use crate::model::{Field, Part, Place};
+
+impl Generator<'_, '_> {
+    /// The struct for the variables of a component, or of all components of a type.
+    pub(super) fn component_struct(&self, place: Place, part: &Part<'_>) -> String {
+        let name = place.struct_name(part);
+        let of = match (part.component_type, part.name) {
+            (Some(component_type), _) => format!("a `{component_type}`"),
+            (None, name) => described(part.description, name.unwrap_or_default()),
+        };
+        let title = format!("{} of {of}.", place.description());
+        let fields = place.fields(part).map(|field| self.field(field)).collect();
+        let mut text = structure(&name, &title, fields);
+        if self.with_default.contains(&name) {
+            text += &default(&name, &self.starts(place, part));
+        }
+        text
+    }
+
+    /// The struct for some parts' variables.
+    pub(super) fn place_struct(&self, place: Place, name: &str, title: &str, parts: &[&Part<'_>]) -> String {
+        let (mut fields, mut starts) = (Vec::new(), Vec::new());
+        for part in parts {
+            let Some(component) = part.name else {
+                fields.extend(place.fields(part).map(|field| self.field(field)));
+                starts.push(self.starts(place, part));
+                continue;
+            };
+            let part_name = place.struct_name(part);
+            let is_generic = place.is_real_in(part);
+            let generic = if is_generic { "<T>" } else { "" };
+            fields.push(StructField {
+                name: component.to_owned(),
+                description: described(part.description, component),
+                data_type: format!("{part_name}{generic}"),
+                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                is_copy: place.fields(part).all(|field| is_copy(field.data_type)),
+            });
+            let start = if self.with_default.contains(&part_name) {
+                format!("{component}: {part_name}::default()")
+            } else {
+                format!("{component}: {part_name} {{ {} }}", self.starts(place, part))
+            };
+            starts.push(start);
+        }
+        structure(name, title, fields) + &default(name, &starts.join(",\n            "))
+    }
+
+    fn field(&self, field: &Field<'_>) -> StructField {
+        let declaration = field.declaration;
+        let unit = match &declaration.unit {
+            Some(UnitNames::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
+            Some(UnitNames::Each(units)) => format!(" (`{}`)", units.join("`, `")),
+            _ => String::new(),
+        };
+        let sizes = declaration.sizes.iter().rev();
+        StructField {
+            name: field.name(),
+            description: described(declaration.description.as_deref(), &declaration.name) + &unit,
+            data_type: sizes
+                .fold(self.rust_type(field.data_type), |data_type, size| format!("[{data_type}; {size}]")),
+            kind: match field.data_type {
+                DataType::Real => Kind::Number(declaration.sizes.clone()),
+                _ => Kind::Other,
+            },
+            is_copy: is_copy(field.data_type),
+        }
+    }
+
+    /// The struct that holds all places.
+    pub(super) fn variables_struct(&self) -> String {
+        let fields = [
+            ("parameters", "The parameters.", Place::Parameters),
+            (
+                "inputs",
+                "The inputs as set, possibly out of bounds; a model receives them within bounds.",
+                Place::Inputs,
+            ),
+            ("start", "The states' start values, as the importer set them.", Place::States),
+            ("states", "The states.", Place::States),
+            ("derivatives", "The time derivatives of the states.", Place::States),
+            ("locals", "The local variables other than states.", Place::Locals),
+            ("outputs", "The outputs other than states.", Place::Outputs),
+            ("clocks", "The clocks.", Place::Clocks),
+        ];
+        let fields = fields.into_iter().take(if self.has_clocks() { 8 } else { 7 });
+        let fields = fields.map(|(name, description, place)| {
+            let is_generic = self.is_real(place);
+            let generic = if is_generic { "<T>" } else { "" };
+            StructField {
+                name: name.to_owned(),
+                description: description.to_owned(),
+                data_type: format!("{}{generic}", place.type_name()),
+                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                is_copy: false,
+            }
+        });
+        let fields: Vec<_> = fields.collect();
+        let start = |field: &StructField| format!("{}: ::core::default::Default::default()", field.name);
+        let starts: Vec<_> = fields.iter().map(start).collect();
+        structure("Variables", "All variables of the model.", fields)
+            + &default("Variables", &starts.join(",\n            "))
+    }
+
+    /// The struct that equations receive: read-only parts by shared references.
+    pub(super) fn evaluation_struct(&self) -> String {
+        let fields = [
+            ("parameters", "The parameters.", Place::Parameters, ""),
+            ("inputs", "The inputs, within their bounds.", Place::Inputs, ""),
+            ("states", "The states.", Place::States, ""),
+            ("derivatives", "The time derivatives of the states, to be calculated.", Place::States, "mut "),
+            ("locals", "The local variables other than states, to be calculated.", Place::Locals, "mut "),
+            ("outputs", "The outputs other than states, to be calculated.", Place::Outputs, "mut "),
+        ];
+        let fields = fields.map(|(name, description, place, mutable)| {
+            let generic = if self.is_real(place) { "<T>" } else { "" };
+            format!("    /// {description}\n    pub {name}: &'a {mutable}{}{generic},\n", place.type_name())
+        });
+        let parameter = if self.has_reals() { ", T = f64" } else { "" };
+        format!(
+            "
+/// What equations read and calculate.
+#[derive(Debug)]
+pub struct Evaluation<'a{parameter}> {{
+{}}}
+",
+            fields.concat()
+        )
+    }
+}
+
+/// Whether values of a type are `Copy`.
+fn is_copy(data_type: DataType) -> bool {
+    !matches!(data_type, DataType::String | DataType::Binary)
+}
+
+/// A field of a generated struct.
+struct StructField {
+    name: String,
+    description: String,
+    data_type: String,
+    kind: Kind,
+    is_copy: bool,
+}
+
+/// A field's kind in the macro `numbers!`.
+enum Kind {
+    /// A Real, or an array of these sizes.
+    Number(Vec<usize>),
+    /// A struct generic over the number type.
+    Nested,
+    Other,
+}
+
+/// A struct, generic over its number type if it has Reals, with the functions of its kind.
+fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
+    let generic = fields.iter().any(|field| !matches!(field.kind, Kind::Other));
+    let copy = if fields.iter().all(|field| field.is_copy) { "Copy, " } else { "" };
+    let parameter = if generic { "<T = f64>" } else { "" };
+    let (mut members, mut kinds, mut names) = (String::new(), Vec::new(), Vec::new());
+    for StructField { name, description, data_type, kind, .. } in fields {
+        let _ = writeln!(members, "    /// {description}\n    pub {name}: {data_type},");
+        kinds.push(match kind {
+            Kind::Number(sizes) => {
+                let sizes = sizes.iter().map(|size| format!("[{size}]"));
+                format!("number {name}{}", sizes.collect::<String>())
+            }
+            Kind::Nested => format!("nested {name}"),
+            Kind::Other => format!("other {name}"),
+        });
+        names.push(name);
+    }
+    let mut text = format!(
+        "
+/// {title}
+#[derive(Clone, {copy}Debug, PartialEq)]
+pub struct {name}{parameter} {{
+{members}}}
+
+::fmu_export::persistent!({name} {{ {} }});
+",
+        names.join(", ")
+    );
+    if generic {
+        let _ = writeln!(text, "::fmu_export::numbers!({name} {{ {} }});", kinds.join(", "));
+    }
+    text
+}
+
+fn default(name: &str, fields: &str) -> String {
+    format!(
+        "
+impl ::core::default::Default for {name} {{
+    fn default() -> Self {{
+        Self {{
+            {fields}
+        }}
+    }}
+}}
+"
+    )
+}

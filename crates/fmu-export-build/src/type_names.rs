@@ -1,0 +1,97 @@
+//! The names of generated types.
+
+use std::collections::BTreeSet;
+
+use crate::data_type::DataType;
+use crate::declaration::Declaration;
+use crate::model::{Field, Part, Place};
+use crate::names::pascal_case;
+
+/// The types that are always generated.
+pub(crate) const FIXED_NAMES: [&str; 7] =
+    ["Parameters", "Inputs", "States", "Locals", "Outputs", "Variables", "Evaluation"];
+
+/// The type that holds all state groups, if any.
+pub(crate) const STATE_GROUPS: &str = "StateGroups";
+
+/// The places with their own structs; derivatives use those of the states. Clocks have one if there are any.
+pub(crate) const PLACES: [Place; 6] =
+    [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs, Place::Clocks];
+
+impl Place {
+    /// The field of `Variables`, its type, and what it holds.
+    fn texts(self) -> [&'static str; 3] {
+        match self {
+            Self::Parameters => ["parameters", "Parameters", "The parameters"],
+            Self::Inputs => ["inputs", "Inputs", "The inputs"],
+            Self::States => ["states", "States", "The continuous-time states"],
+            Self::Derivatives => ["derivatives", "States", "The continuous-time states"],
+            Self::Outputs => ["outputs", "Outputs", "The outputs other than states"],
+            Self::Clocks => ["clocks", "Clocks", "The clocks"],
+            Self::Locals | Self::Time | Self::EventIndicators => {
+                ["locals", "Locals", "The local variables other than states"]
+            }
+        }
+    }
+
+    pub(crate) fn field_name(self) -> &'static str {
+        self.texts()[0]
+    }
+
+    pub(crate) fn type_name(self) -> &'static str {
+        self.texts()[1]
+    }
+
+    pub(crate) fn description(self) -> &'static str {
+        self.texts()[2]
+    }
+
+    pub(crate) fn fields<'p, 'a>(self, part: &'p Part<'a>) -> impl Iterator<Item = &'p Field<'a>> {
+        part.fields.iter().filter(move |field| field.place == self)
+    }
+
+    pub(crate) fn is_in(self, part: &Part<'_>) -> bool {
+        self.fields(part).next().is_some()
+    }
+
+    /// Whether a part has Real variables in this place.
+    pub(crate) fn is_real_in(self, part: &Part<'_>) -> bool {
+        self.fields(part).any(|field| field.data_type == DataType::Real)
+    }
+
+    /// The struct that holds a part's variables.
+    pub(crate) fn struct_name(self, part: &Part<'_>) -> String {
+        let prefix = match (part.component_type, part.name) {
+            (Some(component_type), _) => component_type.to_owned(),
+            (None, name) => pascal_case(name.unwrap_or_default()),
+        };
+        prefix + self.type_name()
+    }
+}
+
+/// The struct names of component variables and state groups, each with the path of its origin.
+pub(crate) fn struct_names(declaration: &Declaration, parts: &[Part<'_>]) -> Vec<(String, String)> {
+    let mut types = BTreeSet::new();
+    let mut is_first =
+        |part: &&Part<'_>| part.component_type.is_none_or(|name| types.insert(name.to_owned()));
+    let own: Vec<_> = parts.iter().filter(|part| part.name.is_some() && is_first(part)).collect();
+    let groups = declaration.state_groups.iter().enumerate();
+    own.into_iter()
+        .flat_map(|part| {
+            let places = PLACES.into_iter().filter(|place| place.is_in(part));
+            places.map(|place| (format!("{}.name", part.key), place.struct_name(part)))
+        })
+        .chain(
+            groups.map(|(number, group)| (format!("state_groups[{number}].name"), states_name(&group.name))),
+        )
+        .chain(
+            (!declaration.state_groups.is_empty())
+                .then(|| ("state_groups".to_owned(), STATE_GROUPS.to_owned())),
+        )
+        .collect()
+}
+
+/// The struct that holds a group's states.
+pub(crate) fn states_name(group: &str) -> String {
+    pascal_case(group) + Place::States.type_name()
+}

@@ -1,0 +1,90 @@
+//! The interfaces with their capabilities.
+
+use std::io;
+
+use fmu_terms::Version;
+use fmu_xml::{Attributes, XmlWriter, empty};
+
+use crate::model::Model;
+
+/// What the interfaces share is declared alike in all.
+pub(super) fn write(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
+    let of_version = match model.fmi.version {
+        Version::Two => fmi2(model),
+        Version::Three => fmi3(model),
+    };
+    let interfaces = model.fmi.interfaces;
+    let are_offered =
+        [interfaces.model_exchange(), interfaces.co_simulation(), interfaces.scheduled_execution()];
+    let names = ["ModelExchange", "CoSimulation", "ScheduledExecution"];
+    for ((name, capabilities), _) in names.into_iter().zip(of_version).zip(are_offered).filter(|(_, is)| *is)
+    {
+        let mut attributes =
+            vec![("modelIdentifier", model.identifier.clone()), ("needsExecutionTool", false.to_string())];
+        attributes.extend(capabilities);
+        empty(writer, name, attributes)?;
+    }
+    Ok(())
+}
+
+fn flags<const N: usize>(flags: [(&'static str, bool); N]) -> Attributes {
+    flags.map(|(name, has)| (name, has.to_string())).into()
+}
+
+/// Of Model Exchange, co-simulation and Scheduled Execution, which only FMI 3.0 has.
+fn fmi2(model: &Model<'_>) -> [Attributes; 3] {
+    let has = &model.declaration.capabilities;
+    // The runtime does nothing in it.
+    let of_model_exchange = flags([("completedIntegratorStepNotNeeded", true)]);
+    let of_co_simulation = [
+        flags([
+            ("canHandleVariableCommunicationStepSize", has.variable_communication_step_size),
+            ("canInterpolateInputs", has.interpolate_inputs),
+        ]),
+        vec![output_derivatives(model)],
+        flags([("canRunAsynchronuously", false)]),
+    ];
+    let common = flags([
+        ("canBeInstantiatedOnlyOncePerProcess", false),
+        ("canNotUseMemoryManagementFunctions", true),
+        ("canGetAndSetFMUstate", has.get_and_set_state),
+        ("canSerializeFMUstate", has.serializes_state()),
+        ("providesDirectionalDerivative", has.directional_derivatives),
+    ]);
+    [[of_model_exchange, common.clone()].concat(), [of_co_simulation.concat(), common].concat(), vec![]]
+}
+
+/// Likewise.
+fn fmi3(model: &Model<'_>) -> [Attributes; 3] {
+    let has = &model.declaration.capabilities;
+    let common = flags([
+        ("canBeInstantiatedOnlyOncePerProcess", false),
+        ("canGetAndSetFMUState", has.get_and_set_state),
+        ("canSerializeFMUState", has.serializes_state()),
+        ("providesDirectionalDerivatives", has.directional_derivatives),
+        ("providesAdjointDerivatives", has.adjoint_derivatives),
+        ("providesPerElementDependencies", false),
+    ]);
+    // The runtime does nothing when a step is completed.
+    let of_model_exchange = flags([("needsCompletedIntegratorStep", false)]);
+    let of_co_simulation = [
+        flags([("canHandleVariableCommunicationStepSize", has.variable_communication_step_size)]),
+        vec![output_derivatives(model)],
+        flags([
+            ("mightReturnEarlyFromDoStep", true),
+            ("providesIntermediateUpdate", has.event_mode),
+            ("canReturnEarlyAfterIntermediateUpdate", has.event_mode),
+            ("hasEventMode", has.event_mode),
+        ]),
+    ];
+    [
+        [common.clone(), of_model_exchange].concat(),
+        [common.clone(), of_co_simulation.concat()].concat(),
+        common,
+    ]
+}
+
+fn output_derivatives(model: &Model<'_>) -> (&'static str, String) {
+    let order = u8::from(model.declaration.capabilities.directional_derivatives);
+    ("maxOutputDerivativeOrder", order.to_string())
+}

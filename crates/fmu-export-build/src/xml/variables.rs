@@ -1,0 +1,248 @@
+//! `ModelVariables` and `ModelStructure`.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::slice;
+
+use fmu_terms::Version;
+use fmu_xml::{Attributes, XmlWriter, element, empty, float, given};
+use quick_xml::events::{BytesText, Event};
+
+use crate::data_type::DataType;
+use crate::declaration::{Causality, Dimension, Variability, VariableDeclaration, word};
+use crate::dependencies::{Structure, Unknown};
+use crate::model::{Model, Place, Scalar};
+
+/// The standard's variables, some of which are arrays in FMI 3.0.
+pub(crate) struct Variables<'m, 'a> {
+    model: &'m Model<'a>,
+    /// Each array's elements, by the position of the first.
+    arrays: BTreeMap<usize, Vec<usize>>,
+    /// The first element of a position's array.
+    first: BTreeMap<usize, usize>,
+}
+
+impl<'m, 'a> Variables<'m, 'a> {
+    pub(crate) fn new(model: &'m Model<'a>) -> Self {
+        let arrays = model.arrays();
+        let first =
+            arrays.iter().flat_map(|array| array.iter().map(|&element| (element, array[0]))).collect();
+        let arrays = arrays.into_iter().map(|array| (array[0], array)).collect();
+        Self { model, arrays, first }
+    }
+
+    fn is_fmi3(&self) -> bool {
+        self.model.fmi.version == Version::Three
+    }
+
+    /// The position of a scalar's variable.
+    fn variable_of(&self, position: usize) -> usize {
+        self.first.get(&position).copied().unwrap_or(position)
+    }
+
+    /// The number that refers to a position's variable: in FMI 2.0 its index, from 1.
+    fn number(&self, position: usize) -> usize {
+        if self.is_fmi3() {
+            self.model.scalars[self.variable_of(position)].value_reference as usize
+        } else {
+            position + 1
+        }
+    }
+
+    fn reference(&self, position: usize) -> String {
+        self.number(position).to_string()
+    }
+
+    pub(crate) fn write_all(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        let positions = 0..self.model.scalars.len();
+        positions
+            .filter(|&position| self.variable_of(position) == position)
+            .try_for_each(|position| self.write(writer, position))
+    }
+
+    /// In FMI 2.0 an element within that of the type, otherwise one element.
+    fn write(&self, writer: &mut XmlWriter, position: usize) -> io::Result<()> {
+        let scalar = &self.model.scalars[position];
+        let array = self.arrays.get(&position);
+        let name = if array.is_some() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
+        let common = given([
+            ("name", Some(name)),
+            ("valueReference", Some(scalar.value_reference.to_string())),
+            ("description", scalar.description.clone()),
+            ("causality", Some(word(scalar.causality).to_string())),
+            ("variability", Some(word(scalar.variability).to_string())),
+            ("initial", scalar.initial.map(|initial| word(initial).to_string())),
+        ]);
+        let mut own = self.of_type(scalar, position);
+        let elements = array.map_or(slice::from_ref(&position), Vec::as_slice);
+        let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref());
+        let starts = starts.map(|start| start.map(ToString::to_string)).collect::<Option<Vec<_>>>();
+        let has_texts = self.is_fmi3() && matches!(scalar.data_type, DataType::String | DataType::Binary);
+        let numbers = starts.as_ref().filter(|_| !has_texts);
+        let references = |positions: &[usize]| {
+            positions.iter().map(|&position| self.reference(position)).collect::<Vec<_>>().join(" ")
+        };
+        own.extend(given([
+            ("start", numbers.map(|numbers| numbers.join(" "))),
+            ("derivative", scalar.state.map(|state| self.reference(state))),
+            ("intermediateUpdate", self.has_intermediate_update(scalar).then(|| true.to_string())),
+            ("clocks", Some(references(&scalar.clocks)).filter(|clocks| !clocks.is_empty())),
+            ("previous", scalar.previous.map(|previous| self.reference(previous))),
+            // The standard has it for Model Exchange only (FMI 2.0.5, section 2.2.7).
+            (
+                "reinit",
+                (scalar.reinit && self.model.fmi.interfaces.model_exchange()).then(|| true.to_string()),
+            ),
+        ]));
+        let name = self.type_name(scalar.data_type);
+        if !self.is_fmi3() {
+            let comment = format!(" index {} ", self.reference(position));
+            writer.write_event(Event::Comment(BytesText::new(&comment)))?;
+            return element(writer, "ScalarVariable", common, |writer| empty(writer, name, own));
+        }
+        let attributes = [common, own].concat();
+        let texts = starts.filter(|_| has_texts).unwrap_or_default();
+        if array.is_none() && texts.is_empty() {
+            return empty(writer, name, attributes);
+        }
+        element(writer, name, attributes, |writer| {
+            for dimension in array.map_or(&[][..], |_| self.dimensions(position)) {
+                let attribute = match dimension {
+                    Dimension::Size(size) => ("start", size.to_string()),
+                    Dimension::Parameter(name) => {
+                        ("valueReference", self.reference(self.model.names[name][0]))
+                    }
+                };
+                empty(writer, "Dimension", vec![attribute])?;
+            }
+            texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))
+        })
+    }
+
+    /// An array's sizes, from its first element's position; a derivative has its state's.
+    fn dimensions(&self, position: usize) -> &'m [Dimension] {
+        let position = self.model.scalars[position].state.unwrap_or(position);
+        &self.model.field(position).declaration.dimensions
+    }
+
+    /// The element named after a type.
+    fn type_name(&self, data_type: DataType) -> &'static str {
+        match data_type {
+            DataType::Real if self.is_fmi3() => "Float64",
+            DataType::Integer if self.is_fmi3() => "Int32",
+            other => other.name(),
+        }
+    }
+
+    /// The attributes that a type has, in the order of the schema.
+    fn of_type(&self, scalar: &Scalar, position: usize) -> Attributes {
+        match scalar.data_type {
+            DataType::Enumeration(enumeration) => {
+                let name = self.model.declaration.enumerations[enumeration].name.clone();
+                vec![("declaredType", name)]
+            }
+            DataType::Clock => clock_attributes(self.model.field(position).declaration),
+            data_type => {
+                // Of an integer the checks allow only integers, and `Display` prints them without a fraction.
+                let bound = |bound: f64| if data_type.is_float() { float(bound) } else { bound.to_string() };
+                given([
+                    ("unit", scalar.unit.clone()),
+                    ("displayUnit", scalar.display_unit.clone()),
+                    ("min", scalar.min.map(bound)),
+                    ("max", scalar.max.map(bound)),
+                    ("nominal", scalar.nominal.map(float)),
+                ])
+            }
+        }
+    }
+
+    /// Whether a variable can be exchanged between two internal steps of co-simulation, as in `fmu_export`'s runtime.
+    fn has_intermediate_update(&self, scalar: &Scalar) -> bool {
+        self.is_fmi3()
+            && self.model.declaration.capabilities.event_mode
+            && self.model.fmi.interfaces.co_simulation()
+            && scalar.data_type == DataType::Real
+            && scalar.variability == Variability::Continuous
+            && matches!(scalar.causality, Causality::Input | Causality::Output)
+    }
+
+    /// In FMI 2.0 unknowns in lists, which are not empty, otherwise elements named after their list.
+    pub(crate) fn write_structure(&self, writer: &mut XmlWriter, structure: &Structure) -> io::Result<()> {
+        if !self.is_fmi3() {
+            let lists = [
+                ("Outputs", &structure.outputs),
+                ("Derivatives", &structure.derivatives),
+                ("InitialUnknowns", &structure.initial_unknowns),
+            ];
+            return lists.into_iter().filter(|(_, unknowns)| !unknowns.is_empty()).try_for_each(
+                |(list, unknowns)| {
+                    element(writer, list, vec![], |writer| {
+                        self.write_unknowns(writer, ("Unknown", "index"), unknowns)
+                    })
+                },
+            );
+        }
+        for (name, unknowns) in [
+            ("Output", &structure.outputs),
+            ("ContinuousStateDerivative", &structure.derivatives),
+            ("ClockedState", &structure.clocked_states),
+            ("InitialUnknown", &structure.initial_unknowns),
+        ] {
+            self.write_unknowns(writer, (name, "valueReference"), unknowns)?;
+        }
+        // Their dependencies are for debugging only, and omitted.
+        self.model.in_place(Place::EventIndicators).try_for_each(|position| {
+            empty(writer, "EventIndicator", vec![("valueReference", self.reference(position))])
+        })
+    }
+
+    /// Unknowns with the variables on which they, or any of their elements, depend. An empty list is written, too:
+    /// without one the variable depends on everything.
+    fn write_unknowns(
+        &self,
+        writer: &mut XmlWriter,
+        (name, key): (&'static str, &'static str),
+        unknowns: &[Unknown],
+    ) -> io::Result<()> {
+        let mut variables: BTreeMap<_, Vec<_>> = BTreeMap::new();
+        for unknown in unknowns {
+            variables.entry(self.variable_of(unknown.scalar)).or_default().push(&unknown.dependencies);
+        }
+        variables.into_iter().try_for_each(|(variable, elements)| {
+            let dependencies: Option<Vec<_>> = elements.into_iter().map(Option::as_deref).collect();
+            let dependencies = dependencies.map(|lists| {
+                let mut knowns: Vec<_> = lists.concat().into_iter().map(|known| self.number(known)).collect();
+                knowns.sort_unstable();
+                knowns.dedup();
+                knowns.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+            });
+            let attributes = [(key, Some(self.reference(variable))), ("dependencies", dependencies)];
+            empty(writer, name, given(attributes))
+        })
+    }
+}
+
+/// The attributes of clocks only. An interval declared in one form is also written in the other: importers read the
+/// decimal number.
+fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
+    let [interval, shift] = clock.timing().map_or([None; 2], |timing| timing.map(Some));
+    given([
+        ("canBeDeactivated", clock.can_be_deactivated.then(|| true.to_string())),
+        ("priority", clock.priority.map(|priority| priority.to_string())),
+        ("intervalVariability", Some(word(clock.ticks()).to_string())),
+        ("intervalDecimal", interval.map(float)),
+        ("shiftDecimal", shift.filter(|shift| *shift > 0.0).map(float)),
+        ("supportsFraction", clock.has_fractions().then(|| true.to_string())),
+        ("resolution", clock.resolution.map(|resolution| resolution.to_string())),
+        ("intervalCounter", clock.interval_counter.map(|counter| counter.to_string())),
+        ("shiftCounter", clock.shift_counter.map(|counter| counter.to_string())),
+    ])
+}
+
+/// An array's name, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
+fn without_subscripts(name: &str) -> String {
+    match (name.rfind('['), name.rfind(']')) {
+        (Some(open), Some(close)) => format!("{}{}", &name[..open], &name[close + 1..]),
+        _ => name.to_owned(),
+    }
+}

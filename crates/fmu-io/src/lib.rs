@@ -1,0 +1,6 @@
+#![doc = include_str!("../README.md")]
+
+pub mod reading;
+pub mod temporary;
+pub mod terminal;
+pub mod writing;

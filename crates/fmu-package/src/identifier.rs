@@ -1,0 +1,48 @@
+//! Model identifiers.
+
+use std::io;
+
+use fmu_io::reading::broken;
+use fmu_io::terminal::in_line;
+
+/// The attribute with the name of the FMU's library.
+pub(crate) const IDENTIFIER: &str = "modelIdentifier";
+
+/// Whether a text may be a model identifier: a C identifier.
+#[must_use]
+pub fn is_identifier(text: &str) -> bool {
+    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
+    text.bytes().next().is_some_and(is_letter)
+        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
+}
+
+/// Rejects a model identifier that is not a C identifier (FMI 2.0.5, section 2.2.1): it is used in file names.
+pub(crate) fn refuse_no_identifier(text: &str) -> io::Result<()> {
+    if is_identifier(text) {
+        return Ok(());
+    }
+    Err(broken(format!("the modelIdentifier '{}' is not a C identifier", in_line(text))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_identifier_is_a_c_identifier() {
+        for identifier in ["Lag", "_1", "a"] {
+            assert!(refuse_no_identifier(identifier).is_ok(), "{identifier}");
+        }
+        for (identifier, shown) in [
+            ("", ""),
+            ("1a", "1a"),
+            ("a b", "a b"),
+            ("../a", "../a"),
+            ("\u{e9}", "\u{e9}"),
+            ("a\n\u{1b}[2J", r"a\n\u{1b}[2J"),
+        ] {
+            let refusal = refuse_no_identifier(identifier).unwrap_err().to_string();
+            assert_eq!(refusal, format!("the modelIdentifier '{shown}' is not a C identifier"));
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The problems found in an FMU.
+
+use super::rules::{Rule, Severity};
+
+/// The most findings kept: more of them help nobody.
+const MOST_FINDINGS: usize = 1000;
+/// The longest message in characters: it quotes the FMU.
+const LONGEST_MESSAGE: usize = 500;
+
+/// The location of a problem.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file in the archive; none for the archive itself.
+    pub file: Option<String>,
+    /// The line in this file.
+    pub line: Option<usize>,
+    /// The variable.
+    pub variable: Option<String>,
+}
+
+impl Place {
+    pub(super) fn file(path: impl Into<String>) -> Self {
+        Self { file: Some(path.into()), ..Self::default() }
+    }
+}
+
+/// A problem in an FMU.
+#[derive(Debug)]
+pub struct Finding {
+    /// The broken rule.
+    pub rule: &'static Rule,
+    /// Its location.
+    pub place: Place,
+    /// Its description.
+    pub message: String,
+}
+
+/// All problems in an FMU.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// The `fmiVersion`, if readable.
+    pub fmi_version: Option<String>,
+    /// At most 1000 findings.
+    pub findings: Vec<Finding>,
+    /// The number of further ones.
+    pub omitted: usize,
+}
+
+impl Report {
+    pub(crate) fn add(&mut self, rule: &'static Rule, place: Place, message: impl Into<String>) {
+        if self.findings.len() == MOST_FINDINGS {
+            self.omitted += 1;
+        } else {
+            let message = message.into();
+            let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
+            self.findings.push(Finding { rule, place, message: message[..end].to_owned() });
+        }
+    }
+
+    /// The number of findings of a severity.
+    #[must_use]
+    pub fn count(&self, severity: Severity) -> usize {
+        self.findings.iter().filter(|finding| finding.rule.severity == severity).count()
+    }
+}
+
+/// Reports a problem at a known place.
+pub(super) type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
+
+/// The FMI versions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Version {
+    One,
+    Two,
+    Three,
+}

@@ -1,0 +1,185 @@
+//! XML of any maker, parsed within limits, which the parser does not have: entities without bounds, deep nesting and huge
+//! documents are refused.
+
+use std::io;
+use std::str::FromStr;
+
+use fmu_io::reading::broken;
+use quick_xml::Reader;
+use quick_xml::events::Event;
+use roxmltree::{Document, Node};
+
+/// The deepest nesting of elements; FMI and SSP schemas need a tenth.
+const DEEPEST: usize = 100;
+/// The most elements of a document; the largest models have 200,000 variables with three elements each.
+const MOST_ELEMENTS: usize = 2_000_000;
+/// The most attributes of an element; FMI and SSP schemas need a fifth.
+const MOST_ATTRIBUTES: usize = 100;
+/// The most namespaces in a document: each element holds those of all ancestors.
+const MOST_NAMESPACES: usize = 1000;
+/// Attributes whose values may be long.
+const LISTS_AND_PROSE: &[&str] =
+    &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
+
+/// An element.
+pub(crate) type Element<'d> = Node<'d, 'd>;
+
+/// Why a document is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Problem {
+    DocumentType,
+    Limit,
+    Syntax,
+}
+
+/// A document, or why it is refused, in which line.
+pub(crate) fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (Problem, usize, String)> {
+    scan(text, longest_value).map_err(|(problem, position, message)| {
+        let before = &text.as_bytes()[..usize::try_from(position).unwrap_or(0).min(text.len())];
+        (problem, before.split(|&byte| byte == b'\n').count(), message)
+    })?;
+    Document::parse(text).map_err(|error| {
+        let message = error.to_string().replace(&format!(" at {}", error.pos()), "");
+        (Problem::Syntax, error.pos().row as usize, message)
+    })
+}
+
+/// Checks the limits; the error has a position in the text.
+fn scan(text: &str, longest_value: usize) -> Result<(), (Problem, u64, String)> {
+    let mut reader = Reader::from_str(text);
+    let (mut open, mut elements, mut namespaces) = (vec![], 0, 0);
+    loop {
+        let event = reader.read_event();
+        let event = event.map_err(|error| (Problem::Syntax, reader.error_position(), error.to_string()))?;
+        let refuse = |problem, message: String| Err((problem, reader.buffer_position(), message));
+        match &event {
+            Event::DocType(_) => {
+                return refuse(Problem::DocumentType, "it has a document type definition".to_owned());
+            }
+            Event::Start(element) | Event::Empty(element) => {
+                elements += 1;
+                let (mut attributes, mut longest) = (0, 0);
+                for attribute in element.attributes().with_checks(false).take(MOST_ATTRIBUTES + 1).flatten() {
+                    attributes += 1;
+                    let key = attribute.key.as_ref();
+                    namespaces += usize::from(key.starts_with("xmlns"));
+                    let is_long = !LISTS_AND_PROSE.contains(&key);
+                    longest = longest.max(if is_long { attribute.value.len() } else { 0 });
+                }
+                if matches!(event, Event::Start(_)) {
+                    open.push(element.local_name().as_ref().to_owned());
+                }
+                for (count, most, what) in [
+                    (attributes, MOST_ATTRIBUTES, "attributes"),
+                    (longest, longest_value, "bytes in an attribute"),
+                    (open.len(), DEEPEST, "nested elements"),
+                    (elements, MOST_ELEMENTS, "elements"),
+                    (namespaces, MOST_NAMESPACES, "namespaces"),
+                ] {
+                    if count > most {
+                        return refuse(Problem::Limit, format!("it has more than {most} {what}"));
+                    }
+                }
+            }
+            Event::End(_) => drop(open.pop()),
+            Event::Eof => {
+                return match open.last() {
+                    Some(open) => refuse(Problem::Syntax, format!("it ends within the element {open}")),
+                    None if elements == 0 => refuse(Problem::Syntax, "it has no root element".to_owned()),
+                    None => Ok(()),
+                };
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Reads a document with a root of this name.
+pub(crate) fn read<'d>(text: &'d str, root: &str) -> io::Result<Document<'d>> {
+    let document = parse(text.strip_prefix('\u{feff}').unwrap_or(text), usize::MAX)
+        .map_err(|(_, line, message)| broken(format!("in line {line}: {message}")))?;
+    match document.root_element().tag_name().name() {
+        name if name == root => Ok(document),
+        name => Err(broken(format!("the root element is {name}, not {root}"))),
+    }
+}
+
+/// An error in an element.
+pub(crate) fn wrong(element: Element<'_>, message: &str) -> io::Error {
+    let line = element.document().text_pos_at(element.range().start).row;
+    broken(format!("in line {line}, in the element {}: {message}", element.tag_name().name()))
+}
+
+/// An element's children.
+pub(crate) fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
+    element.children().filter(Node::is_element)
+}
+
+/// An element's children of a name.
+pub(crate) fn named<'d>(element: Element<'d>, name: &'static str) -> impl Iterator<Item = Element<'d>> {
+    children(element).filter(move |child| child.tag_name().name() == name)
+}
+
+/// The children of an element's children of a name.
+pub(crate) fn listed<'d>(element: Element<'d>, list: &'static str) -> impl Iterator<Item = Element<'d>> {
+    named(element, list).flat_map(children)
+}
+
+/// Whether an attribute is a true XML boolean.
+pub(crate) fn flag(element: Element<'_>, name: &str) -> bool {
+    element.attribute(name).is_some_and(is_true)
+}
+
+/// Whether an XML boolean, a word or a digit, is true.
+pub(crate) fn is_true(text: &str) -> bool {
+    matches!(text.trim(), "true" | "1")
+}
+
+/// An attribute; empty if missing.
+pub(crate) fn text(element: Element<'_>, name: &str) -> String {
+    element.attribute(name).unwrap_or_default().to_owned()
+}
+
+/// All attributes, in file order.
+pub(crate) fn attributes(element: Element<'_>) -> Vec<(String, String)> {
+    element
+        .attributes()
+        .map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned()))
+        .collect()
+}
+
+/// A numeric attribute, if there is one.
+pub(crate) fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
+    let parsed = element.attribute(name).map(|text| {
+        let refuse =
+            |_| wrong(element, &format!("the attribute {name} is '{text}', which is not a valid number"));
+        text.trim().parse().map_err(refuse)
+    });
+    parsed.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_exceeds_a_limit_is_refused() {
+        let refusal = |text: &str| parse(text, 10).unwrap_err();
+        let attributes = (0..200).map(|index| format!(r#"a{index}="" "#)).collect::<Vec<_>>().concat();
+        let namespaces = r#"<b xmlns:c="d"/>"#.repeat(1001);
+        for (text, message) in [
+            (format!("<a {attributes}/>"), "100 attributes"),
+            ("<a>".repeat(200), "100 nested elements"),
+            (format!("<a>{}</a>", "<b/>".repeat(MOST_ELEMENTS)), "2000000 elements"),
+            (format!("<a>{namespaces}</a>"), "1000 namespaces"),
+            (r#"<a b="01234567890"/>"#.to_owned(), "10 bytes in an attribute"),
+        ] {
+            assert_eq!(refusal(&text), (Problem::Limit, 1, format!("it has more than {message}")));
+        }
+        assert!(parse(r#"<a start="01234567890"/>"#, 10).is_ok());
+        let cut = (Problem::Syntax, 2, "it ends within the element b".to_owned());
+        assert_eq!(refusal("<a>\n<b>"), cut);
+        let message = "it has a document type definition".to_owned();
+        assert_eq!(refusal("<!DOCTYPE a><a/>"), (Problem::DocumentType, 1, message));
+    }
+}

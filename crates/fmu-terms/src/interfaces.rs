@@ -1,0 +1,129 @@
+//! The FMI version and interfaces of an export, and the environment variables by which a command passes them to build
+//! scripts.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// The environment variable with the interfaces for which a build script generates, as the text of an [`Interfaces`];
+/// co-simulation if unset.
+pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
+
+/// The environment variable with the FMI version for which a build script generates, as the text of a [`Version`]; 2.0
+/// if unset.
+pub const VERSION_VARIABLE: &str = "FMU_FMI_VERSION";
+
+/// An FMI version, with the text `2` or `3`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Version {
+    /// FMI 2.0.
+    #[default]
+    Two,
+    /// FMI 3.0.
+    Three,
+}
+
+impl Version {
+    /// Every version.
+    pub const ALL: [Self; 2] = [Self::Two, Self::Three];
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Two => "2",
+            Self::Three => "3",
+        }
+    }
+}
+
+impl FromStr for Version {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|version| version.as_str() == text);
+        known.ok_or_else(|| format!("'{text}' is not one of 2 and 3"))
+    }
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())
+    }
+}
+
+/// The interfaces that an FMU offers, with the texts `cs`, `me`, `cs,me` and `se`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interfaces {
+    /// The FMU steps itself.
+    #[default]
+    CoSimulation,
+    /// The importer integrates the FMU's states.
+    ModelExchange,
+    /// Both; the importer chooses one per instance.
+    Both,
+    /// The importer schedules the FMU's clock, in FMI 3.0: no other interface, as a clock affects all interfaces of
+    /// its FMU (FMI 3.0.2, section 2.5.2).
+    ScheduledExecution,
+}
+
+impl Interfaces {
+    /// Every choice.
+    pub const ALL: [Self; 4] =
+        [Self::CoSimulation, Self::ModelExchange, Self::Both, Self::ScheduledExecution];
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::CoSimulation => "cs",
+            Self::ModelExchange => "me",
+            Self::Both => "cs,me",
+            Self::ScheduledExecution => "se",
+        }
+    }
+
+    /// Whether they include co-simulation.
+    #[must_use]
+    pub fn co_simulation(self) -> bool {
+        matches!(self, Self::CoSimulation | Self::Both)
+    }
+
+    /// Whether they include Model Exchange.
+    #[must_use]
+    pub fn model_exchange(self) -> bool {
+        matches!(self, Self::ModelExchange | Self::Both)
+    }
+
+    /// Whether they include Scheduled Execution.
+    #[must_use]
+    pub fn scheduled_execution(self) -> bool {
+        self == Self::ScheduledExecution
+    }
+
+    /// Their names, for people.
+    #[must_use]
+    pub fn names(self) -> &'static str {
+        match self {
+            Self::CoSimulation => "co-simulation",
+            Self::ModelExchange => "Model Exchange",
+            Self::Both => "co-simulation and Model Exchange",
+            Self::ScheduledExecution => "Scheduled Execution",
+        }
+    }
+}
+
+impl FromStr for Interfaces {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wanted = if text == "me,cs" { "cs,me" } else { text };
+        let known = Self::ALL.into_iter().find(|interfaces| interfaces.as_str() == wanted);
+        known.ok_or_else(|| format!("'{text}' is not one of cs, me, cs,me and se"))
+    }
+}
+
+impl fmt::Display for Interfaces {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())
+    }
+}
