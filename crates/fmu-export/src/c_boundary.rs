@@ -16,17 +16,19 @@ use std::borrow::Cow;
 use std::sync::PoisonError;
 
 use crate::calling_sequence::{Function, Interface};
+use crate::checksum::checksum;
 use crate::description::ValueReference;
 use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
-use crate::instance::{Answer, Instance, Memory, Preemption};
+use crate::instance::memory::Memory;
+use crate::instance::{Answer, Instance, Preemption};
 use crate::logger::Logger;
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::model_exchange::ModelExchange;
 use crate::panics::contain;
 use crate::saved_states;
-use crate::serialized_state::checksum;
 use crate::status::Status;
+use crate::variables::Variables;
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.
@@ -35,7 +37,7 @@ pub fn silence_panics() {
     #[cfg(not(target_family = "wasm"))]
     ONCE.call_once(|| std::panic::set_hook(Box::new(crate::panics::note)));
     #[cfg(target_family = "wasm")]
-    ONCE.call_once(crate::wasm::report_panics);
+    ONCE.call_once(crate::wasm::host::report_panics);
 }
 
 /// Makes a C function from an expression generic over the FMU of [`exported_model!`], so that the compiler reports

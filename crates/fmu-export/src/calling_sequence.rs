@@ -5,8 +5,8 @@ use std::borrow::Cow;
 
 use crate::description::ValueReference;
 use crate::error::Error;
-use crate::model::Variables;
 use crate::persistence::{Archive, Persistent};
+use crate::variables::Variables;
 
 /// The interfaces of FMI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

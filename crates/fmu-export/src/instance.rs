@@ -9,27 +9,28 @@ pub(crate) mod clocks;
 mod derivatives;
 pub(crate) mod event_mode;
 mod exchange;
+pub(crate) mod memory;
 mod values;
 
 use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
+use crate::context::{Context, Experiment};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::error::{Error, Shown, check_memory};
 use crate::events::Events;
 use crate::floating_point::in_default_environment;
-use crate::inputs::InputSignal;
-use crate::logger::{Delivery, Logger, RecentMessages};
-use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables, time_rounding};
+use crate::logger::{Delivery, Logger};
+use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::panics::contain;
-use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
 use crate::serialized_state;
 use crate::status::Status;
 use crate::tape::Tape;
+use crate::variables::Variables;
 
-use clocks::Ticks;
+use memory::Memory;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
 /// sum, or from integer nanoseconds.
@@ -37,129 +38,6 @@ const TIME_TOLERANCE: f64 = 1e-6;
 
 /// Outcome of a call: an error, or `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
 pub(crate) type Answer = Result<Status, Error>;
-
-/// The content of a saved state.
-#[derive(Clone)]
-pub(crate) struct Memory<M: Model> {
-    interface: Interface,
-    phase: Phase,
-    model: M,
-    variables: M::Variables,
-    inputs: InputSignal<InputsOf<M>>,
-    /// The experiment, once set up.
-    experiment: Experiment,
-    is_set_up: bool,
-    time: f64,
-    /// Whether anything was set since the values were computed.
-    stale: bool,
-    /// Whether a tunable parameter was set since the parameters were last checked.
-    parameters_changed: bool,
-    /// Messages logged during initialization.
-    recent_messages: RecentMessages,
-    /// When the model requested the end, in s.
-    end: Option<f64>,
-    /// Events handled by the importer.
-    events: Events,
-    /// The event in Event Mode.
-    event: EventUnderWay,
-    /// Ticks of clocks.
-    ticks: Ticks<M>,
-}
-
-/// The event iterations since Event Mode was entered.
-#[derive(Clone, Copy, Debug, Default)]
-struct EventUnderWay {
-    iterations: u32,
-    /// Whether an iteration changed a state, for the last one to report.
-    states_changed: bool,
-}
-
-crate::persistent!(EventUnderWay { iterations, states_changed });
-
-impl<M: Model> Memory<M> {
-    fn new(interface: Interface) -> Self {
-        let variables = M::Variables::default();
-        let indicators = match interface {
-            Interface::CoSimulation | Interface::ScheduledExecution => 0,
-            Interface::CoSimulationWithEvents | Interface::ModelExchange => {
-                M::Variables::EVENT_INDICATORS.len()
-            }
-        };
-        Self {
-            interface,
-            phase: Phase::Instantiated,
-            model: M::default(),
-            inputs: InputSignal::constant(variables.inputs().clone()),
-            variables,
-            experiment: Experiment::default(),
-            is_set_up: false,
-            time: 0.0,
-            stale: true,
-            parameters_changed: true,
-            recent_messages: RecentMessages::default(),
-            end: None,
-            events: Events::new(indicators),
-            event: EventUnderWay::default(),
-            ticks: Ticks::none(),
-        }
-    }
-
-    /// Checks parameters set since the last check, and passes them to the model. Returns whether there were any.
-    fn accept_parameters(&mut self) -> Result<bool, Error> {
-        if !self.parameters_changed {
-            return Ok(false);
-        }
-        M::check_parameters(&self.variables)?;
-        self.model.take_parameters(&self.variables);
-        self.parameters_changed = false;
-        Ok(true)
-    }
-
-    /// Sets the state at a position.
-    fn set_state(&mut self, position: usize, value: f64) {
-        let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
-        M::Variables::each_state(&self.variables, |state, value| states[state] = value);
-        states[position] = value;
-        M::Variables::set_states(&mut self.variables, |state| states[state]);
-    }
-}
-
-impl<M: Model> Persistent for Memory<M> {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        // An instance of another interface rejects the memory before.
-        let Self {
-            interface: _,
-            phase,
-            model,
-            variables,
-            inputs,
-            experiment,
-            is_set_up,
-            time,
-            stale,
-            parameters_changed,
-            recent_messages,
-            end,
-            events,
-            event,
-            // They are rewound before.
-            ticks: _,
-        } = self;
-        phase.persist(archive)?;
-        model.persist(archive)?;
-        variables.persist(archive)?;
-        inputs.persist(archive)?;
-        experiment.persist(archive)?;
-        is_set_up.persist(archive)?;
-        time.persist(archive)?;
-        stale.persist(archive)?;
-        parameters_changed.persist(archive)?;
-        recent_messages.persist(archive)?;
-        end.persist(archive)?;
-        events.persist(archive)?;
-        event.persist(archive)
-    }
-}
 
 /// The importer's lock callbacks, between which no other function of the instance is called.
 #[derive(Clone, Copy, Debug, Default)]

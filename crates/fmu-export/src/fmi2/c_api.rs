@@ -18,13 +18,15 @@ use super::c_types::{
 use super::calling_sequence::Function;
 use crate::c_boundary::{self, c_string, call, elements, get_values, not_null, set_values, write_elements};
 use crate::calling_sequence::Interface;
+use crate::context::Experiment;
 use crate::description::DataType;
 use crate::error::Error;
 use crate::instance::Instance;
 use crate::logger::{Logger, Recipient};
-use crate::model::{Experiment, Model, Variables};
+use crate::model::Model;
 use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
+use crate::variables::Variables;
 
 /// `fmi2GetVersion`.
 pub const VERSION: &CStr = c"2.0";
@@ -43,7 +45,8 @@ struct Callback {
 impl Recipient for Callback {
     #[cfg(target_family = "wasm")]
     fn receive(&self, status: Status, category: &CStr, text: &CStr) {
-        crate::wasm::log(self.environment, status, category, text);
+        // SAFETY: the host reads the strings, which outlive the call. No reference to an instance exists during it.
+        unsafe { crate::wasm::host::log(self.environment, status, category.as_ptr(), text.as_ptr()) }
     }
 
     #[cfg(not(target_family = "wasm"))]

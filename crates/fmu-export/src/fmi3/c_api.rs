@@ -17,15 +17,17 @@ use crate::c_boundary::{
     self, Exported, c_string, call, elements, get_values, not_null, set_values, write_elements,
 };
 use crate::calling_sequence::{Function as _, Interface};
+use crate::context::Experiment;
 use crate::description::DataType;
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::instance::event_mode::has_intermediate_update;
 use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};
-use crate::model::{Experiment, Model, Variables};
+use crate::model::Model;
 use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
+use crate::variables::Variables;
 #[cfg(target_family = "wasm")]
 use crate::wasm::host;
 

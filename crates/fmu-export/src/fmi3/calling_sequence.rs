@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use crate::calling_sequence::{Interface, Phase, Phases, functions};
 use crate::description::ValueReference;
 use crate::error;
-use crate::model::Variables;
+use crate::variables::Variables;
 
 use Phase::{
     ClockActivationMode, ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode,

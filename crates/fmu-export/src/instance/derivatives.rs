@@ -6,9 +6,10 @@ use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, Initial, ValueReference, VariableDescription, Version};
 use crate::error::{Error, Shown};
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::number::Dual;
 use crate::status::Status;
+use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).

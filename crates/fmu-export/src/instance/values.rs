@@ -8,8 +8,9 @@ use crate::description::{Causality, DataType, Initial, ValueReference, Variabili
 use crate::error::{Error, Shown, check_memory};
 use crate::floating_point::in_default_environment;
 use crate::inputs::MAX_ORDER;
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::status::Status;
+use crate::variables::Variables;
 
 pub(super) const REALS: &[DataType] = &[DataType::Real];
 const BOOLEANS: &[DataType] = &[DataType::Boolean];
