@@ -77,6 +77,35 @@ macro_rules! exported_model {
     };
 }
 
+/// Defines functions of the standard that take an instance, by their names here, the traits of their models, arguments
+/// and names in the standard: each runs its body on the instance if the calling sequence allows it.
+macro_rules! functions {
+    ($prefix:literal; $(
+        $(#[$attribute:meta])*
+        $name:ident<$model:ident>($($argument:ident: $type:ty),* $(,)?): $function:ident, $body:expr;
+    )*) => {$(
+        #[doc = concat!("`", $prefix, stringify!($function), "`.")]
+        $(#[$attribute])*
+        pub unsafe fn $name<M: $model>(instance: *mut core::ffi::c_void, $($argument: $type),*) -> Status {
+            // SAFETY: the instance and the other arguments are the importer's (see the module).
+            unsafe { $crate::c_boundary::call::<M>(instance, Function::$function, $body) }
+        }
+    )*};
+}
+
+/// Likewise for functions that always fail, with the reason.
+macro_rules! refusals {
+    ($prefix:literal; $($name:ident($($argument:ty),* $(,)?): $function:ident, $reason:expr;)*) => {$(
+        #[doc = concat!("`", $prefix, stringify!($function), "`: an error.")]
+        pub unsafe fn $name<M: Model>(instance: *mut core::ffi::c_void, $(_: $argument),*) -> Status {
+            // SAFETY: the instance is the importer's (see the module).
+            unsafe { $crate::c_boundary::call::<M>(instance, Function::$function, |_| Err(Error::new($reason))) }
+        }
+    )*};
+}
+
+pub(crate) use {functions, refusals};
+
 /// The target of a handle. Coupled FMUs share a process; the first word tells their instances apart.
 #[repr(C)]
 pub(crate) struct Exported<M: Model> {
@@ -220,7 +249,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     target.fmu = 0;
     // SAFETY: the pointer came from `instantiate`, and the standard forbids its use after this call.
     let target = unsafe { Box::from_raw(ptr::from_mut(target)) };
-    saved_states::free_all_of(handle.addr());
+    saved_states::free_all_of(ptr::from_ref(&target.instance).addr());
     // A panic here cannot be reported: the logger belongs to the freed instance.
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
@@ -313,9 +342,9 @@ pub(crate) fn with_state<M: Model, T>(
     body(&state.read().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Stores a memory as a new state, and returns its handle.
-pub(crate) fn keep<M: Model>(handle: *mut c_void, memory: Memory<M>) -> *mut c_void {
-    ptr::without_provenance_mut(saved_states::keep(handle.addr(), memory))
+/// Stores a memory as a new state of an instance, and returns its handle.
+pub(crate) fn keep<M: Model>(instance: &Instance<M>, memory: Memory<M>) -> *mut c_void {
+    ptr::without_provenance_mut(saved_states::keep(ptr::from_ref(instance).addr(), memory))
 }
 
 /// Runs the body of a getter on the value references of scalars and the memory for their values.
@@ -360,240 +389,181 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
     }
 }
 
+// The bodies of functions alike in all versions.
+
 /// Gets strings, valid until the next such call for this instance.
-///
-/// # Safety
-/// As for [`get_values`].
-pub(crate) unsafe fn get_strings<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    references: (*const ValueReference, usize),
-    values: (*mut *const c_char, usize),
-) -> Status {
-    // SAFETY: the caller's promise.
-    unsafe {
-        get_values::<M, _, _>(handle, function, references, values, |instance, references, values| {
-            let status = instance.get_string(references)?;
-            for (value, text) in values.iter_mut().zip(&instance.strings) {
-                *value = text.as_ptr();
-            }
-            Ok(status)
-        })
+pub(crate) fn get_strings<M: Model>(
+    instance: &mut Instance<M>,
+    references: &[ValueReference],
+    values: &mut [*const c_char],
+) -> Answer {
+    let status = instance.get_string(references)?;
+    for (value, text) in values.iter_mut().zip(&instance.strings) {
+        *value = text.as_ptr();
     }
+    Ok(status)
 }
 
 /// Sets strings, which are copied.
 ///
 /// # Safety
-/// As for [`get_values`]; the strings end in NUL.
-pub(crate) unsafe fn set_strings<M: Model, F: Function>(
-    handle: *mut c_void,
-    function: F,
-    references: (*const ValueReference, usize),
-    values: (*const *const c_char, usize),
-) -> Status {
-    // SAFETY: the caller's promise.
-    unsafe {
-        set_values::<M, F, _>(handle, function, references, values, |instance, references, values| {
-            let text = |&text: &*const c_char| {
-                c_string(F::VALUES, text)?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
-            };
-            instance.set_string(references, &values.iter().map(text).collect::<Result<Vec<_>, _>>()?)
-        })
-    }
+/// The strings are null or end in NUL.
+pub(crate) unsafe fn set_strings<M: Model>(
+    instance: &mut Instance<M>,
+    name: &str,
+    references: &[ValueReference],
+    values: &[*const c_char],
+) -> Answer {
+    let text = |&text: &*const c_char| {
+        // SAFETY: the caller's promise.
+        unsafe { c_string(name, text) }?.to_str().map_err(|_| Error::new("a string is not valid UTF-8"))
+    };
+    instance.set_string(references, &values.iter().map(text).collect::<Result<Vec<_>, _>>()?)
 }
 
 /// Switches debug logging.
 ///
 /// # Safety
-/// As for [`call`]; there are as many names as counted, which end in NUL.
+/// There are as many names as counted, which are null or end in NUL.
 pub(crate) unsafe fn set_debug_logging<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
+    instance: &mut Instance<M>,
     logging_on: bool,
-    categories: (*const *const c_char, usize),
-) -> Status {
+    (categories, count): (*const *const c_char, usize),
+) -> Answer {
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |instance| {
-            let names = elements("categories", categories.0, categories.1)?
-                .iter()
-                .map(|&name| c_string("categories", name))
-                .collect::<Result<Vec<_>, _>>()?;
-            instance.set_debug_logging(logging_on, &names)
-        })
-    }
+    let names = unsafe { elements("categories", categories, count) }?;
+    // SAFETY: likewise.
+    let names = names.iter().map(|&name| unsafe { c_string("categories", name) });
+    instance.set_debug_logging(logging_on, &names.collect::<Result<Vec<_>, _>>()?)
 }
 
 /// Saves an instance's state: into a new one if `*state` is null, otherwise over the existing one.
 ///
 /// # Safety
-/// As for [`call`]; `state` is null or may be read and written to.
-pub(crate) unsafe fn get_state<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    state: *mut *mut c_void,
-) -> Status {
+/// `state` is null or may be read and written to.
+pub(crate) unsafe fn get_state<M: Model>(instance: &mut Instance<M>, state: *mut *mut c_void) -> Answer {
+    let state = not_null("FMUstate", state)?;
+    let memory = instance.save()?;
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |instance| {
-            let state = not_null("FMUstate", state)?;
-            let memory = instance.save()?;
-            let saved = state.read_unaligned();
-            if saved.is_null() {
-                state.write_unaligned(keep(handle, memory));
-            } else {
-                let there = saved_states::find::<Memory<M>>(saved.addr())?;
-                *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
-            }
-            Ok(Status::Ok)
-        })
+    let saved = unsafe { state.read_unaligned() };
+    if saved.is_null() {
+        // SAFETY: the caller's promise.
+        unsafe { state.write_unaligned(keep(instance, memory)) };
+    } else {
+        let there = saved_states::find::<Memory<M>>(saved.addr())?;
+        *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
     }
+    Ok(Status::Ok)
 }
 
 /// Restores a saved state.
-///
-/// # Safety
-/// As for [`call`].
-pub(crate) unsafe fn set_state<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    state: *mut c_void,
-) -> Status {
-    // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |instance| {
-            with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
-        })
-    }
+pub(crate) fn set_state<M: Model>(instance: &mut Instance<M>, state: *mut c_void) -> Answer {
+    with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
 }
 
 /// Frees a saved state; null is a no-op.
 ///
 /// # Safety
 /// As for [`get_state`].
-pub(crate) unsafe fn free_state<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    state: *mut *mut c_void,
-) -> Status {
+pub(crate) unsafe fn free_state<M: Model>(state: *mut *mut c_void) -> Answer {
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |_| {
-            if !state.is_null() {
-                let saved = state.read_unaligned();
-                if !saved.is_null() {
-                    saved_states::free::<Memory<M>>(saved.addr())?;
-                    state.write_unaligned(ptr::null_mut());
-                }
-            }
-            Ok(Status::Ok)
-        })
+    let saved = if state.is_null() { state.cast() } else { unsafe { state.read_unaligned() } };
+    if !saved.is_null() {
+        saved_states::free::<Memory<M>>(saved.addr())?;
+        // SAFETY: the caller's promise.
+        unsafe { state.write_unaligned(ptr::null_mut()) };
     }
+    Ok(Status::Ok)
 }
 
 /// The size of a serialized state in bytes.
 ///
 /// # Safety
-/// As for [`call`]; `size` is null or may be written to.
-pub(crate) unsafe fn serialized_size<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    state: *mut c_void,
-    size: *mut usize,
-) -> Status {
+/// `size` is null or may be written to.
+pub(crate) unsafe fn serialized_size<M: Model>(state: *mut c_void, size: *mut usize) -> Answer {
+    let size = not_null("size", size)?;
+    let content = with_state(state, Instance::<M>::serialize)?;
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |_| {
-            let size = not_null("size", size)?;
-            size.write_unaligned(with_state(state, Instance::<M>::serialize)?.len());
-            Ok(Status::Ok)
-        })
-    }
+    unsafe { size.write_unaligned(content.len()) };
+    Ok(Status::Ok)
 }
 
 /// Serializes a saved state into as many bytes as [`serialized_size`] reports.
 ///
 /// # Safety
-/// As for [`call`]; there are as many bytes as counted.
-pub(crate) unsafe fn serialize<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    state: *mut c_void,
-    (bytes, size): (*mut u8, usize),
-) -> Status {
-    // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |_| {
-            let content = with_state(state, Instance::<M>::serialize)?;
-            if size != content.len() {
-                return Err(Error::new(format!("size is {size}, the state has {} bytes", content.len())));
-            }
-            write_elements("serializedState", bytes, size, |target| {
-                target.copy_from_slice(&content);
-                Ok(Status::Ok)
-            })
-        })
+/// There are as many bytes as counted.
+pub(crate) unsafe fn serialize<M: Model>(state: *mut c_void, (bytes, size): (*mut u8, usize)) -> Answer {
+    let content = with_state(state, Instance::<M>::serialize)?;
+    if size != content.len() {
+        return Err(Error::new(format!("size is {size}, the state has {} bytes", content.len())));
     }
+    let write = |target: &mut [u8]| {
+        target.copy_from_slice(&content);
+        Ok(Status::Ok)
+    };
+    // SAFETY: the caller's promise.
+    unsafe { write_elements("serializedState", bytes, size, write) }
 }
 
 /// Turns a serialized state into a new saved one. Unlike [`get_state`], this does not read `*state`, which the
 /// standard does not require to be set and which may happen to be a state's handle.
 ///
 /// # Safety
-/// As for [`serialize`]; `state` is null or may be written to.
+/// There are as many bytes as counted; `state` is null or may be written to.
 pub(crate) unsafe fn deserialize<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
+    instance: &Instance<M>,
     (bytes, size): (*const u8, usize),
     state: *mut *mut c_void,
-) -> Status {
+) -> Answer {
+    // SAFETY: the caller's promise.
+    let bytes = unsafe { elements("serializedState", bytes, size) }?;
+    let state = not_null("FMUstate", state)?;
+    let memory = instance.deserialize(&bytes)?;
+    // SAFETY: the caller's promise.
+    unsafe { state.write_unaligned(keep(instance, memory)) };
+    Ok(Status::Ok)
+}
+
+/// After an integrator's step there is nothing to do.
+///
+/// # Safety
+/// The results are null or may be written to.
+pub(crate) unsafe fn completed_integrator_step<B: Default>(event_mode: *mut B, terminate: *mut B) -> Answer {
+    let event_mode = not_null("enterEventMode", event_mode)?;
+    let terminate = not_null("terminateSimulation", terminate)?;
     // SAFETY: the caller's promise.
     unsafe {
-        call::<M>(handle, function, |instance| {
-            let bytes = elements("serializedState", bytes, size)?;
-            let state = not_null("FMUstate", state)?;
-            state.write_unaligned(keep(handle, instance.deserialize(&bytes)?));
-            Ok(Status::Ok)
-        })
+        event_mode.write_unaligned(B::default());
+        terminate.write_unaligned(B::default());
     }
+    Ok(Status::Ok)
 }
 
 /// Sets the continuous states.
 ///
 /// # Safety
-/// As for [`call`]; there are as many states as counted.
+/// There are as many states as counted.
 pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
-    handle: *mut c_void,
-    function: impl Function,
+    instance: &mut Instance<M>,
     [name, count_name]: [&str; 2],
     (states, count): (*const f64, usize),
-) -> Status {
+) -> Answer {
+    check_count(count_name, count, M::Variables::STATE_NAMES)?;
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |instance| {
-            check_count(count_name, count, M::Variables::STATE_NAMES)?;
-            instance.set_continuous_states(&elements(name, states, count)?)
-        })
-    }
+    instance.set_continuous_states(&unsafe { elements(name, states, count) }?)
 }
 
 /// Gets one number for each name: of the states or event indicators.
 ///
 /// # Safety
-/// As for [`call`]; there are as many values as counted.
-pub(crate) unsafe fn get_array<M: Model>(
-    handle: *mut c_void,
-    function: impl Function,
-    ([name, count_name], names): ([&str; 2], &[&str]),
+/// There are as many values as counted.
+pub(crate) unsafe fn get_array(
+    [name, count_name]: [&str; 2],
+    names: &[&str],
     (values, count): (*mut f64, usize),
-    get: impl FnOnce(&mut Instance<M>, &mut [f64]) -> Answer,
-) -> Status {
+    get: impl FnOnce(&mut [f64]) -> Answer,
+) -> Answer {
+    check_count(count_name, count, names)?;
     // SAFETY: the caller's promise.
-    unsafe {
-        call::<M>(handle, function, |instance| {
-            check_count(count_name, count, names)?;
-            write_elements(name, values, count, |values| get(instance, values))
-        })
-    }
+    unsafe { write_elements(name, values, count, get) }
 }

@@ -72,11 +72,13 @@ pub unsafe fn save_state<M: Model>(state: *mut c_void, target: *mut u8) {
 /// `fmu_load_state`: the state of an instance from saved bytes, or null.
 ///
 /// # Safety
-/// There are as many bytes as counted.
-pub unsafe fn load_state<M: Model>(instance: *mut c_void, bytes: *const u8, size: usize) -> *mut c_void {
+/// As for [`fail`]; there are as many bytes as counted.
+pub unsafe fn load_state<M: Model>(handle: *mut c_void, bytes: *const u8, size: usize) -> *mut c_void {
     // SAFETY: the caller's promise.
-    let bytes = unsafe { slice::from_raw_parts(bytes, size) };
-    Instance::<M>::from_bytes(bytes).map_or(ptr::null_mut(), |memory| keep(instance, memory))
+    let (instance, bytes) =
+        unsafe { (Exported::<M>::instance_of(handle), slice::from_raw_parts(bytes, size)) };
+    let memory = Instance::<M>::from_bytes(bytes).ok();
+    instance.zip(memory).map_or(ptr::null_mut(), |(instance, memory)| keep(instance, memory))
 }
 
 /// Defines the functions that a module exports in addition to those of FMI.

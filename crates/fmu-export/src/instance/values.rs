@@ -4,7 +4,9 @@ use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::description::{
+    Causality, DataType, Initial, ValueReference, Variability, VariableDescription, Version,
+};
 use crate::error::{Error, Shown, check_memory};
 use crate::floating_point::in_default_environment;
 use crate::inputs::MAX_ORDER;
@@ -16,6 +18,31 @@ pub(super) const REALS: &[DataType] = &[DataType::Real];
 const BOOLEANS: &[DataType] = &[DataType::Boolean];
 const STRINGS: &[DataType] = &[DataType::String];
 const BINARIES: &[DataType] = &[DataType::Binary];
+const FLOATS: &[DataType] = &[DataType::Float32];
+
+/// The numbers of an FMI 3.0 integer type other than Int32.
+pub(crate) trait Whole: Copy + Into<i128> + TryFrom<i128> {
+    /// The types accessed by its functions.
+    const TYPES: &[DataType];
+}
+
+macro_rules! wholes {
+    ($($number:ty: [$($data_type:ident),*];)*) => {$(
+        impl Whole for $number {
+            const TYPES: &[DataType] = &[$(DataType::$data_type),*];
+        }
+    )*};
+}
+
+wholes! {
+    i8: [Int8];
+    u8: [UInt8];
+    i16: [Int16];
+    u16: [UInt16];
+    u32: [UInt32];
+    i64: [Int64, Enumeration];
+    u64: [UInt64];
+}
 
 /// How to set values of a type.
 struct Setter<V, T> {
@@ -26,7 +53,28 @@ struct Setter<V, T> {
     write: fn(&mut V, ValueReference, T),
 }
 
+/// How to set values that variables hold as they are, by their accessors.
+macro_rules! setter {
+    ($get:ident, $set:ident, $as_number:expr) => {
+        const {
+            &Setter {
+                as_number: $as_number,
+                is_set: |variables: &M::Variables, reference, value| {
+                    PartialEq::eq(&variables.$get(reference), &value)
+                },
+                write: M::Variables::$set,
+            }
+        }
+    };
+}
+
 impl<M: Model> Instance<M> {
+    /// The types accessed by the functions of Integer (FMI 2.0) or Int32.
+    const INTEGERS: &[DataType] = match Self::DESCRIPTION.version {
+        Version::Two => &[DataType::Integer, DataType::Enumeration],
+        Version::Three => &[DataType::Integer],
+    };
+
     /// The variable of a value reference, if its type is one of `types`.
     pub(super) fn variable(
         reference: ValueReference,
@@ -54,19 +102,20 @@ impl<M: Model> Instance<M> {
         M::Variables::description(reference).expect("the value reference was checked")
     }
 
-    /// Gets values; `read` writes the one at an index. All value references are checked first.
-    fn get(
+    /// Gets values; `read` writes each. All value references are checked first.
+    fn get<T>(
         &mut self,
         references: &[ValueReference],
+        values: impl IntoIterator<Item = T>,
         types: &[DataType],
-        mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
+        mut read: impl FnMut(&M::Variables, ValueReference, T) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
             Self::variable(reference, types)?;
         }
         let status = self.compute_values()?;
-        for (index, &reference) in references.iter().enumerate() {
-            read(&self.memory.variables, index, reference)?;
+        for (&reference, value) in references.iter().zip(values) {
+            read(&self.memory.variables, reference, value)?;
         }
         Ok(status)
     }
@@ -74,13 +123,13 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         let time = self.memory.time;
         let mut no_number = Ok(());
-        let status = self.get(references, REALS, |variables, index, reference| {
+        let status = self.get(references, values, REALS, |variables, reference, target| {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
             // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
-                values[index] = value;
+                *target = value;
             } else if no_number.is_ok() {
                 let message = format!("the variable {} is {}", variable.name, Shown(value));
                 no_number = Err(Error::new(message));
@@ -98,15 +147,10 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Gets variables of some types that are integers here.
-    pub(crate) fn get_integers<T: From<i32>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &mut [T],
-        types: &[DataType],
-    ) -> Answer {
-        self.get(references, types, |variables, index, reference| {
-            values[index] = variables.integer(reference).into();
+    /// Gets variables of the types accessed by the functions of Integer (FMI 2.0) or Int32.
+    pub(crate) fn get_integers(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, values, Self::INTEGERS, |variables, reference, value| {
+            *value = variables.integer(reference);
             Ok(())
         })
     }
@@ -116,34 +160,29 @@ impl<M: Model> Instance<M> {
         references: &[ValueReference],
         values: &mut [T],
     ) -> Answer {
-        self.get(references, BOOLEANS, |variables, index, reference| {
-            values[index] = variables.boolean(reference).into();
+        self.get(references, values, BOOLEANS, |variables, reference, value| {
+            *value = variables.boolean(reference).into();
             Ok(())
         })
     }
 
     pub(crate) fn get_float32(&mut self, references: &[ValueReference], values: &mut [f32]) -> Answer {
-        self.get(references, &[DataType::Float32], |variables, index, reference| {
-            let value = variables.float32(reference);
-            if !value.is_finite() {
+        self.get(references, values, FLOATS, |variables, reference, value| {
+            let number = variables.float32(reference);
+            if !number.is_finite() {
                 let name = Self::checked(reference).name;
-                return Err(Error::new(format!("the variable {name} is {}", Shown(value.into()))));
+                return Err(Error::new(format!("the variable {name} is {}", Shown(number.into()))));
             }
-            values[index] = value;
+            *value = number;
             Ok(())
         })
     }
 
-    /// Gets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
-    pub(crate) fn get_wholes<T: TryFrom<i128>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &mut [T],
-        types: &[DataType],
-    ) -> Answer {
-        self.get(references, types, |variables, index, reference| {
-            let value = Self::whole(variables, reference);
-            values[index] = value.try_into().map_err(|_| Error::new(format!("{value} is too large")))?;
+    /// Gets variables of an FMI 3.0 integer type other than Int32.
+    pub(crate) fn get_wholes<T: Whole>(&mut self, references: &[ValueReference], values: &mut [T]) -> Answer {
+        self.get(references, values, T::TYPES, |variables, reference, value| {
+            let whole = Self::whole(variables, reference);
+            *value = whole.try_into().map_err(|_| Error::new(format!("{whole} is too large")))?;
             Ok(())
         })
     }
@@ -162,20 +201,19 @@ impl<M: Model> Instance<M> {
         sizes: &mut [usize],
         values: &mut [*const u8],
     ) -> Answer {
-        self.get(references, BINARIES, |variables, index, reference| {
-            let value = variables.binary(reference);
-            (sizes[index], values[index]) = (value.len(), value.as_ptr());
+        self.get(references, sizes.iter_mut().zip(values), BINARIES, |variables, reference, (size, value)| {
+            let binary = variables.binary(reference);
+            (*size, *value) = (binary.len(), binary.as_ptr());
             Ok(())
         })
     }
 
-    /// Leaves the values in [`Instance::strings`].
     pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
-        let mut strings = Vec::with_capacity(references.len());
-        let status = self.get(references, STRINGS, |variables, _, reference| {
+        let mut strings = vec![CString::default(); references.len()];
+        let status = self.get(references, &mut strings, STRINGS, |variables, reference, string| {
             let text = variables.string(reference);
             check_memory(text.len())?;
-            strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
+            *string = CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?;
             Ok(())
         })?;
         self.strings = strings;
@@ -369,53 +407,20 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
-        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
-        let setter = const {
-            &Setter {
-                as_number: |value| value,
-                is_set: |variables: &M::Variables, reference, value| variables.real(reference) == value,
-                write: M::Variables::set_real,
-            }
-        };
-        self.set(references, values, REALS, setter)
+        self.set(references, values, REALS, setter!(real, set_real, |value| value))
     }
 
-    /// Sets variables of some types that are integers here.
-    pub(crate) fn set_integers(
-        &mut self,
-        references: &[ValueReference],
-        values: &[i32],
-        types: &[DataType],
-    ) -> Answer {
-        let setter = const {
-            &Setter {
-                as_number: f64::from,
-                is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
-                write: M::Variables::set_integer,
-            }
-        };
-        self.set(references, values, types, setter)
+    /// Sets variables of the types accessed by the functions of Integer (FMI 2.0) or Int32.
+    pub(crate) fn set_integers(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        self.set(references, values, Self::INTEGERS, setter!(integer, set_integer, f64::from))
     }
 
     pub(crate) fn set_float32(&mut self, references: &[ValueReference], values: &[f32]) -> Answer {
-        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
-        let setter = const {
-            &Setter {
-                as_number: f64::from,
-                is_set: |variables: &M::Variables, reference, value| variables.float32(reference) == value,
-                write: M::Variables::set_float32,
-            }
-        };
-        self.set(references, values, &[DataType::Float32], setter)
+        self.set(references, values, FLOATS, setter!(float32, set_float32, f64::from))
     }
 
-    /// Sets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
-    pub(crate) fn set_wholes<T: Copy + Into<i128>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &[T],
-        types: &[DataType],
-    ) -> Answer {
+    /// Sets variables of an FMI 3.0 integer type other than Int32.
+    pub(crate) fn set_wholes<T: Whole>(&mut self, references: &[ValueReference], values: &[T]) -> Answer {
         let setter = Setter {
             #[expect(
                 clippy::cast_precision_loss,
@@ -433,19 +438,12 @@ impl<M: Model> Instance<M> {
                 (_, value) => variables.set_whole(reference, value),
             },
         };
-        self.set(references, values, types, &setter)
+        self.set(references, values, T::TYPES, &setter)
     }
 
     pub(crate) fn set_binary(&mut self, references: &[ValueReference], values: &[&[u8]]) -> Answer {
         check_memory(values.iter().map(|value| value.len()).sum())?;
-        let setter = const {
-            &Setter {
-                as_number: |_| 0.0,
-                is_set: |variables: &M::Variables, reference, value| variables.binary(reference) == value,
-                write: M::Variables::set_binary,
-            }
-        };
-        self.set(references, values, BINARIES, setter)
+        self.set(references, values, BINARIES, setter!(binary, set_binary, |_| 0.0))
     }
 
     /// Any value but 0 is true.
@@ -470,14 +468,7 @@ impl<M: Model> Instance<M> {
 
     pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
         check_memory(values.iter().map(|value| value.len()).sum())?;
-        let setter = const {
-            &Setter {
-                as_number: |_| 0.0,
-                is_set: |variables: &M::Variables, reference, value| variables.string(reference) == value,
-                write: M::Variables::set_string,
-            }
-        };
-        self.set(references, values, STRINGS, setter)
+        self.set(references, values, STRINGS, setter!(string, set_string, |_| 0.0))
     }
 
     pub(crate) fn set_real_input_derivatives(
