@@ -362,8 +362,9 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
     unsafe {
         copy::<M>(handle, function, |instance| {
             let references = elements(F::VALUE_REFERENCES, references, count)?;
-            let references = F::scalars::<M::Variables>(references, value_count)?;
-            write_elements(F::VALUES, values, value_count, |values| get(instance, &references, values))
+            instance.with_scalars(&references, value_count, |instance, scalars| {
+                write_elements(F::VALUES, values, value_count, |values| get(instance, scalars, values))
+            })
         })
     }
 }
@@ -383,8 +384,9 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
     unsafe {
         copy::<M>(handle, function, |instance| {
             let references = elements(F::VALUE_REFERENCES, references, count)?;
-            let references = F::scalars::<M::Variables>(references, value_count)?;
-            set(instance, &references, &elements(F::VALUES, values, value_count)?)
+            instance.with_scalars(&references, value_count, |instance, scalars| {
+                set(instance, scalars, &elements(F::VALUES, values, value_count)?)
+            })
         })
     }
 }

@@ -1,12 +1,9 @@
 //! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
 
 use core::fmt;
-use std::borrow::Cow;
 
-use crate::description::ValueReference;
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
-use crate::variables::Variables;
 
 /// The interfaces of FMI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,16 +174,6 @@ pub(crate) trait Function: Copy + 'static {
 
     /// The states in which it may be called.
     fn phases(self) -> Phases;
-
-    /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of
-    /// their values.
-    ///
-    /// # Errors
-    /// When the number of values is wrong.
-    fn scalars<V: Variables>(
-        references: Cow<'_, [ValueReference]>,
-        values: usize,
-    ) -> Result<Cow<'_, [ValueReference]>, Error>;
 }
 
 /// Declares a version's functions that take an instance: their interface, if only one has them, and the states in

@@ -75,6 +75,8 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) resources: Resources,
     /// The strings returned last, valid until the next time.
     pub(crate) strings: Vec<CString>,
+    /// The value references of array elements, of the last call with arrays: so that only the first calls allocate.
+    scalars: Vec<ValueReference>,
     /// For adjoint derivatives.
     tape: Tape,
     /// Whether a step may end early.
@@ -101,6 +103,7 @@ impl<M: Model> Instance<M> {
             memory: Memory::new(interface),
             resources: Resources::none(),
             strings: Vec::new(),
+            scalars: Vec::new(),
             tape: Tape::new(),
             early_return_allowed: false,
             preemption: Preemption::default(),

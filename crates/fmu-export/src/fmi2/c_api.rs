@@ -184,7 +184,7 @@ functions! {
         let references = elements("vr", references, count)?;
         let orders = elements("order", orders, count)?;
         write_elements("value", values, count, |values| {
-            instance.get_real_output_derivatives(&references, &orders, values)
+            instance.get_real_output_derivatives(&references, orders.iter().copied(), values)
         })
     };
     set_real_input_derivatives<Model>(

@@ -6,6 +6,7 @@
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 
 use core::ffi::CStr;
+use core::iter;
 
 use super::c_types::{
     self, Binary, Boolean, Byte, Enumeration, FALSE, FmuState, Status, String, ValueReference,
@@ -72,10 +73,11 @@ functions! {
         value_count: usize,
     ): GetBinary, |instance| {
         let references = elements("valueReferences", references, count)?;
-        let references = Function::scalars::<M::Variables>(references, value_count)?;
-        write_elements("values", values, value_count, |values| {
-            write_elements("valueSizes", sizes, value_count, |sizes| {
-                instance.get_binary(&references, sizes, values)
+        instance.with_scalars(&references, value_count, |instance, scalars| {
+            write_elements("values", values, value_count, |values| {
+                write_elements("valueSizes", sizes, value_count, |sizes| {
+                    instance.get_binary(scalars, sizes, values)
+                })
             })
         })
     };
@@ -85,12 +87,14 @@ functions! {
         value_count: usize,
     ): SetBinary, |instance| {
         let references = elements("valueReferences", references, count)?;
-        let references = Function::scalars::<M::Variables>(references, value_count)?;
-        let values = elements("values", values, value_count)?;
-        let sizes = elements("valueSizes", sizes, value_count)?;
-        let values = values.iter().zip(sizes.iter()).map(|(&value, &size)| elements("values", value, size));
-        let values = values.collect::<Result<Vec<_>, _>>()?;
-        instance.set_binary(&references, &values.iter().map(AsRef::as_ref).collect::<Vec<_>>())
+        instance.with_scalars(&references, value_count, |instance, scalars| {
+            let values = elements("values", values, value_count)?;
+            let sizes = elements("valueSizes", sizes, value_count)?;
+            let values = values.iter().zip(sizes.iter());
+            let values = values.map(|(&value, &size)| elements("values", value, size));
+            let values = values.collect::<Result<Vec<_>, _>>()?;
+            instance.set_binary(scalars, &values.iter().map(AsRef::as_ref).collect::<Vec<_>>())
+        })
     };
 
     /// Into a new state if `*state` is null, otherwise over the existing one.
@@ -114,17 +118,15 @@ functions! {
     ): GetOutputDerivatives, |instance| {
         let references = elements("valueReferences", references, count)?;
         let orders = elements("orders", orders, count)?;
-        // Not as many as the importer says, which may be any number.
-        let (mut spread, mut spread_orders) = (vec![], vec![]);
-        for (&reference, &order) in references.iter().zip(orders.iter()) {
-            let elements = Function::elements::<M::Variables>(reference)?;
-            spread_orders.resize(spread_orders.len() + elements.len(), order);
-            spread.extend_from_slice(&elements);
-        }
-        Function::check_values(spread.len(), value_count)?;
-        instance.check_registered(&spread)?;
-        write_elements("values", values, value_count, |values| {
-            instance.get_real_output_derivatives(&spread, &spread_orders, values)
+        instance.with_scalars(&references, value_count, |instance, scalars| {
+            instance.check_registered(scalars)?;
+            let of_elements = |(reference, &order)| {
+                iter::repeat_n(order, Instance::<M>::elements(reference).map_or(0, <[_]>::len))
+            };
+            let orders = references.iter().zip(orders.iter()).flat_map(of_elements);
+            write_elements("values", values, value_count, |values| {
+                instance.get_real_output_derivatives(scalars, orders, values)
+            })
         })
     };
 
@@ -219,12 +221,14 @@ macro_rules! derivatives {
                     [sensitivity_count, seed_count]
                 };
                 let unknowns = elements("unknowns", unknowns, unknown_count)?;
-                let unknowns = Function::scalars::<M::Variables>(unknowns, of_unknowns)?;
                 let knowns = elements("knowns", knowns, known_count)?;
-                let knowns = Function::scalars::<M::Variables>(knowns, of_knowns)?;
-                let seed = elements("seed", seed, seed_count)?;
-                write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
-                    instance.$name(&unknowns, &knowns, &seed, sensitivity)
+                instance.with_scalars(&unknowns, of_unknowns, |instance, unknowns| {
+                    instance.with_scalars(&knowns, of_knowns, |instance, knowns| {
+                        let seed = elements("seed", seed, seed_count)?;
+                        write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
+                            instance.$name(unknowns, knowns, &seed, sensitivity)
+                        })
+                    })
                 })
             };
         )* }

@@ -101,11 +101,11 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real_output_derivatives(
         &mut self,
         references: &[ValueReference],
-        orders: &[i32],
+        orders: impl Iterator<Item = i32>,
         values: &mut [f64],
     ) -> Answer {
         Self::check_differentiates("maxOutputDerivativeOrder is 0")?;
-        for (&reference, &order) in references.iter().zip(orders) {
+        for (&reference, order) in references.iter().zip(orders) {
             let variable = Self::variable(reference, REALS)?;
             if variable.causality != Causality::Output {
                 return Err(Error::new(format!("the variable {} is not an output", variable.name)));

@@ -1,5 +1,6 @@
 //! Getting and setting variables (FMI 2.0.5, section 2.1.7), and the derivatives of inputs (section 4.2.1).
 
+use core::{mem, slice};
 use std::ffi::CString;
 
 use super::{Answer, Instance};
@@ -80,10 +81,13 @@ impl<M: Model> Instance<M> {
         reference: ValueReference,
         types: &[DataType],
     ) -> Result<&'static VariableDescription, Error> {
-        let variable = M::Variables::description(reference).ok_or_else(|| {
-            Error::new(format!("there is no variable with the value reference {reference}"))
-        })?;
+        let variable = M::Variables::description(reference).ok_or_else(|| Self::no_variable(reference))?;
         if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
+    }
+
+    #[cold]
+    fn no_variable(reference: ValueReference) -> Error {
+        Error::new(format!("there is no variable with the value reference {reference}"))
     }
 
     /// The error that a variable has another type.
@@ -100,6 +104,43 @@ impl<M: Model> Instance<M> {
     /// A variable whose value reference was checked.
     pub(super) fn checked(reference: ValueReference) -> &'static VariableDescription {
         M::Variables::description(reference).expect("the value reference was checked")
+    }
+
+    /// The value references of a variable's elements, or that of a scalar.
+    pub(crate) fn elements(reference: &ValueReference) -> Result<&[ValueReference], Error> {
+        if M::Variables::INNER_ELEMENTS.binary_search(reference).is_ok() {
+            return Err(Self::no_variable(*reference));
+        }
+        let array = M::Variables::ARRAYS.binary_search_by_key(reference, |elements| elements[0]);
+        Ok(array.map_or(slice::from_ref(reference), |array| M::Variables::ARRAYS[array]))
+    }
+
+    /// Runs a body on the value references of scalars: those of the elements of arrays, which have as many values as
+    /// stated.
+    pub(crate) fn with_scalars(
+        &mut self,
+        references: &[ValueReference],
+        values: usize,
+        body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
+    ) -> Answer {
+        let check_values = |expected| {
+            let wrong = || format!("nValues is {values}; the variables have {expected}");
+            if expected == values { Ok(()) } else { Err(Error::new(wrong())) }
+        };
+        if M::Variables::ARRAYS.is_empty() {
+            check_values(references.len())?;
+            return body(self, references);
+        }
+        let mut scalars = mem::take(&mut self.scalars);
+        scalars.clear();
+        // Not as many as the importer says, which may be any number.
+        for reference in references {
+            scalars.extend_from_slice(Self::elements(reference)?);
+        }
+        check_values(scalars.len())?;
+        let answer = body(self, &scalars);
+        self.scalars = scalars;
+        answer
     }
 
     /// Gets values; `read` writes each. All value references are checked first.

@@ -9,9 +9,8 @@ use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
     LogMessageCallback, Status, String, ValueReference,
 };
-use crate::fmi3::calling_sequence::Function;
 use crate::instance::event_mode::has_intermediate_update;
-use crate::instance::{ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
+use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;
 use crate::resources::Resources;
@@ -181,7 +180,7 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
                  available in Intermediate Update Mode (intermediateUpdate is false)"
             )));
         }
-        scalars.extend_from_slice(&Function::elements::<M::Variables>(reference)?);
+        scalars.extend_from_slice(instance::Instance::<M>::elements(&reference)?);
     }
     Ok(scalars.into())
 }
