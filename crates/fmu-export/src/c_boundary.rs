@@ -5,22 +5,18 @@
 //! importers: instances come from the instantiation function, and one thread at a time uses them until they are freed;
 //! arrays have the stated lengths, and result arrays overlap no other argument; strings end in NUL. The rest is
 //! checked: null pointers, instances and states of another FMU, UTF-8, every number.
-//!
-//! Arrays and results may be unaligned: 32-bit compilers align doubles to 4 bytes, Rust to 8, and bindings pass parts
-//! of buffers. Result memory is never read, and no Rust enum is read from the importer's memory.
 
-use core::ffi::{CStr, c_char, c_void};
+pub(crate) mod arguments;
+pub(crate) mod states;
+
+use core::ffi::{c_char, c_void};
 use core::ptr;
-use core::slice;
-use std::borrow::Cow;
-use std::sync::PoisonError;
 
 use crate::calling_sequence::{Function, Interface};
 use crate::checksum::checksum;
 use crate::description::ValueReference;
 use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
-use crate::instance::memory::Memory;
 use crate::instance::{Answer, Instance, Preemption};
 use crate::logger::Logger;
 use crate::model::Model;
@@ -29,6 +25,8 @@ use crate::panics::contain;
 use crate::saved_states;
 use crate::status::Status;
 use crate::variables::Variables;
+
+use arguments::{c_string, check_count, elements, not_null, write_elements};
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.
@@ -254,99 +252,6 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
-/// An array argument; null counts as empty.
-///
-/// # Safety
-/// Unless null, `array` has `count` elements that nothing changes during the call.
-pub(crate) unsafe fn elements<'a, T: Copy>(
-    name: &str,
-    array: *const T,
-    count: usize,
-) -> Result<Cow<'a, [T]>, Error> {
-    if count == 0 {
-        return Ok(Cow::Borrowed(&[]));
-    }
-    let array = not_null(name, array.cast_mut())?.cast_const();
-    Ok(if array.is_aligned() {
-        // SAFETY: not null and aligned; the caller promises this length.
-        Cow::Borrowed(unsafe { slice::from_raw_parts(array, count) })
-    } else {
-        check_memory(count.saturating_mul(size_of::<T>()))?;
-        // SAFETY: the caller promises that each of these is an element.
-        (0..count).map(|index| unsafe { array.add(index).read_unaligned() }).collect()
-    })
-}
-
-/// Writes an array.
-///
-/// # Safety
-/// Unless null, `array` has `count` elements that nothing else uses during the call.
-pub(crate) unsafe fn write_elements<T: Copy>(
-    name: &str,
-    array: *mut T,
-    count: usize,
-    write: impl FnOnce(&mut [T]) -> Answer,
-) -> Answer {
-    if count == 0 {
-        return write(&mut []);
-    }
-    let array = not_null(name, array)?;
-    if array.is_aligned() {
-        // SAFETY: not null and aligned; the caller promises this length and that nothing aliases it.
-        return write(unsafe { slice::from_raw_parts_mut(array, count) });
-    }
-    // SAFETY: the caller's promise.
-    let mut values = unsafe { elements(name, array, count) }?.into_owned();
-    let answer = write(&mut values);
-    // After an error too: values written before it are returned, as if written to the importer's array.
-    for (index, value) in values.into_iter().enumerate() {
-        // SAFETY: the caller promises that this is an element.
-        unsafe { array.add(index).write_unaligned(value) };
-    }
-    answer
-}
-
-/// Checks an array's element count before access.
-fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
-    if found == elements.len() {
-        Ok(())
-    } else {
-        Err(Error::new(format!("{argument} is {found}; this FMU has {}", elements.len())))
-    }
-}
-
-/// An argument that must not be null.
-pub(crate) fn not_null<T>(name: &str, argument: *mut T) -> Result<*mut T, Error> {
-    if argument.is_null() { Err(Error::new(format!("the argument {name} is NULL"))) } else { Ok(argument) }
-}
-
-/// A string argument.
-///
-/// # Safety
-/// `text` is null or ends in NUL.
-pub(crate) unsafe fn c_string<'a>(name: &str, text: *const c_char) -> Result<&'a CStr, Error> {
-    let text = not_null(name, text.cast_mut())?;
-    // SAFETY: not null; the caller promises a NUL at the end.
-    Ok(unsafe { CStr::from_ptr(text) })
-}
-
-/// Reads the state behind a handle.
-pub(crate) fn with_state<M: Model, T>(
-    state: *mut c_void,
-    body: impl FnOnce(&Memory<M>) -> Result<T, Error>,
-) -> Result<T, Error> {
-    if state.is_null() {
-        return Err(Error::new("the argument FMUstate is NULL"));
-    }
-    let state = saved_states::find::<Memory<M>>(state.addr())?;
-    body(&state.read().unwrap_or_else(PoisonError::into_inner))
-}
-
-/// Stores a memory as a new state of an instance, and returns its handle.
-pub(crate) fn keep<M: Model>(instance: &Instance<M>, memory: Memory<M>) -> *mut c_void {
-    ptr::without_provenance_mut(saved_states::keep(ptr::from_ref(instance).addr(), memory))
-}
-
 /// Runs the body of a getter on the value references of scalars and the memory for their values.
 ///
 /// # Safety
@@ -437,93 +342,6 @@ pub(crate) unsafe fn set_debug_logging<M: Model>(
     // SAFETY: likewise.
     let names = names.iter().map(|&name| unsafe { c_string("categories", name) });
     instance.set_debug_logging(logging_on, &names.collect::<Result<Vec<_>, _>>()?)
-}
-
-/// Saves an instance's state: into a new one if `*state` is null, otherwise over the existing one.
-///
-/// # Safety
-/// `state` is null or may be read and written to.
-pub(crate) unsafe fn get_state<M: Model>(instance: &mut Instance<M>, state: *mut *mut c_void) -> Answer {
-    let state = not_null("FMUstate", state)?;
-    let memory = instance.save()?;
-    // SAFETY: the caller's promise.
-    let saved = unsafe { state.read_unaligned() };
-    if saved.is_null() {
-        // SAFETY: the caller's promise.
-        unsafe { state.write_unaligned(keep(instance, memory)) };
-    } else {
-        let there = saved_states::find::<Memory<M>>(saved.addr())?;
-        *there.write().unwrap_or_else(PoisonError::into_inner) = memory;
-    }
-    Ok(Status::Ok)
-}
-
-/// Restores a saved state.
-pub(crate) fn set_state<M: Model>(instance: &mut Instance<M>, state: *mut c_void) -> Answer {
-    with_state(state, |memory| instance.restore(memory).map(|()| Status::Ok))
-}
-
-/// Frees a saved state; null is a no-op.
-///
-/// # Safety
-/// As for [`get_state`].
-pub(crate) unsafe fn free_state<M: Model>(state: *mut *mut c_void) -> Answer {
-    // SAFETY: the caller's promise.
-    let saved = if state.is_null() { state.cast() } else { unsafe { state.read_unaligned() } };
-    if !saved.is_null() {
-        saved_states::free::<Memory<M>>(saved.addr())?;
-        // SAFETY: the caller's promise.
-        unsafe { state.write_unaligned(ptr::null_mut()) };
-    }
-    Ok(Status::Ok)
-}
-
-/// The size of a serialized state in bytes.
-///
-/// # Safety
-/// `size` is null or may be written to.
-pub(crate) unsafe fn serialized_size<M: Model>(state: *mut c_void, size: *mut usize) -> Answer {
-    let size = not_null("size", size)?;
-    let content = with_state(state, Instance::<M>::serialize)?;
-    // SAFETY: the caller's promise.
-    unsafe { size.write_unaligned(content.len()) };
-    Ok(Status::Ok)
-}
-
-/// Serializes a saved state into as many bytes as [`serialized_size`] reports.
-///
-/// # Safety
-/// There are as many bytes as counted.
-pub(crate) unsafe fn serialize<M: Model>(state: *mut c_void, (bytes, size): (*mut u8, usize)) -> Answer {
-    let content = with_state(state, Instance::<M>::serialize)?;
-    if size != content.len() {
-        return Err(Error::new(format!("size is {size}, the state has {} bytes", content.len())));
-    }
-    let write = |target: &mut [u8]| {
-        target.copy_from_slice(&content);
-        Ok(Status::Ok)
-    };
-    // SAFETY: the caller's promise.
-    unsafe { write_elements("serializedState", bytes, size, write) }
-}
-
-/// Turns a serialized state into a new saved one. Unlike [`get_state`], this does not read `*state`, which the
-/// standard does not require to be set and which may happen to be a state's handle.
-///
-/// # Safety
-/// There are as many bytes as counted; `state` is null or may be written to.
-pub(crate) unsafe fn deserialize<M: Model>(
-    instance: &Instance<M>,
-    (bytes, size): (*const u8, usize),
-    state: *mut *mut c_void,
-) -> Answer {
-    // SAFETY: the caller's promise.
-    let bytes = unsafe { elements("serializedState", bytes, size) }?;
-    let state = not_null("FMUstate", state)?;
-    let memory = instance.deserialize(&bytes)?;
-    // SAFETY: the caller's promise.
-    unsafe { state.write_unaligned(keep(instance, memory)) };
-    Ok(Status::Ok)
 }
 
 /// After an integrator's step there is nothing to do.

@@ -12,7 +12,8 @@ use core::ptr;
 use core::slice;
 use std::alloc::{alloc, dealloc};
 
-use crate::c_boundary::{Exported, keep, with_state};
+use crate::c_boundary::Exported;
+use crate::c_boundary::states::{keep, with_state};
 use crate::instance::Instance;
 use crate::model::Model;
 

@@ -16,9 +16,8 @@ use super::c_types::{
     Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
 };
 use super::calling_sequence::Function;
-use crate::c_boundary::{
-    self, c_string, elements, functions, get_values, not_null, refusals, set_values, write_elements,
-};
+use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
+use crate::c_boundary::{self, functions, get_values, refusals, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
@@ -154,18 +153,18 @@ functions! {
 
     /// Into a new state if `*state` is null, otherwise over the existing one.
     get_fmu_state<Model>(state: *mut FmuState): GetFMUstate,
-        |instance| c_boundary::get_state(instance, state);
-    set_fmu_state<Model>(state: FmuState): SetFMUstate, |instance| c_boundary::set_state(instance, state);
+        |instance| states::get_state(instance, state);
+    set_fmu_state<Model>(state: FmuState): SetFMUstate, |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    free_fmu_state<Model>(state: *mut FmuState): FreeFMUstate, |_| c_boundary::free_state::<M>(state);
+    free_fmu_state<Model>(state: *mut FmuState): FreeFMUstate, |_| states::free_state::<M>(state);
     serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUstateSize,
-        |_| c_boundary::serialized_size::<M>(state, size);
+        |_| states::serialized_size::<M>(state, size);
     /// Into as many bytes as `fmi2SerializedFMUstateSize` reports.
     serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUstate,
-        |_| c_boundary::serialize::<M>(state, (bytes.cast(), size));
+        |_| states::serialize::<M>(state, (bytes.cast(), size));
     /// Always into a new state.
     deserialize_fmu_state<Model>(bytes: *const Byte, size: usize, state: *mut FmuState): DeSerializeFMUstate,
-        |instance| c_boundary::deserialize(instance, (bytes.cast(), size), state);
+        |instance| states::deserialize(instance, (bytes.cast(), size), state);
 
     get_directional_derivative<Model>(
         unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,

@@ -12,9 +12,8 @@ use super::c_types::{
     self, Binary, Boolean, Byte, Enumeration, FALSE, FmuState, Status, String, ValueReference,
 };
 use super::calling_sequence::Function;
-use crate::c_boundary::{
-    self, elements, functions, get_values, not_null, refusals, set_values, write_elements,
-};
+use crate::c_boundary::arguments::{elements, not_null, write_elements};
+use crate::c_boundary::{self, functions, get_values, refusals, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
@@ -99,18 +98,18 @@ functions! {
 
     /// Into a new state if `*state` is null, otherwise over the existing one.
     get_fmu_state<Model>(state: *mut FmuState): GetFMUState,
-        |instance| c_boundary::get_state(instance, state);
-    set_fmu_state<Model>(state: FmuState): SetFMUState, |instance| c_boundary::set_state(instance, state);
+        |instance| states::get_state(instance, state);
+    set_fmu_state<Model>(state: FmuState): SetFMUState, |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    free_fmu_state<Model>(state: *mut FmuState): FreeFMUState, |_| c_boundary::free_state::<M>(state);
+    free_fmu_state<Model>(state: *mut FmuState): FreeFMUState, |_| states::free_state::<M>(state);
     serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUStateSize,
-        |_| c_boundary::serialized_size::<M>(state, size);
+        |_| states::serialized_size::<M>(state, size);
     /// Into as many bytes as `fmi3SerializedFMUStateSize` reports.
     serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUState,
-        |_| c_boundary::serialize::<M>(state, (bytes, size));
+        |_| states::serialize::<M>(state, (bytes, size));
     /// Always into a new state.
     deserialize_fmu_state<Model>(bytes: *const Byte, size: usize, state: *mut FmuState): DeserializeFMUState,
-        |instance| c_boundary::deserialize(instance, (bytes, size), state);
+        |instance| states::deserialize(instance, (bytes, size), state);
 
     get_output_derivatives<Model>(
         references: *const ValueReference, count: usize, orders: *const i32, values: *mut f64,

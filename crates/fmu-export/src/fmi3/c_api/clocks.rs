@@ -1,6 +1,7 @@
 //! The functions of clocks.
 
-use crate::c_boundary::{elements, functions, write_elements};
+use crate::c_boundary::arguments::{elements, write_elements};
+use crate::c_boundary::functions;
 use crate::error::Error;
 use crate::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
 use crate::fmi3::calling_sequence::Function;

@@ -2,7 +2,8 @@
 
 use core::ffi::CStr;
 
-use crate::c_boundary::{self, c_string, elements};
+use crate::c_boundary::arguments::{c_string, elements};
+use crate::c_boundary::{self};
 use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{

@@ -2,7 +2,8 @@
 
 use core::ffi::c_void;
 
-use crate::c_boundary::{Exported, call, functions, not_null};
+use crate::c_boundary::arguments::not_null;
+use crate::c_boundary::{Exported, call, functions};
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::fmi3::c_types::{Boolean, FALSE, Status, TRUE};
