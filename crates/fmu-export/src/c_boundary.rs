@@ -77,7 +77,7 @@ macro_rules! exported_model {
 
 /// Defines functions of the standard that take an instance, by their names here, the traits of their models, arguments
 /// and names in the standard: each runs its body on the instance if the calling sequence allows it.
-macro_rules! functions {
+macro_rules! c_functions {
     ($prefix:literal; $(
         $(#[$attribute:meta])*
         $name:ident<$model:ident>($($argument:ident: $type:ty),* $(,)?): $function:ident, $body:expr;
@@ -102,7 +102,7 @@ macro_rules! refusals {
     )*};
 }
 
-pub(crate) use {functions, refusals};
+pub(crate) use {c_functions, refusals};
 
 /// The target of a handle. Coupled FMUs share a process; the first word tells their instances apart.
 #[repr(C)]
@@ -115,20 +115,27 @@ impl<M: Model> Exported<M> {
     /// The first word of this FMU's instances.
     const FMU: u64 = checksum(M::Variables::DESCRIPTION.guid.as_bytes());
 
-    /// The target of a handle, unless it is null or another FMU's.
+    /// Where the target of a handle is, unless the handle is null or another FMU's.
     ///
     /// # Safety
-    /// `handle` is null or came from [`instantiate`] of this or another FMU made by this crate, is not freed, and
-    /// is used by no other thread during the call.
-    pub(crate) unsafe fn of<'a>(handle: *mut c_void) -> Option<&'a mut Self> {
+    /// `handle` is null or came from [`instantiate`] of this or another FMU made by this crate, and is not freed.
+    unsafe fn place(handle: *mut c_void) -> Option<*mut Self> {
         let target = handle.cast::<Self>();
         if target.is_null() || !target.is_aligned() {
             return None;
         }
         // SAFETY: the caller promises that a non-null handle begins with this word; it is aligned for it.
         let fmu = unsafe { target.cast::<u64>().read() };
+        (fmu == Self::FMU).then_some(target)
+    }
+
+    /// The target of a handle, unless it is null or another FMU's.
+    ///
+    /// # Safety
+    /// As for [`Exported::place`]; no other thread uses the handle during the call.
+    pub(crate) unsafe fn of<'a>(handle: *mut c_void) -> Option<&'a mut Self> {
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive and not shared.
-        (fmu == Self::FMU).then(|| unsafe { &mut *target })
+        unsafe { Self::place(handle).map(|target| &mut *target) }
     }
 
     /// The target of a handle, if valid.
@@ -143,17 +150,10 @@ impl<M: Model> Exported<M> {
     /// The locks of an instance, unless the handle is null or another FMU's.
     ///
     /// # Safety
-    /// As for [`Exported::of`], except that this thread may have preempted another one's call: no call changes what is
-    /// read here.
+    /// As for [`Exported::place`]. This thread may have preempted another one's call: no call changes what is read here.
     pub(crate) unsafe fn preemption(handle: *mut c_void) -> Option<Preemption> {
-        let target = handle.cast::<Self>();
-        if target.is_null() || !target.is_aligned() {
-            return None;
-        }
-        // SAFETY: the caller promises that a non-null handle begins with this word; it is aligned for it.
-        let fmu = unsafe { target.cast::<u64>().read() };
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive; no reference is made.
-        (fmu == Self::FMU).then(|| unsafe { (&raw const (*target).instance.preemption).read() })
+        unsafe { Self::place(handle).map(|target| (&raw const (*target).instance.preemption).read()) }
     }
 }
 

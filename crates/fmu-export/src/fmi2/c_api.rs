@@ -17,7 +17,7 @@ use super::c_types::{
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
-use crate::c_boundary::{self, functions, get_values, refusals, set_values, states};
+use crate::c_boundary::{self, c_functions, get_values, refusals, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
@@ -130,7 +130,7 @@ pub unsafe fn free_instance<M: Model>(component: Component) {
     unsafe { c_boundary::free::<M>(component) }
 }
 
-functions! {
+c_functions! {
     "fmi2";
     set_debug_logging<Model>(on: Boolean, count: usize, categories: *const *const c_char): SetDebugLogging,
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
@@ -245,7 +245,7 @@ functions! {
 /// Defines functions that get an array of all states or event indicators.
 macro_rules! arrays {
     ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {
-        functions! { "fmi2"; $(
+        c_functions! { "fmi2"; $(
             $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
                 let names = M::Variables::$elements;
                 c_boundary::get_array($arguments, names, (values, count), |values| instance.$name(values))

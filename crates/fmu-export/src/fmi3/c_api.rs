@@ -13,7 +13,7 @@ use super::c_types::{
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
-use crate::c_boundary::{self, functions, get_values, refusals, set_values, states};
+use crate::c_boundary::{self, c_functions, get_values, refusals, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
@@ -43,7 +43,7 @@ pub unsafe fn free_instance<M: Model>(instance: c_types::Instance) {
     unsafe { c_boundary::free::<M>(instance) }
 }
 
-functions! {
+c_functions! {
     "fmi3";
     set_debug_logging<Model>(on: Boolean, count: usize, categories: *const String): SetDebugLogging,
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
@@ -184,7 +184,7 @@ functions! {
 /// Defines functions that get an array of all states or event indicators.
 macro_rules! arrays {
     ($($name:ident: $function:ident, $get:ident, $arguments:expr, $elements:ident;)*) => {
-        functions! { "fmi3"; $(
+        c_functions! { "fmi3"; $(
             $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
                 let names = M::Variables::$elements;
                 c_boundary::get_array($arguments, names, (values, count), |values| instance.$get(values))
@@ -208,7 +208,7 @@ arrays! {
 /// the sensitivity as the other.
 macro_rules! derivatives {
     ($($name:ident: $function:ident, $seeds_unknowns:literal;)*) => {
-        functions! { "fmi3"; $(
+        c_functions! { "fmi3"; $(
             $name<Model>(
                 unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,
                 known_count: usize, seed: *const f64, seed_count: usize, sensitivity: *mut f64,

@@ -1,7 +1,7 @@
 //! The functions of clocks.
 
 use crate::c_boundary::arguments::{elements, write_elements};
-use crate::c_boundary::functions;
+use crate::c_boundary::c_functions;
 use crate::error::Error;
 use crate::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
 use crate::fmi3::calling_sequence::Function;
@@ -9,7 +9,7 @@ use crate::instance::activation::fraction;
 use crate::instance::clocks::seconds;
 use crate::model::Model;
 
-functions! {
+c_functions! {
     "fmi3";
     get_clock<Model>(
         references: *const ValueReference, count: usize, values: *mut Clock,
@@ -98,7 +98,7 @@ fn fraction_of(what: &str, time: f64) -> Result<[u64; 2], Error> {
 macro_rules! set_times {
     ($($decimal:ident: $of_decimal:ident, $fraction:ident: $of_fraction:ident, $name:literal,
         $is_interval:literal;)*) => {
-        functions! { "fmi3"; $(
+        c_functions! { "fmi3"; $(
             $decimal<Model>(
                 references: *const ValueReference, count: usize, times: *const f64,
             ): $of_decimal, |instance| {

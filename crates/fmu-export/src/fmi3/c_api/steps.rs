@@ -3,7 +3,7 @@
 use core::ffi::c_void;
 
 use crate::c_boundary::arguments::not_null;
-use crate::c_boundary::{Exported, call, functions};
+use crate::c_boundary::{Exported, c_functions, call};
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::fmi3::c_types::{Boolean, FALSE, Status, TRUE};
@@ -11,7 +11,7 @@ use crate::fmi3::calling_sequence::Function;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;
 
-functions! {
+c_functions! {
     "fmi3";
     /// If the model requests the end, the step ends there.
     do_step<Model>(
