@@ -36,11 +36,10 @@ unsafe extern "C" {
 
 /// Reports a panic's message to the host; the panic then traps.
 pub(crate) fn report_panics() {
-    std::panic::set_hook(Box::new(|panic| {
-        let place = panic
-            .location()
-            .map_or_else(String::new, |place| format!(" ({}:{})", place.file(), place.line()));
-        let text = panics::message(panic.payload()).to_owned() + &place;
+    std::panic::set_hook(Box::new(|info| {
+        let place =
+            info.location().map_or_else(String::new, |place| format!(" ({}:{})", place.file(), place.line()));
+        let text = panics::message(info.payload()).to_owned() + &place;
         // SAFETY: the host reads the text, which outlives the call.
         unsafe { panic(text.as_ptr(), text.len()) }
     }));
