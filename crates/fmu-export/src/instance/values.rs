@@ -91,12 +91,12 @@ impl<M: Model> Instance<M> {
         values: usize,
         body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
     ) -> Answer {
-        let check_values = |expected| {
-            let wrong = || format!("nValues is {values}; the variables have {expected}");
-            if expected == values { Ok(()) } else { Err(Error::new(wrong())) }
-        };
-        if M::Variables::ARRAYS.is_empty() {
-            check_values(references.len())?;
+        // Known to the compiler, so that the body is inlined.
+        if const { M::Variables::ARRAYS.is_empty() } {
+            // In FMI 2.0 both are one argument.
+            if const { matches!(Self::DESCRIPTION.version, Version::Three) } {
+                Self::check_values(references.len(), values)?;
+            }
             return body(self, references);
         }
         let mut scalars = mem::take(&mut self.scalars);
@@ -105,10 +105,20 @@ impl<M: Model> Instance<M> {
         for reference in references {
             scalars.extend_from_slice(Self::elements(reference)?);
         }
-        check_values(scalars.len())?;
+        Self::check_values(scalars.len(), values)?;
         let answer = body(self, &scalars);
         self.scalars = scalars;
         answer
+    }
+
+    /// Checks the number of values passed for variables.
+    fn check_values(expected: usize, values: usize) -> Result<(), Error> {
+        if expected == values { Ok(()) } else { Err(Self::count_error(expected, values)) }
+    }
+
+    #[cold]
+    fn count_error(expected: usize, values: usize) -> Error {
+        Error::new(format!("nValues is {values}; the variables have {expected}"))
     }
 
     /// Gets values; `read` writes each. All value references are checked first.
