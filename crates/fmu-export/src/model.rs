@@ -75,7 +75,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables, inputs);
     }
 
-    /// Computes a clock's tick at a time in s, in FMI 3.0: exactly one input clock [ticks](Clock::ticks).
+    /// Computes a clock's tick at a time in s, in FMI 3.0: exactly one input clock [ticks](crate::Clock::ticks).
     /// [`Clocked`](crate::Clocked) and [`Sampled`](crate::Sampled) models have clocks.
     ///
     /// # Errors
