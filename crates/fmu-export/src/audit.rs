@@ -2,7 +2,7 @@
 
 use crate::description::{DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
-use crate::model::Variables;
+use crate::variables::Variables;
 
 /// Evaluates twice from different values of the calculated variables. The results must be equal, except discrete
 /// variables left alone, which events or the model's preparation may set; everything else must be unchanged.

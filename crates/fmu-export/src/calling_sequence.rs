@@ -1,11 +1,8 @@
 //! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
 
 use core::fmt;
-use std::borrow::Cow;
 
-use crate::description::ValueReference;
 use crate::error::Error;
-use crate::model::Variables;
 use crate::persistence::{Archive, Persistent};
 
 /// The interfaces of FMI.
@@ -40,85 +37,62 @@ impl fmt::Display for Interface {
     }
 }
 
-/// The states of an instance, first those of FMI 2.0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Phase {
-    /// After instantiation or a reset.
-    Instantiated,
-    /// While initial values are computed.
-    InitializationMode,
-    /// Co-Simulation: between steps.
-    StepComplete,
-    /// Model Exchange: at an event.
-    EventMode,
-    /// Model Exchange: between events.
-    ContinuousTimeMode,
-    /// After a step in which the model requested the end.
-    StepFailed,
-    /// After the simulation.
-    Terminated,
-    /// After a failed step or a panic, when the model's state is undefined.
-    Error,
-    /// Co-Simulation with Event Mode: at an event.
-    StepEventMode,
-    /// Scheduled Execution: between activations.
-    ClockActivationMode,
-    /// Co-Simulation of FMI 3.0: between two internal steps of a communication step.
-    IntermediateUpdateMode,
-    /// FMI 3.0: while structural parameters are set.
-    ConfigurationMode,
-}
-
-impl fmt::Display for Phase {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Instantiated => "instantiated",
-            Self::InitializationMode => "Initialization Mode",
-            Self::StepComplete => "stepComplete",
-            Self::StepFailed => "stepFailed",
-            Self::EventMode | Self::StepEventMode => "Event Mode",
-            Self::ContinuousTimeMode => "Continuous-Time Mode",
-            Self::ClockActivationMode => "Clock Activation Mode",
-            Self::IntermediateUpdateMode => "Intermediate Update Mode",
-            Self::Terminated => "terminated",
-            Self::Error => "error",
-            Self::ConfigurationMode => "Configuration Mode",
-        })
-    }
-}
-
-impl Phase {
-    /// Every state.
-    pub(crate) const ALL: &[Self] = &[
-        Self::Instantiated,
-        Self::InitializationMode,
-        Self::StepComplete,
-        Self::EventMode,
-        Self::ContinuousTimeMode,
-        Self::StepFailed,
-        Self::Terminated,
-        Self::Error,
-        Self::StepEventMode,
-        Self::ClockActivationMode,
-        Self::IntermediateUpdateMode,
-        Self::ConfigurationMode,
-    ];
-
-    /// The only interface whose instances have the state, if there is just one.
-    pub(crate) const fn interface(self) -> Option<Interface> {
-        match self {
-            Self::StepComplete | Self::StepFailed | Self::StepEventMode | Self::IntermediateUpdateMode => {
-                Some(Interface::CoSimulation)
-            }
-            Self::EventMode | Self::ContinuousTimeMode => Some(Interface::ModelExchange),
-            Self::ClockActivationMode => Some(Interface::ScheduledExecution),
-            Self::Instantiated
-            | Self::InitializationMode
-            | Self::Terminated
-            | Self::Error
-            | Self::ConfigurationMode => None,
+/// Declares the states: their names, and the only interface whose instances have them, if there is just one.
+macro_rules! phases {
+    ($($(#[$attribute:meta])* $phase:ident: $name:literal, $interface:expr;)*) => {
+        /// The states of an instance, first those of FMI 2.0.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum Phase {
+            $($(#[$attribute])* $phase,)*
         }
-    }
+
+        impl fmt::Display for Phase {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str(match self {
+                    $(Self::$phase => $name,)*
+                })
+            }
+        }
+
+        impl Phase {
+            /// Every state.
+            pub(crate) const ALL: &[Self] = &[$(Self::$phase,)*];
+
+            /// The only interface whose instances have the state, if there is just one.
+            pub(crate) const fn interface(self) -> Option<Interface> {
+                match self {
+                    $(Self::$phase => $interface,)*
+                }
+            }
+        }
+    };
+}
+
+phases! {
+    /// After instantiation or a reset.
+    Instantiated: "instantiated", None;
+    /// While initial values are computed.
+    InitializationMode: "Initialization Mode", None;
+    /// Co-Simulation: between steps.
+    StepComplete: "stepComplete", Some(Interface::CoSimulation);
+    /// Model Exchange: at an event.
+    EventMode: "Event Mode", Some(Interface::ModelExchange);
+    /// Model Exchange: between events.
+    ContinuousTimeMode: "Continuous-Time Mode", Some(Interface::ModelExchange);
+    /// After a step in which the model requested the end.
+    StepFailed: "stepFailed", Some(Interface::CoSimulation);
+    /// After the simulation.
+    Terminated: "terminated", None;
+    /// After a failed step or a panic, when the model's state is undefined.
+    Error: "error", None;
+    /// Co-Simulation with Event Mode: at an event.
+    StepEventMode: "Event Mode", Some(Interface::CoSimulation);
+    /// Scheduled Execution: between activations.
+    ClockActivationMode: "Clock Activation Mode", Some(Interface::ScheduledExecution);
+    /// Co-Simulation of FMI 3.0: between two internal steps of a communication step.
+    IntermediateUpdateMode: "Intermediate Update Mode", Some(Interface::CoSimulation);
+    /// FMI 3.0: while structural parameters are set.
+    ConfigurationMode: "Configuration Mode", None;
 }
 
 /// A set of states, one bit each.
@@ -177,16 +151,6 @@ pub(crate) trait Function: Copy + 'static {
 
     /// The states in which it may be called.
     fn phases(self) -> Phases;
-
-    /// The value references of scalars, from those of the standard's variables, which may be arrays, and the number of
-    /// their values.
-    ///
-    /// # Errors
-    /// When the number of values is wrong.
-    fn scalars<V: Variables>(
-        references: Cow<'_, [ValueReference]>,
-        values: usize,
-    ) -> Result<Cow<'_, [ValueReference]>, Error>;
 }
 
 /// Declares a version's functions that take an instance: their interface, if only one has them, and the states in

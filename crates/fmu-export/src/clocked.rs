@@ -1,12 +1,14 @@
 //! Models that compute when their clocks tick (FMI 3.0.2, section 2.2.8), in every interface of FMI 3.0.
 
+use crate::context::Context;
 use crate::error::Error;
 use crate::event_mode::{EventMode, Stop, Stops};
 use crate::events::Events;
-use crate::model::{Context, InputsOf, Model, Step, Variables};
+use crate::model::{InputsOf, Model, Step};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::{Archive, Persistent};
 use crate::scheduled_execution::ScheduledExecution;
+use crate::variables::Variables;
 
 /// A model that computes at the ticks of its clocks, activated by the importer; nothing changes in between. Its clocks
 /// are variables of type `Clock`, in the field `clocks`.

@@ -2,8 +2,9 @@
 
 use crate::description::{DataType, ValueReference};
 use crate::error::Error;
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::number::Dual;
+use crate::variables::Variables;
 
 /// The number of points at which derivatives are evaluated.
 const POINTS: u64 = 20;

@@ -175,54 +175,48 @@ impl DataType {
     }
 }
 
-/// `causality` (FMI 2.0.5, section 2.2.7).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum Causality {
-    Parameter,
-    /// FMI 3.0 only.
-    StructuralParameter,
-    CalculatedParameter,
-    Input,
-    Output,
-    Local,
-    Independent,
+/// Declares an attribute of variables, with the names of its values in the standard.
+macro_rules! attribute {
+    ($(#[$attribute:meta])* $name:ident { $($(#[$of_value:meta])* $value:ident = $text:literal,)* }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(missing_docs)]
+        pub enum $name {
+            $($(#[$of_value])* $value,)*
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str(match self {
+                    $(Self::$value => $text,)*
+                })
+            }
+        }
+    };
 }
 
-impl fmt::Display for Causality {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Parameter => "parameter",
-            Self::StructuralParameter => "structuralParameter",
-            Self::CalculatedParameter => "calculatedParameter",
-            Self::Input => "input",
-            Self::Output => "output",
-            Self::Local => "local",
-            Self::Independent => "independent",
-        })
+attribute! {
+    /// `causality` (FMI 2.0.5, section 2.2.7).
+    Causality {
+        Parameter = "parameter",
+        /// FMI 3.0 only.
+        StructuralParameter = "structuralParameter",
+        CalculatedParameter = "calculatedParameter",
+        Input = "input",
+        Output = "output",
+        Local = "local",
+        Independent = "independent",
     }
 }
 
-/// `variability` (FMI 2.0.5, section 2.2.7).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum Variability {
-    Constant,
-    Fixed,
-    Tunable,
-    Discrete,
-    Continuous,
-}
-
-impl fmt::Display for Variability {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Constant => "constant",
-            Self::Fixed => "fixed",
-            Self::Tunable => "tunable",
-            Self::Discrete => "discrete",
-            Self::Continuous => "continuous",
-        })
+attribute! {
+    /// `variability` (FMI 2.0.5, section 2.2.7).
+    Variability {
+        Constant = "constant",
+        Fixed = "fixed",
+        Tunable = "tunable",
+        Discrete = "discrete",
+        Continuous = "continuous",
     }
 }
 

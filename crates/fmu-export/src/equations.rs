@@ -1,11 +1,13 @@
 //! Models defined by equations of time, parameters, inputs and states, generic over the number type. The runtime
 //! derives the rest: co-simulation with its integrator, Model Exchange, and exact derivatives.
 
+use crate::context::Context;
 use crate::error::Error;
 use crate::events::Event;
-use crate::model::{Context, Step, Variables};
+use crate::model::Step;
 use crate::number::Number;
 use crate::persistence::Persistent;
+use crate::variables::Variables;
 
 /// A model of ordinary differential equations, optionally with events.
 ///

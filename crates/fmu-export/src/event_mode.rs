@@ -1,9 +1,10 @@
 //! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements so that importers can
 //! handle its events and exchange values between internal steps.
 
+use crate::context::Context;
 use crate::error::Error;
 use crate::events::Events;
-use crate::model::{Context, InputsOf, Step, time_rounding};
+use crate::model::{InputsOf, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 
 /// A model that steps itself from event to event (FMI 3.0.2, section 4.2): models of [`Equations`](crate::Equations)

@@ -3,3 +3,4 @@
 pub mod c_api;
 pub mod c_types;
 mod calling_sequence;
+mod functions;

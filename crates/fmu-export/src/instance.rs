@@ -9,157 +9,32 @@ pub(crate) mod clocks;
 mod derivatives;
 pub(crate) mod event_mode;
 mod exchange;
+pub(crate) mod memory;
+mod saving;
+mod setting;
+mod steps;
 mod values;
 
 use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
+use crate::context::{Context, Experiment};
 use crate::description::{Causality, ModelDescription, ValueReference};
-use crate::error::{Error, Shown, check_memory};
-use crate::events::Events;
+use crate::error::{Error, Shown};
 use crate::floating_point::in_default_environment;
-use crate::inputs::InputSignal;
-use crate::logger::{Delivery, Logger, RecentMessages};
-use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables, time_rounding};
+use crate::logger::{Delivery, Logger};
+use crate::model::Model;
 use crate::panics::contain;
-use crate::persistence::{Archive, Persistent};
 use crate::resources::Resources;
-use crate::serialized_state;
 use crate::status::Status;
 use crate::tape::Tape;
+use crate::variables::Variables;
 
-use clocks::Ticks;
-
-/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
-/// sum, or from integer nanoseconds.
-const TIME_TOLERANCE: f64 = 1e-6;
+use memory::Memory;
 
 /// Outcome of a call: an error, or `fmi2OK`, `fmi2Warning` or `fmi2Discard`.
 pub(crate) type Answer = Result<Status, Error>;
-
-/// The content of a saved state.
-#[derive(Clone)]
-pub(crate) struct Memory<M: Model> {
-    interface: Interface,
-    phase: Phase,
-    model: M,
-    variables: M::Variables,
-    inputs: InputSignal<InputsOf<M>>,
-    /// The experiment, once set up.
-    experiment: Experiment,
-    is_set_up: bool,
-    time: f64,
-    /// Whether anything was set since the values were computed.
-    stale: bool,
-    /// Whether a tunable parameter was set since the parameters were last checked.
-    parameters_changed: bool,
-    /// Messages logged during initialization.
-    recent_messages: RecentMessages,
-    /// When the model requested the end, in s.
-    end: Option<f64>,
-    /// Events handled by the importer.
-    events: Events,
-    /// The event in Event Mode.
-    event: EventUnderWay,
-    /// Ticks of clocks.
-    ticks: Ticks<M>,
-}
-
-/// The event iterations since Event Mode was entered.
-#[derive(Clone, Copy, Debug, Default)]
-struct EventUnderWay {
-    iterations: u32,
-    /// Whether an iteration changed a state, for the last one to report.
-    states_changed: bool,
-}
-
-crate::persistent!(EventUnderWay { iterations, states_changed });
-
-impl<M: Model> Memory<M> {
-    fn new(interface: Interface) -> Self {
-        let variables = M::Variables::default();
-        let indicators = match interface {
-            Interface::CoSimulation | Interface::ScheduledExecution => 0,
-            Interface::CoSimulationWithEvents | Interface::ModelExchange => {
-                M::Variables::EVENT_INDICATORS.len()
-            }
-        };
-        Self {
-            interface,
-            phase: Phase::Instantiated,
-            model: M::default(),
-            inputs: InputSignal::constant(variables.inputs().clone()),
-            variables,
-            experiment: Experiment::default(),
-            is_set_up: false,
-            time: 0.0,
-            stale: true,
-            parameters_changed: true,
-            recent_messages: RecentMessages::default(),
-            end: None,
-            events: Events::new(indicators),
-            event: EventUnderWay::default(),
-            ticks: Ticks::none(),
-        }
-    }
-
-    /// Checks parameters set since the last check, and passes them to the model. Returns whether there were any.
-    fn accept_parameters(&mut self) -> Result<bool, Error> {
-        if !self.parameters_changed {
-            return Ok(false);
-        }
-        M::check_parameters(&self.variables)?;
-        self.model.take_parameters(&self.variables);
-        self.parameters_changed = false;
-        Ok(true)
-    }
-
-    /// Sets the state at a position.
-    fn set_state(&mut self, position: usize, value: f64) {
-        let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
-        M::Variables::each_state(&self.variables, |state, value| states[state] = value);
-        states[position] = value;
-        M::Variables::set_states(&mut self.variables, |state| states[state]);
-    }
-}
-
-impl<M: Model> Persistent for Memory<M> {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        // An instance of another interface rejects the memory before.
-        let Self {
-            interface: _,
-            phase,
-            model,
-            variables,
-            inputs,
-            experiment,
-            is_set_up,
-            time,
-            stale,
-            parameters_changed,
-            recent_messages,
-            end,
-            events,
-            event,
-            // They are rewound before.
-            ticks: _,
-        } = self;
-        phase.persist(archive)?;
-        model.persist(archive)?;
-        variables.persist(archive)?;
-        inputs.persist(archive)?;
-        experiment.persist(archive)?;
-        is_set_up.persist(archive)?;
-        time.persist(archive)?;
-        stale.persist(archive)?;
-        parameters_changed.persist(archive)?;
-        recent_messages.persist(archive)?;
-        end.persist(archive)?;
-        events.persist(archive)?;
-        event.persist(archive)
-    }
-}
 
 /// The importer's lock callbacks, between which no other function of the instance is called.
 #[derive(Clone, Copy, Debug, Default)]
@@ -197,6 +72,8 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) resources: Resources,
     /// The strings returned last, valid until the next time.
     pub(crate) strings: Vec<CString>,
+    /// The value references of array elements, of the last call with arrays: so that only the first calls allocate.
+    scalars: Vec<ValueReference>,
     /// For adjoint derivatives.
     tape: Tape,
     /// Whether a step may end early.
@@ -223,6 +100,7 @@ impl<M: Model> Instance<M> {
             memory: Memory::new(interface),
             resources: Resources::none(),
             strings: Vec::new(),
+            scalars: Vec::new(),
             tape: Tape::new(),
             early_return_allowed: false,
             preemption: Preemption::default(),
@@ -451,144 +329,6 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Advances by one communication step.
-    pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
-        self.advance(start, size, |model, variables, step, _, context| {
-            model.step(variables, step, context).map(|()| None)
-        })
-    }
-
-    /// Advances by one communication step with `step`, or to an event in it, whose time (s) `step` returns.
-    fn advance(
-        &mut self,
-        start: f64,
-        size: f64,
-        step: impl FnOnce(
-            &mut M,
-            &mut M::Variables,
-            &Step<'_, InputsOf<M>>,
-            &mut Events,
-            &mut Context<'_>,
-        ) -> Result<Option<f64>, Error>,
-    ) -> Answer {
-        let end = start + size;
-        if !self.can_step(start, size, end) {
-            return Err(self.step_error(start, size, end));
-        }
-        let memory = &mut self.memory;
-        if memory.end.is_some() {
-            return Ok(self.discard_for_end());
-        }
-        memory.inputs.update();
-        if memory.accept_parameters()? {
-            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
-        }
-        let mut status = Status::Ok;
-        let logger = &self.logger;
-        let mut log = |category, message: core::fmt::Arguments<'_>| {
-            status = status.max(logger.message(category, message));
-        };
-        let of_inputs = Step { start, size, inputs: &memory.inputs };
-        // If an error or a panic interrupts the step, the instance stays in this state.
-        memory.phase = Phase::Error;
-        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-        let event =
-            step(&mut memory.model, &mut memory.variables, &of_inputs, &mut memory.events, &mut context)?;
-        let asked = context.end()?;
-        check_finite(&memory.variables, event.unwrap_or(end))?;
-        memory.stale = false;
-        if let Some(asked) = asked {
-            return Ok(self.end_step_early(asked, end));
-        }
-        memory.phase = Phase::StepComplete;
-        memory.time = event.unwrap_or(end);
-        memory.inputs.end_step(event.map_or(size, |event| event - start));
-        Ok(status)
-    }
-
-    /// The model requests the end at a time (s) within the step.
-    #[cold]
-    fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
-        // It may be off by rounding.
-        self.memory.time = asked.max(self.memory.time).min(end);
-        self.memory.end = Some(asked);
-        self.discard_for_end()
-    }
-
-    /// The model requests the end: the step is not completed (section 4.2.1).
-    #[cold]
-    fn discard_for_end(&mut self) -> Status {
-        self.memory.phase = Phase::StepFailed;
-        self.log_discarded(format_args!(
-            "the model requests the end of the simulation at {} s",
-            Shown(self.memory.time)
-        ));
-        Status::Discard
-    }
-
-    /// Whether the model has requested the end.
-    pub(crate) fn asks_for_end(&self) -> bool {
-        self.memory.end.is_some()
-    }
-
-    /// Whether the next step may have this start, size and end (s). False for NaN.
-    fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
-        size > 0.0
-            && size <= M::LONGEST_STEP
-            && self.goes_on(start, size)
-            && end > start
-            // A step far shorter than the largest times cannot exceed them.
-            && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
-            && self.ends_in_time(end, size)
-    }
-
-    /// Whether a step of a size (s) starts at the end of the last one, up to rounding.
-    fn goes_on(&self, start: f64, size: f64) -> bool {
-        let time = self.memory.time;
-        (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
-    }
-
-    /// Whether a step of a size (s) stays within the experiment.
-    fn ends_in_time(&self, end: f64, size: f64) -> bool {
-        self.stop_time()
-            .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
-    }
-
-    fn stop_time(&self) -> Option<f64> {
-        self.memory.experiment.stop_time
-    }
-
-    /// Why a step is rejected.
-    #[cold]
-    fn step_error(&self, start: f64, size: f64, end: f64) -> Error {
-        let [start_shown, size_shown] = [Shown(start), Shown(size)];
-        Error::new(if !(size.is_finite() && size > 0.0) {
-            format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
-        } else if size > M::LONGEST_STEP {
-            format!(
-                "communicationStepSize is {size_shown} s; this FMU's longest step is {} s",
-                Shown(M::LONGEST_STEP)
-            )
-        } else if !self.goes_on(start, size) {
-            format!(
-                "currentCommunicationPoint is {start_shown}, but the last step ended at {}",
-                Shown(self.memory.time)
-            )
-        } else if !end.is_finite() {
-            format!("the step from {start_shown} ends at {}", Shown(end))
-        } else if end <= start {
-            format!(
-                "communicationStepSize is {size_shown}, which is lost in the rounding of the time {start_shown}"
-            )
-        } else {
-            format!(
-                "the step from {start_shown} to {} goes past the stopTime {} of the experiment",
-                Shown(end),
-                Shown(self.stop_time().unwrap_or(f64::INFINITY))
-            )
-        })
-    }
-
     /// Logs a warning, and returns its status.
     fn warn(&self, message: core::fmt::Arguments<'_>) -> Status {
         self.logger.warning(message);
@@ -598,92 +338,6 @@ impl<M: Model> Instance<M> {
     /// Logs why a call is discarded.
     pub(crate) fn log_discarded(&self, message: core::fmt::Arguments<'_>) {
         self.logger.event(Status::Discard, message);
-    }
-
-    /// The end of the last completed step (s).
-    pub(crate) fn last_successful_time(&self) -> f64 {
-        self.memory.time
-    }
-
-    /// A copy of everything that affects later calls.
-    pub(crate) fn save(&mut self) -> Result<Memory<M>, Error> {
-        self.check_partitions()?;
-        if Self::DESCRIPTION.capabilities.get_and_set_state {
-            check_memory(size_of::<Memory<M>>())?;
-            self.may_roll_back = true;
-            Ok(self.memory.clone())
-        } else {
-            Err(Error::new("this FMU cannot get and set its state (canGetAndSetFMUstate is false)"))
-        }
-    }
-
-    /// Rejects calls that affect all model partitions while one is in Clock Update Mode (FMI 3.0.2, section 5.2.1).
-    fn check_partitions(&self) -> Result<(), Error> {
-        if self.clock_updates == 0 {
-            Ok(())
-        } else {
-            Err(Error::new("must not be called while a model partition runs"))
-        }
-    }
-
-    /// Continues from a saved memory.
-    pub(crate) fn restore(&mut self, memory: &Memory<M>) -> Result<(), Error> {
-        self.check_partitions()?;
-        if memory.interface != self.memory.interface {
-            return Err(Error::new(format!(
-                "the state is one of {}, this instance is for {}",
-                memory.interface, self.memory.interface
-            )));
-        }
-        self.memory.clone_from(memory);
-        Ok(())
-    }
-
-    /// A saved memory as bytes.
-    pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
-        Self::check_serializes()?;
-        Self::to_bytes(memory)
-    }
-
-    /// A saved memory as bytes, whatever the FMU offers.
-    pub(crate) fn to_bytes(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
-        let mut memory = memory.clone();
-        memory.rewind();
-        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
-    }
-
-    /// The memory from bytes saved by this FMU, of any interface.
-    #[cfg(target_family = "wasm")]
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Memory<M>, Error> {
-        let [first, others @ ..] = [
-            Interface::CoSimulation,
-            Interface::CoSimulationWithEvents,
-            Interface::ModelExchange,
-            Interface::ScheduledExecution,
-        ]
-        .map(|interface| Self::read(interface, bytes));
-        others.into_iter().fold(first, Result::or)
-    }
-
-    /// The memory from bytes saved by this FMU, in any process.
-    pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
-        Self::check_serializes()?;
-        Self::read(self.memory.interface, bytes)
-    }
-
-    fn read(interface: Interface, bytes: &[u8]) -> Result<Memory<M>, Error> {
-        let mut memory = Memory::<M>::new(interface);
-        serialized_state::from_bytes(Self::DESCRIPTION, interface, bytes, &mut memory)?;
-        memory.model.restored(&memory.variables);
-        Ok(memory)
-    }
-
-    fn check_serializes() -> Result<(), Error> {
-        if Self::DESCRIPTION.capabilities.serialize_state {
-            Ok(())
-        } else {
-            Err(Error::new("this FMU cannot serialize its state (canSerializeFMUstate is false)"))
-        }
     }
 }
 

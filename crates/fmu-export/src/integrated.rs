@@ -4,6 +4,7 @@
 use core::{fmt, mem};
 
 use crate::audit::{check_evaluation, first_discrete_difference};
+use crate::context::Context;
 use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf, evaluate};
 use crate::error::{Error, Shown};
@@ -11,10 +12,11 @@ use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS, Pace, Side};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
-use crate::model::{Context, InputsOf, Model, Step, Variables, time_rounding};
+use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
 use crate::tape::{Recorded, Tape};
+use crate::variables::Variables;
 
 /// The relative tolerance if the importer gives none.
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;

@@ -4,6 +4,7 @@
 
 // The runtime's modules; each depends only on those below it:
 //
+//   wasm                                  the functions of a WebAssembly module
 //   fmi2, fmi3                            the functions of an FMI version
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
@@ -12,10 +13,12 @@
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
+//   events                                when and why a model has an event
 //   model                                 the trait of models
-//   clock, events, inputs, logger, calling_sequence, number, tape, linear, resources
-//   serialized_state, saved_states
-//   persistence, wasm
+//   context                               what a model receives besides variables and inputs
+//   serialized_state, calling_sequence, variables
+//   clock, inputs, logger, number, tape, linear, resources, saved_states
+//   persistence, checksum, wasm::host
 //   panics, floating_point
 //   error, description, status
 
@@ -26,8 +29,10 @@ extern crate self as fmu_export;
 mod audit;
 mod c_boundary;
 mod calling_sequence;
+mod checksum;
 mod clock;
 mod clocked;
+mod context;
 mod dependencies;
 pub mod description;
 pub mod display;
@@ -58,12 +63,14 @@ mod simulation;
 mod status;
 mod tape;
 mod typed;
+mod variables;
 #[cfg(target_family = "wasm")]
 #[doc(hidden)]
 pub mod wasm;
 
 pub use clock::Clock;
 pub use clocked::{Clocked, ClockedModel};
+pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, VariablesOf};
 pub use error::Error;
@@ -75,7 +82,7 @@ pub use events::Event;
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
 pub use integrated::{DEFAULT_TOLERANCE, Integrated};
-pub use model::{Context, Experiment, InputsOf, Model, Step, Variables};
+pub use model::{InputsOf, Model, Step};
 pub use model_exchange::ModelExchange;
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
@@ -83,6 +90,7 @@ pub use sampled::{Sample, Sampled, SampledModel};
 pub use scheduled_execution::ScheduledExecution;
 pub use simulation::Simulation;
 pub use tape::{Recorded, Tape};
+pub use variables::Variables;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a

@@ -12,9 +12,9 @@ use core::fmt;
 use std::ffi::CString;
 use std::sync::Arc;
 
+use crate::checksum::checksum;
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
-use crate::serialized_state::checksum;
 use crate::status::Status;
 
 /// The category of errors.

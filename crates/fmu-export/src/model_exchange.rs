@@ -1,8 +1,9 @@
 //! Model Exchange: what a model implements whose states the importer integrates.
 
+use crate::context::Context;
 use crate::error::Error;
 use crate::events::Event;
-use crate::model::{Context, InputsOf, Model};
+use crate::model::{InputsOf, Model};
 
 /// A model for Model Exchange (FMI 2.0.5, chapter 3), optionally with events.
 ///

@@ -370,34 +370,6 @@ impl From<f64> for Dual {
     }
 }
 
-impl PartialEq for Dual {
-    #[inline]
-    fn eq(&self, other: &Self) -> bool {
-        self.value == other.value
-    }
-}
-
-impl PartialEq<f64> for Dual {
-    #[inline]
-    fn eq(&self, other: &f64) -> bool {
-        self.value == *other
-    }
-}
-
-impl PartialOrd for Dual {
-    #[inline]
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        self.value.partial_cmp(&other.value)
-    }
-}
-
-impl PartialOrd<f64> for Dual {
-    #[inline]
-    fn partial_cmp(&self, other: &f64) -> Option<Ordering> {
-        self.value.partial_cmp(other)
-    }
-}
-
 impl Neg for Dual {
     type Output = Self;
 
@@ -407,41 +379,86 @@ impl Neg for Dual {
     }
 }
 
-/// An operation on two dual numbers, on a dual number and `f64`, and in place.
-macro_rules! operation {
-    ($operation:ident $function:ident $assign:ident $assign_function:ident: |$a:ident, $b:ident| $derivative:expr) => {
-        impl $operation for Dual {
-            type Output = Self;
-
+/// What a type of numbers with a value needs to be a [`Number`]: comparisons by value, and operations on two numbers,
+/// on a number and `f64`, and in place, from the results of those on two.
+macro_rules! arithmetic {
+    (
+        $number:ty;
+        $($operation:ident $function:ident $assign:ident $assign_function:ident: |$a:ident, $b:ident| $result:expr;)*
+    ) => {
+        impl PartialEq for $number {
             #[inline]
-            fn $function(self, other: Self) -> Self {
-                let ($a, $b) = (self, other);
-                Self { value: self.value.$function(other.value), derivative: $derivative }
+            fn eq(&self, other: &Self) -> bool {
+                self.value == other.value
             }
         }
 
-        impl $operation<f64> for Dual {
-            type Output = Self;
-
+        impl PartialEq<f64> for $number {
             #[inline]
-            fn $function(self, other: f64) -> Self {
-                self.$function(Self::from(other))
+            fn eq(&self, other: &f64) -> bool {
+                self.value == *other
             }
         }
 
-        impl $assign for Dual {
+        impl PartialOrd for $number {
             #[inline]
-            fn $assign_function(&mut self, other: Self) {
-                *self = self.$function(other);
+            fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+                self.value.partial_cmp(&other.value)
             }
         }
+
+        impl PartialOrd<f64> for $number {
+            #[inline]
+            fn partial_cmp(&self, other: &f64) -> Option<Ordering> {
+                self.value.partial_cmp(other)
+            }
+        }
+
+        $(
+            impl $operation for $number {
+                type Output = Self;
+
+                #[inline]
+                fn $function(self, other: Self) -> Self {
+                    let ($a, $b) = (self, other);
+                    $result
+                }
+            }
+
+            impl $operation<f64> for $number {
+                type Output = Self;
+
+                #[inline]
+                fn $function(self, other: f64) -> Self {
+                    self.$function(Self::from(other))
+                }
+            }
+
+            impl $assign for $number {
+                #[inline]
+                fn $assign_function(&mut self, other: Self) {
+                    *self = self.$function(other);
+                }
+            }
+        )*
     };
 }
 
-operation!(Add add AddAssign add_assign: |a, b| a.derivative + b.derivative);
-operation!(Sub sub SubAssign sub_assign: |a, b| a.derivative - b.derivative);
-operation!(Mul mul MulAssign mul_assign: |a, b| a.derivative * b.value + a.value * b.derivative);
-operation!(Div div DivAssign div_assign: |a, b| (a.derivative - a.value / b.value * b.derivative) / b.value);
+pub(crate) use arithmetic;
+
+arithmetic! {
+    Dual;
+    Add add AddAssign add_assign:
+        |a, b| Self { value: a.value + b.value, derivative: a.derivative + b.derivative };
+    Sub sub SubAssign sub_assign:
+        |a, b| Self { value: a.value - b.value, derivative: a.derivative - b.derivative };
+    Mul mul MulAssign mul_assign:
+        |a, b| Self { value: a.value * b.value, derivative: a.derivative * b.value + a.value * b.derivative };
+    Div div DivAssign div_assign: |a, b| {
+        let value = a.value / b.value;
+        Self { value, derivative: (a.derivative - value * b.derivative) / b.value }
+    };
+}
 
 #[cfg(test)]
 mod tests {

@@ -101,22 +101,25 @@ pub trait Persistent {
 }
 
 /// Like `#[derive(Persistent)]`, for generated code and this crate, which avoid procedural macros. A missing field is
-/// a compile error.
+/// a compile error; those after `without` are left out.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! persistent {
-    ($type:ty { $($field:ident),* $(,)? }) => {
-        impl $crate::Persistent for $type {
+    (<$($parameter:ident: $bound:path),*> $type:ty { $($field:ident),* $(,)? } $(without $($left:ident),*)?) => {
+        impl<$($parameter: $bound),*> $crate::Persistent for $type {
             #[allow(unused_variables)]
             fn persist(
                 &mut self,
                 archive: &mut $crate::persistence::Archive<'_>,
             ) -> ::core::result::Result<(), $crate::Error> {
-                let Self { $($field,)* } = self;
+                let Self { $($field,)* $($($left: _,)*)? } = self;
                 $($crate::Persistent::persist($field, archive)?;)*
                 ::core::result::Result::Ok(())
             }
         }
+    };
+    ($type:ty { $($field:ident),* $(,)? }) => {
+        $crate::persistent! { <> $type { $($field),* } }
     };
 }
 

@@ -6,13 +6,15 @@
 //! about 4e-5 s after 1e5 s at 80 Hz. A sample meant for a communication point belongs to the step that starts there,
 //! so times whose difference such rounding explains count as equal.
 
+use crate::context::Context;
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, Stop, Stops, due_until};
 use crate::events::{Event, Events};
-use crate::model::{Context, InputsOf, Model, Step, Variables};
+use crate::model::{InputsOf, Model, Step};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
 use crate::scheduled_execution::ScheduledExecution;
+use crate::variables::Variables;
 
 /// Times that differ by less than this fraction of the period are equal, whatever the rounding.
 const COINCIDENCE: f64 = 1e-6;
@@ -98,14 +100,7 @@ pub struct SampledModel<S> {
     rounding: f64,
 }
 
-impl<S: Sampled> Persistent for SampledModel<S> {
-    fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
-        self.sampled.persist(archive)?;
-        self.executed.persist(archive)?;
-        self.start_time.persist(archive)?;
-        self.rounding.persist(archive)
-    }
-}
+crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, start_time, rounding });
 
 impl<S: Sampled> SampledModel<S> {
     fn next_sample(&self, period: f64) -> Sample {

@@ -12,6 +12,7 @@
 //! Numbers are little-endian.
 
 use crate::calling_sequence::Interface;
+use crate::checksum::checksum;
 use crate::description::ModelDescription;
 use crate::error::{Error, check_memory};
 use crate::persistence::{Archive, Persistent};
@@ -117,16 +118,4 @@ fn content<'b>(expected: &str, bytes: &'b [u8]) -> Result<&'b [u8], Error> {
 
 fn array<const N: usize>(bytes: Option<&[u8]>) -> Option<[u8; N]> {
     bytes?.try_into().ok()
-}
-
-/// The 64-bit FNV-1a hash: each of its steps is a bijection, so it detects any single changed byte, and all but one in
-/// 2^64 of other changes.
-pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325;
-    let mut position = 0;
-    while position < bytes.len() {
-        hash = (hash ^ bytes[position] as u64).wrapping_mul(0x0000_0100_0000_01b3);
-        position += 1;
-    }
-    hash
 }

@@ -3,9 +3,11 @@
 use core::fmt;
 
 use crate::clock::Clock;
+use crate::context::{Context, Experiment};
 use crate::error::Error;
 use crate::inputs::InputSignal;
-use crate::model::{Context, Experiment, InputsOf, Model, Step, Variables};
+use crate::model::{InputsOf, Model, Step};
+use crate::variables::Variables;
 
 /// A model with its variables and messages. Unlike in an FMU, values are not checked.
 ///

@@ -8,7 +8,7 @@ use core::cmp::Ordering;
 use core::fmt;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::number::Number;
+use crate::number::{Number, arithmetic};
 
 /// A recorded operation: the result changes by the operands' changes times the slopes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -145,34 +145,6 @@ impl From<f64> for Recorded<'_> {
     }
 }
 
-impl PartialEq for Recorded<'_> {
-    #[inline]
-    fn eq(&self, other: &Self) -> bool {
-        self.value == other.value
-    }
-}
-
-impl PartialEq<f64> for Recorded<'_> {
-    #[inline]
-    fn eq(&self, other: &f64) -> bool {
-        self.value == *other
-    }
-}
-
-impl PartialOrd for Recorded<'_> {
-    #[inline]
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        self.value.partial_cmp(&other.value)
-    }
-}
-
-impl PartialOrd<f64> for Recorded<'_> {
-    #[inline]
-    fn partial_cmp(&self, other: &f64) -> Option<Ordering> {
-        self.value.partial_cmp(other)
-    }
-}
-
 impl Neg for Recorded<'_> {
     type Output = Self;
 
@@ -182,42 +154,16 @@ impl Neg for Recorded<'_> {
     }
 }
 
-/// An operation on two recorded numbers, on a recorded number and `f64`, and in place.
-macro_rules! operation {
-    ($operation:ident $function:ident $assign:ident $assign_function:ident: |$a:ident, $b:ident| $slopes:expr) => {
-        impl $operation for Recorded<'_> {
-            type Output = Self;
-
-            #[inline]
-            fn $function(self, other: Self) -> Self {
-                let ($a, $b) = (self.value, other.value);
-                let _ = ($a, $b);
-                self.with(other, self.value.$function(other.value), $slopes)
-            }
-        }
-
-        impl $operation<f64> for Recorded<'_> {
-            type Output = Self;
-
-            #[inline]
-            fn $function(self, other: f64) -> Self {
-                self.$function(Self::from(other))
-            }
-        }
-
-        impl $assign for Recorded<'_> {
-            #[inline]
-            fn $assign_function(&mut self, other: Self) {
-                *self = self.$function(other);
-            }
-        }
+arithmetic! {
+    Recorded<'_>;
+    Add add AddAssign add_assign: |a, b| a.with(b, a.value + b.value, [1.0, 1.0]);
+    Sub sub SubAssign sub_assign: |a, b| a.with(b, a.value - b.value, [1.0, -1.0]);
+    Mul mul MulAssign mul_assign: |a, b| a.with(b, a.value * b.value, [b.value, a.value]);
+    Div div DivAssign div_assign: |a, b| {
+        let quotient = a.value / b.value;
+        a.with(b, quotient, [b.value.recip(), -quotient / b.value])
     };
 }
-
-operation!(Add add AddAssign add_assign: |a, b| [1.0, 1.0]);
-operation!(Sub sub SubAssign sub_assign: |a, b| [1.0, -1.0]);
-operation!(Mul mul MulAssign mul_assign: |a, b| [b, a]);
-operation!(Div div DivAssign div_assign: |a, b| [b.recip(), -(a / b) / b]);
 
 #[cfg(test)]
 mod tests {

@@ -1,4 +1,4 @@
-//! A model as a WebAssembly module: what its host provides and receives in addition to the FMI functions.
+//! A model as a WebAssembly module: what its host calls in addition to the FMI functions.
 //!
 //! An importer's callbacks are host functions without addresses: the module imports them from `fmu`. As in C, null
 //! callbacks are not called.
@@ -7,82 +7,17 @@
 //! unusable.
 
 use core::alloc::Layout;
-use core::ffi::{CStr, c_char, c_void};
+use core::ffi::c_void;
 use core::ptr;
 use core::slice;
 use std::alloc::{alloc, dealloc};
 
-use crate::c_boundary::{Exported, keep, with_state};
+use crate::c_boundary::Exported;
+use crate::c_boundary::states::{keep, with_state};
 use crate::instance::Instance;
 use crate::model::Model;
-use crate::panics;
-use crate::status::Status;
 
-/// What the host provides. The last four are imported by FMI 3.0 modules that call them.
-pub(crate) mod host {
-    use super::{Status, c_char, c_void};
-
-    #[link(wasm_import_module = "fmu")]
-    unsafe extern "C" {
-        /// Receives a message: the environment passed by the importer, status, category, text.
-        pub fn log(environment: *mut c_void, status: Status, category: *const c_char, text: *const c_char);
-        /// Receives a panic's message, before the trap: UTF-8, and its number of bytes.
-        pub fn panic(text: *const u8, size: usize);
-        /// The size of a file in bytes, or less than 0 if it cannot be read; its path is UTF-8.
-        pub fn file_size(path: *const u8, path_size: usize) -> i64;
-        /// Reads `size` bytes of a file; returns whether that succeeded.
-        pub fn read_file(path: *const u8, path_size: usize, bytes: *mut u8, size: usize) -> i32;
-        /// `fmi3IntermediateUpdateCallback`.
-        pub fn intermediate_update(
-            environment: *mut c_void,
-            time: f64,
-            set_requested: u8,
-            get_allowed: u8,
-            step_finished: u8,
-            can_return_early: u8,
-            early_return_requested: *mut u8,
-            early_return_time: *mut f64,
-        );
-        /// `fmi3ClockUpdateCallback`.
-        pub fn clock_update(environment: *mut c_void);
-        /// `fmi3LockPreemptionCallback`.
-        pub fn lock_preemption();
-        /// `fmi3UnlockPreemptionCallback`.
-        pub fn unlock_preemption();
-    }
-}
-
-/// Logs a message through the importer's logger.
-pub(crate) fn log(environment: *mut c_void, status: Status, category: &CStr, text: &CStr) {
-    // SAFETY: the host reads the strings, which outlive the call. No reference to an instance exists during it.
-    unsafe { host::log(environment, status, category.as_ptr(), text.as_ptr()) }
-}
-
-/// Reports a panic's message to the host; the panic then traps.
-pub(crate) fn report_panics() {
-    std::panic::set_hook(Box::new(|panic| {
-        let place = panic
-            .location()
-            .map_or_else(String::new, |place| format!(" ({}:{})", place.file(), place.line()));
-        let text = panics::message(panic.payload()).to_owned() + &place;
-        // SAFETY: the host reads the text, which outlives the call.
-        unsafe { host::panic(text.as_ptr(), text.len()) }
-    }));
-}
-
-/// The size of a host file.
-pub(crate) fn file_size(path: &str) -> Option<usize> {
-    // SAFETY: the host reads the path, which outlives the call.
-    usize::try_from(unsafe { host::file_size(path.as_ptr(), path.len()) }).ok()
-}
-
-/// Reads a host file of a known size.
-pub(crate) fn read_file(path: &str, size: usize) -> Option<Vec<u8>> {
-    let mut bytes = vec![0; size];
-    // SAFETY: the host reads the path, which outlives the call, and writes as many bytes as there are.
-    let is_read = unsafe { host::read_file(path.as_ptr(), path.len(), bytes.as_mut_ptr(), bytes.len()) };
-    (is_read != 0).then_some(bytes)
-}
+pub(crate) mod host;
 
 /// The memory layout of arguments and results, aligned for any of them.
 fn layout(size: usize) -> Option<Layout> {
@@ -138,11 +73,13 @@ pub unsafe fn save_state<M: Model>(state: *mut c_void, target: *mut u8) {
 /// `fmu_load_state`: the state of an instance from saved bytes, or null.
 ///
 /// # Safety
-/// There are as many bytes as counted.
-pub unsafe fn load_state<M: Model>(instance: *mut c_void, bytes: *const u8, size: usize) -> *mut c_void {
+/// As for [`fail`]; there are as many bytes as counted.
+pub unsafe fn load_state<M: Model>(handle: *mut c_void, bytes: *const u8, size: usize) -> *mut c_void {
     // SAFETY: the caller's promise.
-    let bytes = unsafe { slice::from_raw_parts(bytes, size) };
-    Instance::<M>::from_bytes(bytes).map_or(ptr::null_mut(), |memory| keep(instance, memory))
+    let (instance, bytes) =
+        unsafe { (Exported::<M>::instance_of(handle), slice::from_raw_parts(bytes, size)) };
+    let memory = Instance::<M>::from_bytes(bytes).ok();
+    instance.zip(memory).map_or(ptr::null_mut(), |(instance, memory)| keep(instance, memory))
 }
 
 /// Defines the functions that a module exports in addition to those of FMI.

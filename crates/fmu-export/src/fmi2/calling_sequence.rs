@@ -3,12 +3,7 @@
 //! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are never asynchronous; nor
 //! does `fatal`, since an error never affects another instance.
 
-use std::borrow::Cow;
-
 use crate::calling_sequence::{Interface, Phase, Phases, functions};
-use crate::description::ValueReference;
-use crate::error;
-use crate::model::Variables;
 
 use Phase::{
     ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
@@ -87,14 +82,6 @@ functions! {
     const VALUE_REFERENCES: &'static str = "vr";
     const VALUES: &'static str = "value";
     const AFTER_ERROR: Option<Phase> = None;
-
-    /// Each variable is a scalar, and the counts are one argument.
-    fn scalars<V: Variables>(
-        references: Cow<'_, [ValueReference]>,
-        _values: usize,
-    ) -> Result<Cow<'_, [ValueReference]>, error::Error> {
-        Ok(references)
-    }
 }
 
 #[cfg(test)]

@@ -2,13 +2,7 @@
 //!
 //! Reconfiguration Mode does not occur: there are no tunable structural parameters.
 
-use core::ops::Deref;
-use std::borrow::Cow;
-
 use crate::calling_sequence::{Interface, Phase, Phases, functions};
-use crate::description::ValueReference;
-use crate::error;
-use crate::model::Variables;
 
 use Phase::{
     ClockActivationMode, ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode,
@@ -142,67 +136,6 @@ functions! {
     const VALUES: &'static str = "values";
     // Section 2.2.4: the simulation must not be continued.
     const AFTER_ERROR: Option<Phase> = Some(Error);
-
-    fn scalars<V: Variables>(
-        references: Cow<'_, [ValueReference]>,
-        values: usize,
-    ) -> Result<Cow<'_, [ValueReference]>, error::Error> {
-        let mut is_scalar = true;
-        for &reference in &*references {
-            is_scalar &= Self::elements::<V>(reference)?.len() == 1;
-        }
-        let spread = if is_scalar {
-            references
-        } else {
-            // Not as many as the importer says, which may be any number.
-            let mut spread = vec![];
-            for &reference in &*references {
-                spread.extend_from_slice(&Self::elements::<V>(reference)?);
-            }
-            Cow::Owned(spread)
-        };
-        Self::check_values(spread.len(), values)?;
-        Ok(spread)
-    }
-}
-
-impl Function {
-    /// The value references of an array's elements, or that of a scalar.
-    pub(super) fn elements<V: Variables>(reference: ValueReference) -> Result<Elements, error::Error> {
-        if V::INNER_ELEMENTS.binary_search(&reference).is_ok() {
-            return Err(error::Error::new(format!(
-                "there is no variable with the value reference {reference}"
-            )));
-        }
-        let array = V::ARRAYS.binary_search_by_key(&reference, |elements| elements[0]);
-        Ok(array.map_or(Elements::Scalar([reference]), |array| Elements::Array(V::ARRAYS[array])))
-    }
-
-    /// Checks the number of values passed for variables.
-    pub(super) fn check_values(expected: usize, values: usize) -> Result<(), error::Error> {
-        if expected == values {
-            Ok(())
-        } else {
-            Err(error::Error::new(format!("nValues is {values}; the variables have {expected}")))
-        }
-    }
-}
-
-/// The value references of a variable's elements.
-pub(super) enum Elements {
-    Scalar([ValueReference; 1]),
-    Array(&'static [ValueReference]),
-}
-
-impl Deref for Elements {
-    type Target = [ValueReference];
-
-    fn deref(&self) -> &[ValueReference] {
-        match self {
-            Self::Scalar(reference) => reference,
-            Self::Array(references) => references,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -6,8 +6,9 @@ use super::{Answer, ClockUpdate, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::error::{Error, Shown};
-use crate::model::{Variables, time_rounding};
+use crate::model::time_rounding;
 use crate::scheduled_execution::ScheduledExecution;
+use crate::variables::Variables;
 
 impl<M: ScheduledExecution> Instance<M> {
     /// Computes a clock's model partition at a time in s.

@@ -1,103 +1,20 @@
 //! Clocks: their activation, intervals and ticks (FMI 3.0.2, sections 2.2.8 and 2.3.5).
 //!
-//! In Event Mode ticks are computed when values are requested, from the state before, which is kept until
-//! `fmi3UpdateDiscreteStates`: they are recomputed whatever the importer sets or revokes.
+//! In Event Mode ticks are computed when values are requested, and recomputed whatever the importer sets or revokes
+//! until `fmi3UpdateDiscreteStates`.
 
 use core::mem;
 
-use super::{Answer, Instance, Memory, check_finite};
+use super::memory::is_activated;
+use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
-use crate::clock::{Clock, IntervalQualifier};
+use crate::clock::IntervalQualifier;
+use crate::context::Context;
 use crate::description::{ClockDescription, DataType, IntervalVariability, ValueReference};
 use crate::error::{Error, Shown};
-use crate::logger::RecentMessages;
-use crate::model::{Context, Model, Variables};
+use crate::model::Model;
 use crate::status::Status;
-
-/// The pending ticks.
-#[derive(Clone)]
-pub(super) struct Ticks<M: Model> {
-    are_computed: bool,
-    /// The state before the last ticks. It is kept, so that only the first ticks allocate.
-    before: Option<Box<BeforeTicks<M>>>,
-}
-
-impl<M: Model> Ticks<M> {
-    pub(super) fn none() -> Self {
-        Self { are_computed: false, before: None }
-    }
-}
-
-#[derive(Clone)]
-struct BeforeTicks<M: Model> {
-    model: M,
-    variables: M::Variables,
-    end: Option<f64>,
-}
-
-impl<M: Model> Memory<M> {
-    const CLOCKS: &'static [ClockDescription] = M::Variables::CLOCKS;
-
-    pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {
-        self.variables.clock_mut(position).expect("each position has a clock")
-    }
-
-    /// Rewinds computed ticks; they are recomputed when a value is requested.
-    pub(super) fn rewind(&mut self) {
-        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
-            let before = self.ticks.before.as_ref().expect("it is kept when ticks are computed");
-            self.model.clone_from(&before.model);
-            self.variables.clone_from(&before.variables);
-            self.end = before.end;
-            self.stale = true;
-        }
-    }
-
-    /// Keeps the state before the ticks.
-    fn keep_before_ticks(&mut self) {
-        let Self { model, variables, end, ticks, .. } = self;
-        match &mut ticks.before {
-            Some(before) => {
-                before.model.clone_from(model);
-                before.variables.clone_from(variables);
-                before.end = *end;
-            }
-            none => {
-                let before = BeforeTicks { model: model.clone(), variables: variables.clone(), end: *end };
-                *none = Some(Box::new(before));
-            }
-        }
-        ticks.are_computed = true;
-    }
-
-    /// Whether an input clock was active when the computed ticks began.
-    fn ticked(&self, position: usize) -> bool {
-        self.ticks.before.as_ref().is_some_and(|before| is_activated::<M>(&before.variables, position))
-    }
-
-    /// Ends the ticks: their results become the state.
-    pub(super) fn end_ticks(&mut self) {
-        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
-            self.recent_messages = RecentMessages::default();
-        }
-        for (position, description) in Self::CLOCKS.iter().enumerate() {
-            let clock = self.clock_mut(position);
-            clock.has_ticked |= mem::take(&mut clock.ticks) && description.is_input;
-        }
-    }
-
-    /// Event Mode begins.
-    pub(super) fn begin_event(&mut self) {
-        for position in 0..Self::CLOCKS.len() {
-            self.clock_mut(position).has_ticked = false;
-        }
-    }
-}
-
-/// Whether an input clock ticks.
-fn is_activated<M: Model>(variables: &M::Variables, position: usize) -> bool {
-    M::Variables::CLOCKS[position].is_input && variables.clock(position).is_some_and(|clock| clock.ticks)
-}
+use crate::variables::Variables;
 
 /// Rejects invalid clock times.
 fn check_time(what: &str, name: &str, time: f64, is_allowed: bool) -> Result<(), Error> {

@@ -6,9 +6,10 @@ use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{Causality, Initial, ValueReference, VariableDescription, Version};
 use crate::error::{Error, Shown};
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::number::Dual;
 use crate::status::Status;
+use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).
@@ -100,11 +101,11 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real_output_derivatives(
         &mut self,
         references: &[ValueReference],
-        orders: &[i32],
+        orders: impl Iterator<Item = i32>,
         values: &mut [f64],
     ) -> Answer {
         Self::check_differentiates("maxOutputDerivativeOrder is 0")?;
-        for (&reference, &order) in references.iter().zip(orders) {
+        for (&reference, order) in references.iter().zip(orders) {
             let variable = Self::variable(reference, REALS)?;
             if variable.causality != Causality::Output {
                 return Err(Error::new(format!("the variable {} is not an output", variable.name)));

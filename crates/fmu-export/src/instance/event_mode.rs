@@ -5,8 +5,9 @@ use crate::calling_sequence::{Interface, Phase};
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops};
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::status::Status;
+use crate::variables::Variables;
 
 impl<M: EventMode> Instance<M> {
     /// A communication step, which may end at an event, or pause at the end of an internal step for an intermediate

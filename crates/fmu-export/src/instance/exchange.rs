@@ -2,15 +2,18 @@
 
 use core::mem;
 
-use super::{Answer, EventUnderWay, Instance, Memory, check_finite};
+use super::memory::{EventUnderWay, Memory};
+use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::{Interface, Phase};
+use crate::context::Context;
 use crate::description::ValueReference;
 use crate::error::{Error, Shown};
 use crate::events::{Event, MOST_ITERATIONS};
 use crate::floating_point::in_default_environment;
-use crate::model::{Context, Variables, time_rounding};
+use crate::model::time_rounding;
 use crate::model_exchange::ModelExchange;
 use crate::status::Status;
+use crate::variables::Variables;
 
 /// The outcome of an event: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

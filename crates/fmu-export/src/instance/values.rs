@@ -1,40 +1,65 @@
-//! Getting and setting variables (FMI 2.0.5, section 2.1.7), and the derivatives of inputs (section 4.2.1).
+//! Variables by value reference, and getting them (FMI 2.0.5, section 2.1.7).
 
+use core::{mem, slice};
 use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::description::{Causality, DataType, ValueReference, VariableDescription, Version};
 use crate::error::{Error, Shown, check_memory};
-use crate::floating_point::in_default_environment;
-use crate::inputs::MAX_ORDER;
-use crate::model::{Model, Variables};
+use crate::model::Model;
 use crate::status::Status;
+use crate::variables::Variables;
 
 pub(super) const REALS: &[DataType] = &[DataType::Real];
-const BOOLEANS: &[DataType] = &[DataType::Boolean];
-const STRINGS: &[DataType] = &[DataType::String];
-const BINARIES: &[DataType] = &[DataType::Binary];
+pub(super) const BOOLEANS: &[DataType] = &[DataType::Boolean];
+pub(super) const STRINGS: &[DataType] = &[DataType::String];
+pub(super) const BINARIES: &[DataType] = &[DataType::Binary];
+pub(super) const FLOATS: &[DataType] = &[DataType::Float32];
 
-/// How to set values of a type.
-struct Setter<V, T> {
-    /// The number to compare with the range.
-    as_number: fn(T) -> f64,
-    /// Whether a value equals the present one.
-    is_set: fn(&V, ValueReference, T) -> bool,
-    write: fn(&mut V, ValueReference, T),
+/// The numbers of an FMI 3.0 integer type other than Int32.
+pub(crate) trait Whole: Copy + Into<i128> + TryFrom<i128> {
+    /// The types accessed by its functions.
+    const TYPES: &[DataType];
+}
+
+macro_rules! wholes {
+    ($($number:ty: [$($data_type:ident),*];)*) => {$(
+        impl Whole for $number {
+            const TYPES: &[DataType] = &[$(DataType::$data_type),*];
+        }
+    )*};
+}
+
+wholes! {
+    i8: [Int8];
+    u8: [UInt8];
+    i16: [Int16];
+    u16: [UInt16];
+    u32: [UInt32];
+    i64: [Int64, Enumeration];
+    u64: [UInt64];
 }
 
 impl<M: Model> Instance<M> {
+    /// The types accessed by the functions of Integer (FMI 2.0) or Int32.
+    pub(super) const INTEGERS: &[DataType] = match Self::DESCRIPTION.version {
+        Version::Two => &[DataType::Integer, DataType::Enumeration],
+        Version::Three => &[DataType::Integer],
+    };
+
     /// The variable of a value reference, if its type is one of `types`.
     pub(super) fn variable(
         reference: ValueReference,
         types: &[DataType],
     ) -> Result<&'static VariableDescription, Error> {
-        let variable = M::Variables::description(reference).ok_or_else(|| {
-            Error::new(format!("there is no variable with the value reference {reference}"))
-        })?;
+        let variable = M::Variables::description(reference).ok_or_else(|| Self::no_variable(reference))?;
         if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
+    }
+
+    #[cold]
+    fn no_variable(reference: ValueReference) -> Error {
+        Error::new(format!("there is no variable with the value reference {reference}"))
     }
 
     /// The error that a variable has another type.
@@ -44,28 +69,72 @@ impl<M: Model> Instance<M> {
         Error::new(format!("the variable {} is of the type {data_type}", variable.name))
     }
 
-    fn is_real_input(reference: ValueReference) -> bool {
-        M::Variables::description(reference).is_some_and(|variable| variable.real_input.is_some())
-    }
-
     /// A variable whose value reference was checked.
     pub(super) fn checked(reference: ValueReference) -> &'static VariableDescription {
         M::Variables::description(reference).expect("the value reference was checked")
     }
 
-    /// Gets values; `read` writes the one at an index. All value references are checked first.
-    fn get(
+    /// The value references of a variable's elements, or that of a scalar.
+    pub(crate) fn elements(reference: &ValueReference) -> Result<&[ValueReference], Error> {
+        if M::Variables::INNER_ELEMENTS.binary_search(reference).is_ok() {
+            return Err(Self::no_variable(*reference));
+        }
+        let array = M::Variables::ARRAYS.binary_search_by_key(reference, |elements| elements[0]);
+        Ok(array.map_or(slice::from_ref(reference), |array| M::Variables::ARRAYS[array]))
+    }
+
+    /// Runs a body on the value references of scalars: those of the elements of arrays, which have as many values as
+    /// stated.
+    pub(crate) fn with_scalars(
         &mut self,
         references: &[ValueReference],
+        values: usize,
+        body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
+    ) -> Answer {
+        // Known to the compiler, so that the body is inlined.
+        if const { M::Variables::ARRAYS.is_empty() } {
+            // In FMI 2.0 both are one argument.
+            if const { matches!(Self::DESCRIPTION.version, Version::Three) } {
+                Self::check_values(references.len(), values)?;
+            }
+            return body(self, references);
+        }
+        let mut scalars = mem::take(&mut self.scalars);
+        scalars.clear();
+        // Not as many as the importer says, which may be any number.
+        for reference in references {
+            scalars.extend_from_slice(Self::elements(reference)?);
+        }
+        Self::check_values(scalars.len(), values)?;
+        let answer = body(self, &scalars);
+        self.scalars = scalars;
+        answer
+    }
+
+    /// Checks the number of values passed for variables.
+    fn check_values(expected: usize, values: usize) -> Result<(), Error> {
+        if expected == values { Ok(()) } else { Err(Self::count_error(expected, values)) }
+    }
+
+    #[cold]
+    fn count_error(expected: usize, values: usize) -> Error {
+        Error::new(format!("nValues is {values}; the variables have {expected}"))
+    }
+
+    /// Gets values; `read` writes each. All value references are checked first.
+    fn get<T>(
+        &mut self,
+        references: &[ValueReference],
+        values: impl IntoIterator<Item = T>,
         types: &[DataType],
-        mut read: impl FnMut(&M::Variables, usize, ValueReference) -> Result<(), Error>,
+        mut read: impl FnMut(&M::Variables, ValueReference, T) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
             Self::variable(reference, types)?;
         }
         let status = self.compute_values()?;
-        for (index, &reference) in references.iter().enumerate() {
-            read(&self.memory.variables, index, reference)?;
+        for (&reference, value) in references.iter().zip(values) {
+            read(&self.memory.variables, reference, value)?;
         }
         Ok(status)
     }
@@ -73,13 +142,13 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         let time = self.memory.time;
         let mut no_number = Ok(());
-        let status = self.get(references, REALS, |variables, index, reference| {
+        let status = self.get(references, values, REALS, |variables, reference, target| {
             let variable = Self::checked(reference);
             let value =
                 if variable.causality == Causality::Independent { time } else { variables.real(reference) };
             // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
-                values[index] = value;
+                *target = value;
             } else if no_number.is_ok() {
                 let message = format!("the variable {} is {}", variable.name, Shown(value));
                 no_number = Err(Error::new(message));
@@ -97,15 +166,10 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Gets variables of some types that are integers here.
-    pub(crate) fn get_integers<T: From<i32>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &mut [T],
-        types: &[DataType],
-    ) -> Answer {
-        self.get(references, types, |variables, index, reference| {
-            values[index] = variables.integer(reference).into();
+    /// Gets variables of the types accessed by the functions of Integer (FMI 2.0) or Int32.
+    pub(crate) fn get_integers(&mut self, references: &[ValueReference], values: &mut [i32]) -> Answer {
+        self.get(references, values, Self::INTEGERS, |variables, reference, value| {
+            *value = variables.integer(reference);
             Ok(())
         })
     }
@@ -115,39 +179,34 @@ impl<M: Model> Instance<M> {
         references: &[ValueReference],
         values: &mut [T],
     ) -> Answer {
-        self.get(references, BOOLEANS, |variables, index, reference| {
-            values[index] = variables.boolean(reference).into();
+        self.get(references, values, BOOLEANS, |variables, reference, value| {
+            *value = variables.boolean(reference).into();
             Ok(())
         })
     }
 
     pub(crate) fn get_float32(&mut self, references: &[ValueReference], values: &mut [f32]) -> Answer {
-        self.get(references, &[DataType::Float32], |variables, index, reference| {
-            let value = variables.float32(reference);
-            if !value.is_finite() {
+        self.get(references, values, FLOATS, |variables, reference, value| {
+            let number = variables.float32(reference);
+            if !number.is_finite() {
                 let name = Self::checked(reference).name;
-                return Err(Error::new(format!("the variable {name} is {}", Shown(value.into()))));
+                return Err(Error::new(format!("the variable {name} is {}", Shown(number.into()))));
             }
-            values[index] = value;
+            *value = number;
             Ok(())
         })
     }
 
-    /// Gets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
-    pub(crate) fn get_wholes<T: TryFrom<i128>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &mut [T],
-        types: &[DataType],
-    ) -> Answer {
-        self.get(references, types, |variables, index, reference| {
-            let value = Self::whole(variables, reference);
-            values[index] = value.try_into().map_err(|_| Error::new(format!("{value} is too large")))?;
+    /// Gets variables of an FMI 3.0 integer type other than Int32.
+    pub(crate) fn get_wholes<T: Whole>(&mut self, references: &[ValueReference], values: &mut [T]) -> Answer {
+        self.get(references, values, T::TYPES, |variables, reference, value| {
+            let whole = Self::whole(variables, reference);
+            *value = whole.try_into().map_err(|_| Error::new(format!("{whole} is too large")))?;
             Ok(())
         })
     }
 
-    fn whole(variables: &M::Variables, reference: ValueReference) -> i128 {
+    pub(super) fn whole(variables: &M::Variables, reference: ValueReference) -> i128 {
         match Self::checked(reference).data_type {
             DataType::Enumeration => variables.integer(reference).into(),
             _ => variables.whole(reference),
@@ -161,368 +220,22 @@ impl<M: Model> Instance<M> {
         sizes: &mut [usize],
         values: &mut [*const u8],
     ) -> Answer {
-        self.get(references, BINARIES, |variables, index, reference| {
-            let value = variables.binary(reference);
-            (sizes[index], values[index]) = (value.len(), value.as_ptr());
+        self.get(references, sizes.iter_mut().zip(values), BINARIES, |variables, reference, (size, value)| {
+            let binary = variables.binary(reference);
+            (*size, *value) = (binary.len(), binary.as_ptr());
             Ok(())
         })
     }
 
-    /// Leaves the values in [`Instance::strings`].
     pub(crate) fn get_string(&mut self, references: &[ValueReference]) -> Answer {
-        let mut strings = Vec::with_capacity(references.len());
-        let status = self.get(references, STRINGS, |variables, _, reference| {
+        let mut strings = vec![CString::default(); references.len()];
+        let status = self.get(references, &mut strings, STRINGS, |variables, reference, string| {
             let text = variables.string(reference);
             check_memory(text.len())?;
-            strings.push(CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?);
+            *string = CString::new(text).map_err(|_| Error::new("a string with a NUL in it"))?;
             Ok(())
         })?;
         self.strings = strings;
         Ok(status)
-    }
-
-    /// Whether the variable exists and may be set. Separate from setting Real inputs, which is faster without.
-    #[inline(never)]
-    fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
-        self.check_settable(Self::variable(reference, types)?, value)
-    }
-
-    /// Whether a variable may be set now, and to this value (as a number).
-    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
-        let settable = match variable.causality {
-            Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
-            _ => self.is_settable_now(variable),
-        };
-        // A solver tries states beyond their bounds; the model copes, as with fmi2SetContinuousStates.
-        let within =
-            self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
-        if settable && value.is_finite() && within {
-            Ok(())
-        } else {
-            Err(self.set_error(variable, value, settable))
-        }
-    }
-
-    /// Whether an input may be set now: between events of Model Exchange, continuous ones only.
-    fn takes_input(&self, variable: &VariableDescription) -> bool {
-        self.memory.phase != Phase::ContinuousTimeMode || variable.variability == Variability::Continuous
-    }
-
-    /// Whether a variable that is not an input may be set now (sections 3.2.3 and 4.2.4).
-    pub(super) fn is_settable_now(&self, variable: &VariableDescription) -> bool {
-        let phase = self.memory.phase;
-        if variable.causality == Causality::StructuralParameter || phase == Phase::ConfigurationMode {
-            return variable.causality == Causality::StructuralParameter && phase == Phase::ConfigurationMode;
-        }
-        variable.variability != Variability::Constant
-            && match phase {
-                Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
-                Phase::InitializationMode => variable.initial == Initial::Exact,
-                Phase::StepComplete
-                | Phase::EventMode
-                | Phase::StepEventMode
-                | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
-                Phase::ContinuousTimeMode => variable.state.is_some(),
-                Phase::StepFailed
-                | Phase::Terminated
-                | Phase::Error
-                | Phase::IntermediateUpdateMode
-                | Phase::ConfigurationMode => false,
-            }
-    }
-
-    /// Why a variable cannot be set to a value.
-    #[cold]
-    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
-        Error::new(if !settable {
-            format!(
-                "{} ({}, {}) cannot be set in the state {}",
-                variable.name, variable.causality, variable.variability, self.memory.phase
-            )
-        } else if !value.is_finite() {
-            format!("{} for the variable {}", Shown(value), variable.name)
-        } else if variable.causality == Causality::StructuralParameter {
-            format!(
-                "{} for the size {}, fixed at {} when this FMU was built",
-                Shown(value),
-                variable.name,
-                Shown(variable.min)
-            )
-        } else {
-            format!(
-                "{} for the variable {} is outside its range {} to {}",
-                Shown(value),
-                variable.name,
-                Shown(variable.min),
-                Shown(variable.max)
-            )
-        })
-    }
-
-    /// Reports that the nearest bound is used. When the importer tries values, in Continuous-Time Mode and in steps
-    /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
-    /// once, since finite differences leave the range repeatedly.
-    #[cold]
-    fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
-        let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
-        if !self.logged_inputs.contains(&variable.name) {
-            self.logged_inputs.push(variable.name);
-        } else if tries {
-            return Status::Ok;
-        }
-        let warned = self.warn(format_args!(
-            "{} for the input {} is outside its range {} to {}; the nearest bound is used",
-            Shown(value),
-            variable.name,
-            Shown(variable.min),
-            Shown(variable.max)
-        ));
-        if tries { Status::Ok } else { warned }
-    }
-
-    /// Sets values, after checking all of them.
-    fn set<T: Copy>(
-        &mut self,
-        references: &[ValueReference],
-        values: &[T],
-        types: &[DataType],
-        setter: &Setter<M::Variables, T>,
-    ) -> Answer {
-        if !M::Variables::CLOCKS.is_empty() {
-            self.check_ticking(references)?;
-            self.memory.rewind();
-        }
-        if self.memory.phase == Phase::ContinuousTimeMode {
-            return in_default_environment(|| self.set_between_events(references, values, types, setter));
-        }
-        let &Setter { as_number, write, .. } = setter;
-        for (&reference, &value) in references.iter().zip(values) {
-            // Real inputs accept any finite value: bounds are applied later.
-            if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
-                in_default_environment(|| self.check(reference, types, as_number(value)))?;
-            }
-        }
-        self.memory.stale = true;
-        let mut status = Status::Ok;
-        for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::checked(reference);
-            let memory = &mut self.memory;
-            write(&mut memory.variables, reference, value);
-            if let Some(position) = variable.real_input {
-                if memory.inputs.set_value(position, as_number(value)) {
-                    status = self.warn_of_bounds(variable, as_number(value));
-                }
-            } else if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs());
-            } else {
-                memory.parameters_changed = true;
-            }
-        }
-        Ok(status)
-    }
-
-    /// Likewise in Continuous-Time Mode, for states and continuous inputs. Setting discrete inputs (FMPy) and tunable
-    /// parameters (CasADi) to their present values is not an error.
-    #[cold]
-    fn set_between_events<T: Copy>(
-        &mut self,
-        references: &[ValueReference],
-        values: &[T],
-        types: &[DataType],
-        &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
-    ) -> Answer {
-        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
-            (variable.causality == Causality::Input || variable.variability == Variability::Tunable)
-                && is_set(&this.memory.variables, reference, value)
-        };
-        for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::variable(reference, types)?;
-            if !is_kept(self, variable, reference, value) {
-                self.check_settable(variable, as_number(value))?;
-            }
-        }
-        let mut status = Status::Ok;
-        for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::checked(reference);
-            if is_kept(self, variable, reference, value) {
-                continue;
-            }
-            let memory = &mut self.memory;
-            memory.stale = true;
-            if let Some(state) = variable.state {
-                memory.set_state(state.into(), as_number(value));
-                continue;
-            }
-            write(&mut memory.variables, reference, value);
-            match variable.real_input {
-                Some(position) => {
-                    if memory.inputs.set_value(position, as_number(value)) {
-                        status = self.warn_of_bounds(variable, as_number(value));
-                    }
-                }
-                // A Float32.
-                None => memory.inputs.set_others(memory.variables.inputs()),
-            }
-        }
-        Ok(status)
-    }
-
-    pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
-        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
-        let setter = const {
-            &Setter {
-                as_number: |value| value,
-                is_set: |variables: &M::Variables, reference, value| variables.real(reference) == value,
-                write: M::Variables::set_real,
-            }
-        };
-        self.set(references, values, REALS, setter)
-    }
-
-    /// Sets variables of some types that are integers here.
-    pub(crate) fn set_integers(
-        &mut self,
-        references: &[ValueReference],
-        values: &[i32],
-        types: &[DataType],
-    ) -> Answer {
-        let setter = const {
-            &Setter {
-                as_number: f64::from,
-                is_set: |variables: &M::Variables, reference, value| variables.integer(reference) == value,
-                write: M::Variables::set_integer,
-            }
-        };
-        self.set(references, values, types, setter)
-    }
-
-    pub(crate) fn set_float32(&mut self, references: &[ValueReference], values: &[f32]) -> Answer {
-        #[expect(clippy::float_cmp, reason = "whether it is the very value")]
-        let setter = const {
-            &Setter {
-                as_number: f64::from,
-                is_set: |variables: &M::Variables, reference, value| variables.float32(reference) == value,
-                write: M::Variables::set_float32,
-            }
-        };
-        self.set(references, values, &[DataType::Float32], setter)
-    }
-
-    /// Sets variables of an FMI 3.0 integer type other than Int32; those of Int64 include enumerations.
-    pub(crate) fn set_wholes<T: Copy + Into<i128>>(
-        &mut self,
-        references: &[ValueReference],
-        values: &[T],
-        types: &[DataType],
-    ) -> Answer {
-        let setter = Setter {
-            #[expect(
-                clippy::cast_precision_loss,
-                reason = "bounds are exact numbers, to which none is rounded across"
-            )]
-            as_number: |value: T| value.into() as f64,
-            is_set: |variables: &M::Variables, reference, value| {
-                Self::whole(variables, reference) == value.into()
-            },
-            write: |variables, reference, value| match (Self::checked(reference).data_type, value.into()) {
-                (DataType::Enumeration, value) => {
-                    // It was checked to be an item.
-                    variables.set_integer(reference, value.try_into().unwrap_or_default());
-                }
-                (_, value) => variables.set_whole(reference, value),
-            },
-        };
-        self.set(references, values, types, &setter)
-    }
-
-    pub(crate) fn set_binary(&mut self, references: &[ValueReference], values: &[&[u8]]) -> Answer {
-        check_memory(values.iter().map(|value| value.len()).sum())?;
-        let setter = const {
-            &Setter {
-                as_number: |_| 0.0,
-                is_set: |variables: &M::Variables, reference, value| variables.binary(reference) == value,
-                write: M::Variables::set_binary,
-            }
-        };
-        self.set(references, values, BINARIES, setter)
-    }
-
-    /// Any value but 0 is true.
-    pub(crate) fn set_boolean<T: Copy + Default + PartialEq>(
-        &mut self,
-        references: &[ValueReference],
-        values: &[T],
-    ) -> Answer {
-        let setter = const {
-            &Setter {
-                as_number: |_| 0.0,
-                is_set: |variables: &M::Variables, reference, value| {
-                    variables.boolean(reference) == (value != T::default())
-                },
-                write: |variables, reference, value| {
-                    variables.set_boolean(reference, value != T::default());
-                },
-            }
-        };
-        self.set(references, values, BOOLEANS, setter)
-    }
-
-    pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
-        check_memory(values.iter().map(|value| value.len()).sum())?;
-        let setter = const {
-            &Setter {
-                as_number: |_| 0.0,
-                is_set: |variables: &M::Variables, reference, value| variables.string(reference) == value,
-                write: M::Variables::set_string,
-            }
-        };
-        self.set(references, values, STRINGS, setter)
-    }
-
-    pub(crate) fn set_real_input_derivatives(
-        &mut self,
-        references: &[ValueReference],
-        orders: &[i32],
-        values: &[f64],
-    ) -> Answer {
-        if !Self::DESCRIPTION.capabilities.interpolate_inputs {
-            return Err(Error::new("this FMU cannot interpolate inputs (canInterpolateInputs is false)"));
-        }
-        let derivatives = || references.iter().zip(orders).zip(values);
-        for ((&reference, &order), &value) in derivatives() {
-            Self::input_derivative(reference, order, value)?;
-        }
-        let mut status = Status::Ok;
-        for ((&reference, &order), &value) in derivatives() {
-            let (position, order) = Self::input_derivative(reference, order, value)?;
-            let variable = Self::checked(reference);
-            if variable.variability == Variability::Continuous {
-                self.memory.inputs.set_derivative(position, order, value);
-            } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
-                status = self.warn(format_args!(
-                    "the input {} is discrete and constant; its derivatives are ignored",
-                    variable.name
-                ));
-            }
-        }
-        Ok(status)
-    }
-
-    /// The Real input and order of a derivative, if settable.
-    fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
-        let variable = Self::variable(reference, REALS)?;
-        let name = variable.name;
-        let Some(position) = variable.real_input else {
-            return Err(Error::new(format!("the variable {name} is not an input")));
-        };
-        let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
-            return Err(Error::new(format!(
-                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are supported"
-            )));
-        };
-        if !value.is_finite() {
-            return Err(Error::new(format!("{} for a derivative of the input {name}", Shown(value))));
-        }
-        Ok((position, order))
     }
 }

@@ -1,10 +1,14 @@
 //! The functions of Scheduled Execution.
 
-use super::{
-    Boolean, ClockUpdateCallback, Exported, Function, Instance, InstanceEnvironment, Interface,
-    LogMessageCallback, Options, Preemption, PreemptionCallback, Status, String, ValueReference, call,
-    instance, instantiate,
+use super::instantiation::{Options, instantiate};
+use crate::c_boundary::{Exported, call};
+use crate::calling_sequence::Interface;
+use crate::fmi3::c_types::{
+    Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
+    Status, String, ValueReference,
 };
+use crate::fmi3::calling_sequence::Function;
+use crate::instance::{self, Preemption};
 use crate::scheduled_execution::ScheduledExecution;
 #[cfg(target_family = "wasm")]
 use crate::wasm::host;

@@ -1,0 +1,109 @@
+//! What a model receives besides variables and inputs: the experiment, the importer's logger, and the FMU's files.
+
+use core::fmt;
+
+use crate::error::{Error, Shown};
+use crate::logger;
+use crate::resources::Resources;
+
+/// The arguments of `fmi2SetupExperiment`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Experiment {
+    /// Start time in seconds.
+    pub start_time: f64,
+    /// Stop time in seconds, if defined.
+    pub stop_time: Option<f64>,
+    /// Relative tolerance, if defined and above 0.
+    pub tolerance: Option<f64>,
+}
+
+crate::persistent!(Experiment { start_time, stop_time, tolerance });
+
+/// What a model receives besides variables and inputs: the experiment, the importer's logger, and the FMU's files.
+pub struct Context<'a> {
+    /// The experiment as set up.
+    pub experiment: Experiment,
+    /// Receives a category's name and a message.
+    log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>),
+    resources: Option<&'a Resources>,
+    /// When the model requested the end, in s.
+    pub(crate) end: Option<f64>,
+}
+
+impl<'a> Context<'a> {
+    /// A context outside any FMU, for calling a model directly.
+    pub fn new(experiment: Experiment, log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>)) -> Self {
+        Self { experiment, log, resources: None, end: None }
+    }
+
+    /// Likewise with an FMU's files.
+    pub(crate) fn with_resources(self, resources: &'a Resources) -> Self {
+        Self { resources: Some(resources), ..self }
+    }
+
+    /// Likewise with another logger.
+    pub(crate) fn with_log<'b>(
+        &'b self,
+        log: &'b mut dyn FnMut(&'static str, fmt::Arguments<'_>),
+    ) -> Context<'b> {
+        Context { log, ..*self }
+    }
+
+    /// The content of a file in the FMU's folder `resources`, by its path there: at most 256 MiB.
+    ///
+    /// # Errors
+    /// When it cannot be read, is larger or not a file, or there is no FMU.
+    pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
+        self.resource_up_to(name, 256 << 20)
+    }
+
+    /// Likewise with another size limit, in bytes.
+    ///
+    /// # Errors
+    /// As [`Context::resource`].
+    pub fn resource_up_to(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
+        match self.resources {
+            Some(resources) => resources.read(name, most),
+            None => Err(Error::new(format!(
+                "the resource {name} is part of the FMU, but the model runs without one"
+            ))),
+        }
+    }
+
+    /// Requests the end of the simulation, which has reached a time (s) in the present step.
+    pub fn terminate(&mut self, time: f64) {
+        self.end = Some(time);
+    }
+
+    /// When the model requested the end, in s.
+    ///
+    /// # Errors
+    /// When that is not finite.
+    #[inline]
+    pub(crate) fn end(&self) -> Result<Option<f64>, Error> {
+        #[cold]
+        fn refused(end: f64) -> Error {
+            Error::new(format!("the model requests the end at {} s", Shown(end)))
+        }
+        match self.end {
+            Some(end) if !end.is_finite() => Err(refused(end)),
+            end => Ok(end),
+        }
+    }
+
+    /// Warns the user of something that may affect the results.
+    pub fn warn(&mut self, message: fmt::Arguments<'_>) {
+        (self.log)(logger::WARNING, message);
+    }
+
+    /// Logs an event, if debug logging is on.
+    pub fn event(&mut self, message: fmt::Arguments<'_>) {
+        (self.log)(logger::EVENT, message);
+    }
+}
+
+impl fmt::Debug for Context<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Context").field("experiment", &self.experiment).finish_non_exhaustive()
+    }
+}

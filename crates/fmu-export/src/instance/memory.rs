@@ -1,0 +1,186 @@
+//! What an instance remembers, which a saved state holds: the model's memory, its variables, and where the calling
+//! sequence and the events are.
+//!
+//! Ticks of clocks are computed when values are requested, from the state before, which is kept until they end.
+
+use core::mem;
+
+use crate::calling_sequence::{Interface, Phase};
+use crate::clock::Clock;
+use crate::context::Experiment;
+use crate::description::ClockDescription;
+use crate::error::Error;
+use crate::events::Events;
+use crate::inputs::InputSignal;
+use crate::logger::RecentMessages;
+use crate::model::{InputsOf, Model};
+use crate::variables::Variables;
+
+/// The content of a saved state.
+#[derive(Clone)]
+pub(crate) struct Memory<M: Model> {
+    pub(super) interface: Interface,
+    pub(super) phase: Phase,
+    pub(super) model: M,
+    pub(super) variables: M::Variables,
+    pub(super) inputs: InputSignal<InputsOf<M>>,
+    /// The experiment, once set up.
+    pub(super) experiment: Experiment,
+    pub(super) is_set_up: bool,
+    pub(super) time: f64,
+    /// Whether anything was set since the values were computed.
+    pub(super) stale: bool,
+    /// Whether a tunable parameter was set since the parameters were last checked.
+    pub(super) parameters_changed: bool,
+    /// Messages logged during initialization.
+    pub(super) recent_messages: RecentMessages,
+    /// When the model requested the end, in s.
+    pub(super) end: Option<f64>,
+    /// Events handled by the importer.
+    pub(super) events: Events,
+    /// The event in Event Mode.
+    pub(super) event: EventUnderWay,
+    /// Ticks of clocks.
+    pub(super) ticks: Ticks<M>,
+}
+
+/// The event iterations since Event Mode was entered.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct EventUnderWay {
+    pub(super) iterations: u32,
+    /// Whether an iteration changed a state, for the last one to report.
+    pub(super) states_changed: bool,
+}
+
+crate::persistent!(EventUnderWay { iterations, states_changed });
+
+/// The pending ticks.
+#[derive(Clone)]
+pub(super) struct Ticks<M: Model> {
+    pub(super) are_computed: bool,
+    /// The state before the last ticks. It is kept, so that only the first ticks allocate.
+    before: Option<Box<BeforeTicks<M>>>,
+}
+
+#[derive(Clone)]
+struct BeforeTicks<M: Model> {
+    model: M,
+    variables: M::Variables,
+    end: Option<f64>,
+}
+
+// An instance of another interface rejects the memory before; ticks are rewound before.
+crate::persistent!(<M: Model> Memory<M> {
+    phase, model, variables, inputs, experiment, is_set_up, time, stale, parameters_changed, recent_messages, end,
+    events, event,
+} without interface, ticks);
+
+impl<M: Model> Memory<M> {
+    const CLOCKS: &'static [ClockDescription] = M::Variables::CLOCKS;
+
+    pub(super) fn new(interface: Interface) -> Self {
+        let variables = M::Variables::default();
+        let indicators = match interface {
+            Interface::CoSimulation | Interface::ScheduledExecution => 0,
+            Interface::CoSimulationWithEvents | Interface::ModelExchange => {
+                M::Variables::EVENT_INDICATORS.len()
+            }
+        };
+        Self {
+            interface,
+            phase: Phase::Instantiated,
+            model: M::default(),
+            inputs: InputSignal::constant(variables.inputs().clone()),
+            variables,
+            experiment: Experiment::default(),
+            is_set_up: false,
+            time: 0.0,
+            stale: true,
+            parameters_changed: true,
+            recent_messages: RecentMessages::default(),
+            end: None,
+            events: Events::new(indicators),
+            event: EventUnderWay::default(),
+            ticks: Ticks { are_computed: false, before: None },
+        }
+    }
+
+    /// Checks parameters set since the last check, and passes them to the model. Returns whether there were any.
+    pub(super) fn accept_parameters(&mut self) -> Result<bool, Error> {
+        if !self.parameters_changed {
+            return Ok(false);
+        }
+        M::check_parameters(&self.variables)?;
+        self.model.take_parameters(&self.variables);
+        self.parameters_changed = false;
+        Ok(true)
+    }
+
+    /// Sets the state at a position.
+    pub(super) fn set_state(&mut self, position: usize, value: f64) {
+        let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
+        M::Variables::each_state(&self.variables, |state, value| states[state] = value);
+        states[position] = value;
+        M::Variables::set_states(&mut self.variables, |state| states[state]);
+    }
+
+    pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {
+        self.variables.clock_mut(position).expect("each position has a clock")
+    }
+
+    /// Rewinds computed ticks; they are recomputed when a value is requested.
+    pub(super) fn rewind(&mut self) {
+        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
+            let before = self.ticks.before.as_ref().expect("it is kept when ticks are computed");
+            self.model.clone_from(&before.model);
+            self.variables.clone_from(&before.variables);
+            self.end = before.end;
+            self.stale = true;
+        }
+    }
+
+    /// Keeps the state before the ticks.
+    pub(super) fn keep_before_ticks(&mut self) {
+        let Self { model, variables, end, ticks, .. } = self;
+        match &mut ticks.before {
+            Some(before) => {
+                before.model.clone_from(model);
+                before.variables.clone_from(variables);
+                before.end = *end;
+            }
+            none => {
+                let before = BeforeTicks { model: model.clone(), variables: variables.clone(), end: *end };
+                *none = Some(Box::new(before));
+            }
+        }
+        ticks.are_computed = true;
+    }
+
+    /// Whether an input clock was active when the computed ticks began.
+    pub(super) fn ticked(&self, position: usize) -> bool {
+        self.ticks.before.as_ref().is_some_and(|before| is_activated::<M>(&before.variables, position))
+    }
+
+    /// Ends the ticks: their results become the state.
+    pub(super) fn end_ticks(&mut self) {
+        if !Self::CLOCKS.is_empty() && mem::take(&mut self.ticks.are_computed) {
+            self.recent_messages = RecentMessages::default();
+        }
+        for (position, description) in Self::CLOCKS.iter().enumerate() {
+            let clock = self.clock_mut(position);
+            clock.has_ticked |= mem::take(&mut clock.ticks) && description.is_input;
+        }
+    }
+
+    /// Event Mode begins.
+    pub(super) fn begin_event(&mut self) {
+        for position in 0..Self::CLOCKS.len() {
+            self.clock_mut(position).has_ticked = false;
+        }
+    }
+}
+
+/// Whether an input clock ticks.
+pub(super) fn is_activated<M: Model>(variables: &M::Variables, position: usize) -> bool {
+    M::Variables::CLOCKS[position].is_input && variables.clock(position).is_some_and(|clock| clock.ticks)
+}

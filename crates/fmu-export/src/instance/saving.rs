@@ -1,0 +1,91 @@
+//! Saving and restoring an instance's memory (FMI 2.0.5, section 2.1.8).
+
+use super::Instance;
+use super::memory::Memory;
+use crate::calling_sequence::Interface;
+use crate::error::{Error, check_memory};
+use crate::model::Model;
+use crate::serialized_state;
+
+impl<M: Model> Instance<M> {
+    /// A copy of everything that affects later calls.
+    pub(crate) fn save(&mut self) -> Result<Memory<M>, Error> {
+        self.check_partitions()?;
+        if Self::DESCRIPTION.capabilities.get_and_set_state {
+            check_memory(size_of::<Memory<M>>())?;
+            self.may_roll_back = true;
+            Ok(self.memory.clone())
+        } else {
+            Err(Error::new("this FMU cannot get and set its state (canGetAndSetFMUstate is false)"))
+        }
+    }
+
+    /// Rejects calls that affect all model partitions while one is in Clock Update Mode (FMI 3.0.2, section 5.2.1).
+    fn check_partitions(&self) -> Result<(), Error> {
+        if self.clock_updates == 0 {
+            Ok(())
+        } else {
+            Err(Error::new("must not be called while a model partition runs"))
+        }
+    }
+
+    /// Continues from a saved memory.
+    pub(crate) fn restore(&mut self, memory: &Memory<M>) -> Result<(), Error> {
+        self.check_partitions()?;
+        if memory.interface != self.memory.interface {
+            return Err(Error::new(format!(
+                "the state is one of {}, this instance is for {}",
+                memory.interface, self.memory.interface
+            )));
+        }
+        self.memory.clone_from(memory);
+        Ok(())
+    }
+
+    /// A saved memory as bytes.
+    pub(crate) fn serialize(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
+        Self::check_serializes()?;
+        Self::to_bytes(memory)
+    }
+
+    /// A saved memory as bytes, whatever the FMU offers.
+    pub(crate) fn to_bytes(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
+        let mut memory = memory.clone();
+        memory.rewind();
+        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
+    }
+
+    /// The memory from bytes saved by this FMU, of any interface.
+    #[cfg(target_family = "wasm")]
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Memory<M>, Error> {
+        let [first, others @ ..] = [
+            Interface::CoSimulation,
+            Interface::CoSimulationWithEvents,
+            Interface::ModelExchange,
+            Interface::ScheduledExecution,
+        ]
+        .map(|interface| Self::read(interface, bytes));
+        others.into_iter().fold(first, Result::or)
+    }
+
+    /// The memory from bytes saved by this FMU, in any process.
+    pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
+        Self::check_serializes()?;
+        Self::read(self.memory.interface, bytes)
+    }
+
+    fn read(interface: Interface, bytes: &[u8]) -> Result<Memory<M>, Error> {
+        let mut memory = Memory::<M>::new(interface);
+        serialized_state::from_bytes(Self::DESCRIPTION, interface, bytes, &mut memory)?;
+        memory.model.restored(&memory.variables);
+        Ok(memory)
+    }
+
+    fn check_serializes() -> Result<(), Error> {
+        if Self::DESCRIPTION.capabilities.serialize_state {
+            Ok(())
+        } else {
+            Err(Error::new("this FMU cannot serialize its state (canSerializeFMUstate is false)"))
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! Setting variables (FMI 2.0.5, section 2.1.7), and the derivatives of inputs (section 4.2.1).
+
+use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
+use super::{Answer, Instance};
+use crate::calling_sequence::Phase;
+use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::error::{Error, Shown, check_memory};
+use crate::floating_point::in_default_environment;
+use crate::inputs::MAX_ORDER;
+use crate::model::Model;
+use crate::status::Status;
+use crate::variables::Variables;
+
+/// How to set values of a type.
+struct Setter<V, T> {
+    /// The number to compare with the range.
+    as_number: fn(T) -> f64,
+    /// Whether a value equals the present one.
+    is_set: fn(&V, ValueReference, T) -> bool,
+    write: fn(&mut V, ValueReference, T),
+}
+
+/// How to set values that variables hold as they are, by their accessors.
+macro_rules! setter {
+    ($get:ident, $set:ident, $as_number:expr) => {
+        const {
+            &Setter {
+                as_number: $as_number,
+                is_set: |variables: &M::Variables, reference, value| {
+                    PartialEq::eq(&variables.$get(reference), &value)
+                },
+                write: M::Variables::$set,
+            }
+        }
+    };
+}
+
+impl<M: Model> Instance<M> {
+    /// Whether the variable exists and may be set. Separate from setting Real inputs, which is faster without.
+    #[inline(never)]
+    fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
+        self.check_settable(Self::variable(reference, types)?, value)
+    }
+
+    /// Whether a variable may be set now, and to this value (as a number).
+    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
+        let settable = match variable.causality {
+            Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
+            _ => self.is_settable_now(variable),
+        };
+        // A solver tries states beyond their bounds; the model copes, as with fmi2SetContinuousStates.
+        let within =
+            self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
+        if settable && value.is_finite() && within {
+            Ok(())
+        } else {
+            Err(self.set_error(variable, value, settable))
+        }
+    }
+
+    /// Whether an input may be set now: between events of Model Exchange, continuous ones only.
+    fn takes_input(&self, variable: &VariableDescription) -> bool {
+        self.memory.phase != Phase::ContinuousTimeMode || variable.variability == Variability::Continuous
+    }
+
+    /// Whether a variable that is not an input may be set now (sections 3.2.3 and 4.2.4).
+    pub(super) fn is_settable_now(&self, variable: &VariableDescription) -> bool {
+        let phase = self.memory.phase;
+        if variable.causality == Causality::StructuralParameter || phase == Phase::ConfigurationMode {
+            return variable.causality == Causality::StructuralParameter && phase == Phase::ConfigurationMode;
+        }
+        variable.variability != Variability::Constant
+            && match phase {
+                Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
+                Phase::InitializationMode => variable.initial == Initial::Exact,
+                Phase::StepComplete
+                | Phase::EventMode
+                | Phase::StepEventMode
+                | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
+                Phase::ContinuousTimeMode => variable.state.is_some(),
+                Phase::StepFailed
+                | Phase::Terminated
+                | Phase::Error
+                | Phase::IntermediateUpdateMode
+                | Phase::ConfigurationMode => false,
+            }
+    }
+
+    /// Why a variable cannot be set to a value.
+    #[cold]
+    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+        Error::new(if !settable {
+            format!(
+                "{} ({}, {}) cannot be set in the state {}",
+                variable.name, variable.causality, variable.variability, self.memory.phase
+            )
+        } else if !value.is_finite() {
+            format!("{} for the variable {}", Shown(value), variable.name)
+        } else if variable.causality == Causality::StructuralParameter {
+            format!(
+                "{} for the size {}, fixed at {} when this FMU was built",
+                Shown(value),
+                variable.name,
+                Shown(variable.min)
+            )
+        } else {
+            format!(
+                "{} for the variable {} is outside its range {} to {}",
+                Shown(value),
+                variable.name,
+                Shown(variable.min),
+                Shown(variable.max)
+            )
+        })
+    }
+
+    /// Reports that the nearest bound is used. When the importer tries values, in Continuous-Time Mode and in steps
+    /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
+    /// once, since finite differences leave the range repeatedly.
+    #[cold]
+    fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
+        let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
+        if !self.logged_inputs.contains(&variable.name) {
+            self.logged_inputs.push(variable.name);
+        } else if tries {
+            return Status::Ok;
+        }
+        let warned = self.warn(format_args!(
+            "{} for the input {} is outside its range {} to {}; the nearest bound is used",
+            Shown(value),
+            variable.name,
+            Shown(variable.min),
+            Shown(variable.max)
+        ));
+        if tries { Status::Ok } else { warned }
+    }
+
+    fn is_real_input(reference: ValueReference) -> bool {
+        M::Variables::description(reference).is_some_and(|variable| variable.real_input.is_some())
+    }
+
+    /// Sets values, after checking all of them.
+    fn set<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        types: &[DataType],
+        setter: &Setter<M::Variables, T>,
+    ) -> Answer {
+        if !M::Variables::CLOCKS.is_empty() {
+            self.check_ticking(references)?;
+            self.memory.rewind();
+        }
+        if self.memory.phase == Phase::ContinuousTimeMode {
+            return in_default_environment(|| self.set_between_events(references, values, types, setter));
+        }
+        let &Setter { as_number, write, .. } = setter;
+        for (&reference, &value) in references.iter().zip(values) {
+            // Real inputs accept any finite value: bounds are applied later.
+            if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
+                in_default_environment(|| self.check(reference, types, as_number(value)))?;
+            }
+        }
+        self.memory.stale = true;
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::checked(reference);
+            let memory = &mut self.memory;
+            write(&mut memory.variables, reference, value);
+            if let Some(position) = variable.real_input {
+                if memory.inputs.set_value(position, as_number(value)) {
+                    status = self.warn_of_bounds(variable, as_number(value));
+                }
+            } else if variable.causality == Causality::Input {
+                memory.inputs.set_others(memory.variables.inputs());
+            } else {
+                memory.parameters_changed = true;
+            }
+        }
+        Ok(status)
+    }
+
+    /// Likewise in Continuous-Time Mode, for states and continuous inputs. Setting discrete inputs (FMPy) and tunable
+    /// parameters (CasADi) to their present values is not an error.
+    #[cold]
+    fn set_between_events<T: Copy>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+        types: &[DataType],
+        &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
+    ) -> Answer {
+        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+            (variable.causality == Causality::Input || variable.variability == Variability::Tunable)
+                && is_set(&this.memory.variables, reference, value)
+        };
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::variable(reference, types)?;
+            if !is_kept(self, variable, reference, value) {
+                self.check_settable(variable, as_number(value))?;
+            }
+        }
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            let variable = Self::checked(reference);
+            if is_kept(self, variable, reference, value) {
+                continue;
+            }
+            let memory = &mut self.memory;
+            memory.stale = true;
+            if let Some(state) = variable.state {
+                memory.set_state(state.into(), as_number(value));
+                continue;
+            }
+            write(&mut memory.variables, reference, value);
+            match variable.real_input {
+                Some(position) => {
+                    if memory.inputs.set_value(position, as_number(value)) {
+                        status = self.warn_of_bounds(variable, as_number(value));
+                    }
+                }
+                // A Float32.
+                None => memory.inputs.set_others(memory.variables.inputs()),
+            }
+        }
+        Ok(status)
+    }
+
+    pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
+        self.set(references, values, REALS, setter!(real, set_real, |value| value))
+    }
+
+    /// Sets variables of the types accessed by the functions of Integer (FMI 2.0) or Int32.
+    pub(crate) fn set_integers(&mut self, references: &[ValueReference], values: &[i32]) -> Answer {
+        self.set(references, values, Self::INTEGERS, setter!(integer, set_integer, f64::from))
+    }
+
+    pub(crate) fn set_float32(&mut self, references: &[ValueReference], values: &[f32]) -> Answer {
+        self.set(references, values, FLOATS, setter!(float32, set_float32, f64::from))
+    }
+
+    /// Sets variables of an FMI 3.0 integer type other than Int32.
+    pub(crate) fn set_wholes<T: Whole>(&mut self, references: &[ValueReference], values: &[T]) -> Answer {
+        let setter = Setter {
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "bounds are exact numbers, to which none is rounded across"
+            )]
+            as_number: |value: T| value.into() as f64,
+            is_set: |variables: &M::Variables, reference, value| {
+                Self::whole(variables, reference) == value.into()
+            },
+            write: |variables, reference, value| match (Self::checked(reference).data_type, value.into()) {
+                (DataType::Enumeration, value) => {
+                    // It was checked to be an item.
+                    variables.set_integer(reference, value.try_into().unwrap_or_default());
+                }
+                (_, value) => variables.set_whole(reference, value),
+            },
+        };
+        self.set(references, values, T::TYPES, &setter)
+    }
+
+    pub(crate) fn set_binary(&mut self, references: &[ValueReference], values: &[&[u8]]) -> Answer {
+        check_memory(values.iter().map(|value| value.len()).sum())?;
+        self.set(references, values, BINARIES, setter!(binary, set_binary, |_| 0.0))
+    }
+
+    /// Any value but 0 is true.
+    pub(crate) fn set_boolean<T: Copy + Default + PartialEq>(
+        &mut self,
+        references: &[ValueReference],
+        values: &[T],
+    ) -> Answer {
+        let setter = const {
+            &Setter {
+                as_number: |_| 0.0,
+                is_set: |variables: &M::Variables, reference, value| {
+                    variables.boolean(reference) == (value != T::default())
+                },
+                write: |variables, reference, value| {
+                    variables.set_boolean(reference, value != T::default());
+                },
+            }
+        };
+        self.set(references, values, BOOLEANS, setter)
+    }
+
+    pub(crate) fn set_string(&mut self, references: &[ValueReference], values: &[&str]) -> Answer {
+        check_memory(values.iter().map(|value| value.len()).sum())?;
+        self.set(references, values, STRINGS, setter!(string, set_string, |_| 0.0))
+    }
+
+    pub(crate) fn set_real_input_derivatives(
+        &mut self,
+        references: &[ValueReference],
+        orders: &[i32],
+        values: &[f64],
+    ) -> Answer {
+        if !Self::DESCRIPTION.capabilities.interpolate_inputs {
+            return Err(Error::new("this FMU cannot interpolate inputs (canInterpolateInputs is false)"));
+        }
+        let derivatives = || references.iter().zip(orders).zip(values);
+        for ((&reference, &order), &value) in derivatives() {
+            Self::input_derivative(reference, order, value)?;
+        }
+        let mut status = Status::Ok;
+        for ((&reference, &order), &value) in derivatives() {
+            let (position, order) = Self::input_derivative(reference, order, value)?;
+            let variable = Self::checked(reference);
+            if variable.variability == Variability::Continuous {
+                self.memory.inputs.set_derivative(position, order, value);
+            } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
+                status = self.warn(format_args!(
+                    "the input {} is discrete and constant; its derivatives are ignored",
+                    variable.name
+                ));
+            }
+        }
+        Ok(status)
+    }
+
+    /// The Real input and order of a derivative, if settable.
+    fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
+        let variable = Self::variable(reference, REALS)?;
+        let name = variable.name;
+        let Some(position) = variable.real_input else {
+            return Err(Error::new(format!("the variable {name} is not an input")));
+        };
+        let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {
+            return Err(Error::new(format!(
+                "order {order} of the derivative of {name}; the orders 1 to {MAX_ORDER} are supported"
+            )));
+        };
+        if !value.is_finite() {
+            return Err(Error::new(format!("{} for a derivative of the input {name}", Shown(value))));
+        }
+        Ok((position, order))
+    }
+}

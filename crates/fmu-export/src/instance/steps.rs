@@ -1,0 +1,158 @@
+//! Communication steps (FMI 2.0.5, section 4.2.1).
+
+use super::{Answer, Instance, check_finite};
+use crate::calling_sequence::Phase;
+use crate::context::Context;
+use crate::error::{Error, Shown};
+use crate::events::Events;
+use crate::model::{InputsOf, Model, Step, time_rounding};
+use crate::status::Status;
+
+/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
+/// sum, or from integer nanoseconds.
+const TIME_TOLERANCE: f64 = 1e-6;
+
+impl<M: Model> Instance<M> {
+    /// Advances by one communication step.
+    pub(crate) fn do_step(&mut self, start: f64, size: f64) -> Answer {
+        self.advance(start, size, |model, variables, step, _, context| {
+            model.step(variables, step, context).map(|()| None)
+        })
+    }
+
+    /// Advances by one communication step with `step`, or to an event in it, whose time (s) `step` returns.
+    pub(super) fn advance(
+        &mut self,
+        start: f64,
+        size: f64,
+        step: impl FnOnce(
+            &mut M,
+            &mut M::Variables,
+            &Step<'_, InputsOf<M>>,
+            &mut Events,
+            &mut Context<'_>,
+        ) -> Result<Option<f64>, Error>,
+    ) -> Answer {
+        let end = start + size;
+        if !self.can_step(start, size, end) {
+            return Err(self.step_error(start, size, end));
+        }
+        let memory = &mut self.memory;
+        if memory.end.is_some() {
+            return Ok(self.discard_for_end());
+        }
+        memory.inputs.update();
+        if memory.accept_parameters()? {
+            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
+        }
+        let mut status = Status::Ok;
+        let logger = &self.logger;
+        let mut log = |category, message: core::fmt::Arguments<'_>| {
+            status = status.max(logger.message(category, message));
+        };
+        let of_inputs = Step { start, size, inputs: &memory.inputs };
+        // If an error or a panic interrupts the step, the instance stays in this state.
+        memory.phase = Phase::Error;
+        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
+        let event =
+            step(&mut memory.model, &mut memory.variables, &of_inputs, &mut memory.events, &mut context)?;
+        let asked = context.end()?;
+        check_finite(&memory.variables, event.unwrap_or(end))?;
+        memory.stale = false;
+        if let Some(asked) = asked {
+            return Ok(self.end_step_early(asked, end));
+        }
+        memory.phase = Phase::StepComplete;
+        memory.time = event.unwrap_or(end);
+        memory.inputs.end_step(event.map_or(size, |event| event - start));
+        Ok(status)
+    }
+
+    /// The model requests the end at a time (s) within the step.
+    #[cold]
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
+        // It may be off by rounding.
+        self.memory.time = asked.max(self.memory.time).min(end);
+        self.memory.end = Some(asked);
+        self.discard_for_end()
+    }
+
+    /// The model requests the end: the step is not completed (section 4.2.1).
+    #[cold]
+    fn discard_for_end(&mut self) -> Status {
+        self.memory.phase = Phase::StepFailed;
+        self.log_discarded(format_args!(
+            "the model requests the end of the simulation at {} s",
+            Shown(self.memory.time)
+        ));
+        Status::Discard
+    }
+
+    /// Whether the model has requested the end.
+    pub(crate) fn asks_for_end(&self) -> bool {
+        self.memory.end.is_some()
+    }
+
+    /// Whether the next step may have this start, size and end (s). False for NaN.
+    fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
+        size > 0.0
+            && size <= M::LONGEST_STEP
+            && self.goes_on(start, size)
+            && end > start
+            // A step far shorter than the largest times cannot exceed them.
+            && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
+            && self.ends_in_time(end, size)
+    }
+
+    /// Whether a step of a size (s) starts at the end of the last one, up to rounding.
+    fn goes_on(&self, start: f64, size: f64) -> bool {
+        let time = self.memory.time;
+        (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
+    }
+
+    /// Whether a step of a size (s) stays within the experiment.
+    fn ends_in_time(&self, end: f64, size: f64) -> bool {
+        self.stop_time()
+            .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
+    }
+
+    pub(super) fn stop_time(&self) -> Option<f64> {
+        self.memory.experiment.stop_time
+    }
+
+    /// Why a step is rejected.
+    #[cold]
+    fn step_error(&self, start: f64, size: f64, end: f64) -> Error {
+        let [start_shown, size_shown] = [Shown(start), Shown(size)];
+        Error::new(if !(size.is_finite() && size > 0.0) {
+            format!("communicationStepSize is {size_shown}; it must be finite and greater than 0")
+        } else if size > M::LONGEST_STEP {
+            format!(
+                "communicationStepSize is {size_shown} s; this FMU's longest step is {} s",
+                Shown(M::LONGEST_STEP)
+            )
+        } else if !self.goes_on(start, size) {
+            format!(
+                "currentCommunicationPoint is {start_shown}, but the last step ended at {}",
+                Shown(self.memory.time)
+            )
+        } else if !end.is_finite() {
+            format!("the step from {start_shown} ends at {}", Shown(end))
+        } else if end <= start {
+            format!(
+                "communicationStepSize is {size_shown}, which is lost in the rounding of the time {start_shown}"
+            )
+        } else {
+            format!(
+                "the step from {start_shown} to {} goes past the stopTime {} of the experiment",
+                Shown(end),
+                Shown(self.stop_time().unwrap_or(f64::INFINITY))
+            )
+        })
+    }
+
+    /// The end of the last completed step (s).
+    pub(crate) fn last_successful_time(&self) -> f64 {
+        self.memory.time
+    }
+}
