@@ -15,7 +15,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-use crate::importer::{Ended, Fmu, Instance, Message, Selection};
+use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
 use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
@@ -23,9 +23,9 @@ use fmu_record::{Column, Record};
 /// measured supply voltage, which changes them.
 const INITIAL_EXCHANGES: usize = 2;
 
-/// The FMUs of experiments, each loaded once, by their paths and maps. Clones share them.
+/// The FMUs of experiments, each loaded once, by their paths, interfaces and maps. Clones share them.
 #[derive(Clone, Default)]
-pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
+pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
     /// All that are loaded, in the order of their paths.
@@ -38,11 +38,12 @@ impl LoadedFmus {
     /// # Errors
     /// Those of [`Fmu::open_with`], with the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
-        let key = (member.file.clone(), member.map.as_ref().map(|map| map.text()));
+        let key = (member.file.clone(), member.interface, member.map.as_ref().map(|map| map.text()));
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.location.locate(Fmu::open_with(&member.file, member.map.as_deref()))?;
+        let fmu =
+            member.location.locate(Fmu::open_with(&member.file, member.interface, member.map.as_deref()))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
@@ -327,7 +328,7 @@ impl<'a> Master<'a> {
             let [source, taker] =
                 self.members.get_disjoint_mut([source, target_index]).context("two FMUs")?;
             let wires = &mut taker.wires[index];
-            source.instance.get(&mut wires.outputs, &mut wires.values)?;
+            source.instance.read(&mut wires.outputs, &mut wires.values)?;
             if is_measured {
                 for noise in
                     self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
@@ -338,7 +339,7 @@ impl<'a> Master<'a> {
             for (position, conversion) in &wires.conversions {
                 wires.values[*position] = conversion.apply(wires.values[*position]);
             }
-            taker.instance.set(&mut wires.inputs, &wires.values)?;
+            taker.instance.write(&mut wires.inputs, &wires.values)?;
         }
         Ok(())
     }
@@ -368,7 +369,7 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
 
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
     values.iter().try_for_each(|assignment| {
-        assignment.location.locate(instance.set_value(&assignment.name, &assignment.value))
+        assignment.location.locate(instance.set(&assignment.name, assignment.value.clone()))
     })
 }
 
@@ -396,7 +397,7 @@ impl Coupled<'_> {
             *value = now;
         }
         if is_changed {
-            self.instance.set(selection, values)?;
+            self.instance.write(selection, values)?;
         }
         Ok(())
     }
@@ -607,7 +608,7 @@ impl Recorder {
 
     fn take(&mut self, time: f64, members: &mut [Coupled<'_>]) -> Result<()> {
         for (coupled, (selection, values)) in members.iter_mut().zip(&mut self.selections) {
-            coupled.instance.get(selection, values)?;
+            coupled.instance.read(selection, values)?;
         }
         for (value, source) in self.row.iter_mut().zip(&self.sources) {
             *value = match source {

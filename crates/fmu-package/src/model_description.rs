@@ -60,6 +60,8 @@ pub struct FmuDescription {
     pub enumerations: Vec<Enumeration>,
     /// The variables, in file order.
     pub variables: Vec<FmuVariable>,
+    /// The derivatives of the continuous states: positions from 1 on, in FMI 3.0 value references.
+    pub derivatives: Vec<String>,
 }
 
 /// An enumeration type.
@@ -98,6 +100,10 @@ pub struct FmuVariable {
     pub max: String,
     /// Empty if the FMU gives none.
     pub description: String,
+    /// The variable of which it is the derivative: its position from 1 on, in FMI 3.0 its value reference.
+    pub derivative: String,
+    /// `intervalVariability` of a Clock (FMI 3.0).
+    pub interval_variability: String,
     /// The sizes of an array (FMI 3.0).
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
@@ -222,6 +228,12 @@ impl FmuDescription {
                     }
                     description.variables.push(variable);
                 }
+                [_, "ModelStructure", "Derivatives"] => {
+                    description.derivatives.push(attributes.text("index"));
+                }
+                [_, "ModelStructure"] if name == "ContinuousStateDerivative" => {
+                    description.derivatives.push(attributes.text("valueReference"));
+                }
                 // FMI 3.0: texts are elements, one per array element.
                 [_, "ModelVariables", "String" | "Binary"] if name == "Start" => {
                     if let Some(variable) = description.variables.last_mut() {
@@ -341,17 +353,55 @@ impl FmuDescription {
     /// The identifier of the library for co-simulation, if offered.
     #[must_use]
     pub fn co_simulation_identifier(&self) -> Option<&str> {
-        self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
+        self.identifier("CoSimulation")
     }
 
-    /// Whether the FMU declares a capability flag for co-simulation, such as `canGetAndSetFMUstate`, in FMI 3.0
+    /// The identifier of the library for an interface, if offered.
+    #[must_use]
+    pub fn identifier(&self, interface: &str) -> Option<&str> {
+        self.interface(interface).map(|attributes| text_of(attributes, IDENTIFIER))
+    }
+
+    /// Whether the FMU declares a capability flag for an interface, such as `canGetAndSetFMUstate`, in FMI 3.0
     /// `canGetAndSetFMUState`. An XML boolean is a word or a digit.
     #[must_use]
-    pub fn has_capability(&self, flag: &str) -> bool {
-        self.interface("CoSimulation").is_some_and(|attributes| {
+    pub fn has_capability(&self, interface: &str, flag: &str) -> bool {
+        self.interface(interface).is_some_and(|attributes| {
             let value = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(flag));
             value.is_some_and(|(_, value)| matches!(value.as_str(), "true" | "1"))
         })
+    }
+
+    /// The continuous states with their derivatives, in the order of FMI's functions; array elements one by one in a
+    /// description of [scalars](Self::scalars).
+    ///
+    /// # Errors
+    /// When a derivative or its state is missing.
+    pub fn continuous_states(&self) -> io::Result<Vec<[&FmuVariable; 2]>> {
+        let mut states = vec![];
+        for reference in &self.derivatives {
+            let derivatives = self.referred(reference);
+            let of = derivatives.first().map(|derivative| self.referred(&derivative.derivative));
+            let of = of.filter(|of| of.len() == derivatives.len());
+            let of = of.ok_or_else(|| {
+                broken(format!("the derivative {reference} in its ModelStructure has no state"))
+            })?;
+            states.extend(of.into_iter().zip(derivatives).map(<[_; 2]>::from));
+        }
+        Ok(states)
+    }
+
+    /// The variable with a position from 1 on, or in FMI 3.0 a value reference; all elements of an array.
+    fn referred(&self, reference: &str) -> Vec<&FmuVariable> {
+        if !self.is_fmi3() {
+            let position = reference.trim().parse().ok().and_then(|position: usize| position.checked_sub(1));
+            return position.and_then(|position| self.variables.get(position)).into_iter().collect();
+        }
+        let mut known =
+            self.variables.iter().filter(|variable| variable.value_reference == reference).peekable();
+        // Further ones are aliases.
+        let size = known.peek().and_then(|first| first.element).map_or(1, |element| element.size);
+        known.take(size).collect()
     }
 
     /// A variable by name.
@@ -398,6 +448,8 @@ impl FmuVariable {
         name.clone_into(&mut self.data_type);
         self.declared_type = attributes.text("declaredType");
         self.start = attributes.text("start");
+        self.derivative = attributes.text("derivative");
+        self.interval_variability = attributes.text("intervalVariability");
         let declared = types.iter().find(|declared| declared.name == self.declared_type);
         let own_or = |name: &str, inherited: Option<&String>| match attributes.get(name) {
             Some(value) => value.to_owned(),
@@ -614,7 +666,7 @@ mod tests {
             let xml = format!(
                 r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
             );
-            FmuDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
+            FmuDescription::parse(&xml).unwrap().has_capability("CoSimulation", "canGetAndSetFMUstate")
         };
         assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
         assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));
