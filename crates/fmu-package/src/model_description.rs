@@ -62,6 +62,8 @@ pub struct FmuDescription {
     pub variables: Vec<FmuVariable>,
     /// The derivatives of the continuous states: positions from 1 on, in FMI 3.0 value references.
     pub derivatives: Vec<String>,
+    /// The value references of the event indicators (FMI 3.0).
+    pub event_indicators: Vec<String>,
 }
 
 /// An enumeration type.
@@ -234,6 +236,9 @@ impl FmuDescription {
                 [_, "ModelStructure"] if name == "ContinuousStateDerivative" => {
                     description.derivatives.push(attributes.text("valueReference"));
                 }
+                [_, "ModelStructure"] if name == "EventIndicator" => {
+                    description.event_indicators.push(attributes.text("valueReference"));
+                }
                 // FMI 3.0: texts are elements, one per array element.
                 [_, "ModelVariables", "String" | "Binary"] if name == "Start" => {
                     if let Some(variable) = description.variables.last_mut() {
@@ -389,6 +394,18 @@ impl FmuDescription {
             states.extend(of.into_iter().zip(derivatives).map(<[_; 2]>::from));
         }
         Ok(states)
+    }
+
+    /// The number of event indicators.
+    ///
+    /// # Errors
+    /// When it is not a number.
+    pub fn number_of_event_indicators(&self) -> io::Result<usize> {
+        if self.is_fmi3() {
+            return Ok(self.event_indicators.iter().map(|reference| self.referred(reference).len()).sum());
+        }
+        let text = Attributes(self.attributes.clone());
+        text.number("numberOfEventIndicators", 0)
     }
 
     /// The variable with a position from 1 on, or in FMI 3.0 a value reference; all elements of an array.

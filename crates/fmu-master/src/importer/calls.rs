@@ -106,6 +106,14 @@ impl Calls {
             return Ok(());
         }
         let status = self.handle.get_vector(vector, values);
-        self.check(format_args!("{}", vector.name(self.fmu.functions.is_fmi3())), &[], status)
+        let is_fmi3 = self.fmu.functions.is_fmi3();
+        let function = match vector {
+            Vector::States => "GetContinuousStates",
+            Vector::Nominals => "GetNominalsOfContinuousStates",
+            Vector::Derivatives if is_fmi3 => "GetContinuousStateDerivatives",
+            Vector::Derivatives => "GetDerivatives",
+            Vector::Indicators => "GetEventIndicators",
+        };
+        self.check(format_args!("{function}"), &[], status)
     }
 }

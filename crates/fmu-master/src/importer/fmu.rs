@@ -70,6 +70,8 @@ pub struct Fmu {
     pub(super) conversions: BTreeMap<String, Linear>,
     /// Of Model Exchange.
     pub(super) states: Arc<[State]>,
+    /// Whether events are handled: in Model Exchange, and for clocks.
+    pub(super) has_event_mode: bool,
     pub(super) functions: Arc<Functions>,
     // Dropped after the library in it.
     pub(super) folder: Arc<Folder>,
@@ -144,6 +146,7 @@ impl Fmu {
             interface,
             description,
             states: states.into(),
+            has_event_mode,
             conversions: BTreeMap::new(),
             functions: Arc::new(functions),
             folder: Arc::new(folder),
@@ -159,6 +162,7 @@ impl Fmu {
             path: self.path.clone(),
             interface: self.interface,
             states: Arc::clone(&self.states),
+            has_event_mode: self.has_event_mode,
             description: translation.description,
             conversions,
             functions: Arc::clone(&self.functions),

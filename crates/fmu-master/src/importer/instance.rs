@@ -41,8 +41,7 @@ impl Fmu {
         match Handle::new(&self.functions, [name_text, guid, resources]) {
             Ok(handle) => {
                 let calls = Calls::new(Arc::clone(self), name, handle);
-                let events =
-                    self.functions.event_mode.is_some().then(|| EventMode::new(&calls)).transpose()?;
+                let events = self.has_event_mode.then(|| EventMode::new(&calls)).transpose()?;
                 Ok(Instance { calls, events, integration: None })
             }
             Err(messages) => bail!(CallFailed {

@@ -1,6 +1,6 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Error, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::{Integrator, System, Tolerance};
 use fmu_export::search::{Trajectory, first_event};
@@ -27,7 +27,6 @@ pub struct Integration {
     time: f64,
     states: Vec<f64>,
     nominals: Vec<f64>,
-    needs_completed_steps: bool,
     equations: Equations,
 }
 
@@ -50,16 +49,7 @@ struct Equations {
 impl Integration {
     /// Begins after the initialization, at its time (s), with the initial event.
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
-        let indicators = match calls.handle.number_of_indicators() {
-            Some((status, number)) => {
-                calls.check(format_args!("GetNumberOfEventIndicators"), &[], status)?;
-                number
-            }
-            None => match calls.fmu.description().attribute("numberOfEventIndicators") {
-                "" => 0,
-                text => text.parse().context("its numberOfEventIndicators is not a number")?,
-            },
-        };
+        let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
         let flag = if calls.fmu.functions.is_fmi3() {
             "providesDirectionalDerivatives"
@@ -80,11 +70,6 @@ impl Integration {
             time,
             states: vec![0.0; size],
             nominals: vec![1.0; size],
-            needs_completed_steps: if calls.fmu.functions.is_fmi3() {
-                calls.fmu.has_capability("needsCompletedIntegratorStep")
-            } else {
-                !calls.fmu.has_capability("completedIntegratorStepNotNeeded")
-            },
             equations: Equations {
                 derivatives,
                 states,
@@ -175,14 +160,12 @@ impl Integration {
                 };
                 place = path.place;
                 self.time = path.solved.time(place);
-                if self.needs_completed_steps {
-                    let (status, [event, terminates]) = calls.handle.completed_integrator_step();
-                    calls.check(format_args!("CompletedIntegratorStep"), &[], status)?;
-                    if terminates {
-                        return calls.end(self.time);
-                    }
-                    has_event |= event;
+                let (status, [event, terminates]) = calls.handle.completed_integrator_step();
+                calls.check(format_args!("CompletedIntegratorStep"), &[], status)?;
+                if terminates {
+                    return calls.end(self.time);
                 }
+                has_event |= event;
             }
             if trials > MOST_TRIALS {
                 bail!(
@@ -257,7 +240,6 @@ impl Solved<'_> {
                 direction.fill(0.0);
                 direction[column] = 1.0;
                 let status = calls.handle.directional_derivative(of, by, direction, along);
-                let status = status.context("its library has no GetDirectionalDerivative")?;
                 calls.check(format_args!("GetDirectionalDerivative"), &[], status)?;
                 1.0
             };

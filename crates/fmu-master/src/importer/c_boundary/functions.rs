@@ -23,6 +23,128 @@ fn not_loaded(error: libloading::Error) -> anyhow::Error {
     anyhow!("its library cannot be loaded: {text}{remedy}")
 }
 
+/// A library that its functions are looked up in.
+struct Symbols {
+    library: Library,
+    /// `fmi2` or `fmi3`.
+    prefix: &'static str,
+}
+
+impl Symbols {
+    /// The word for a state in the names of functions.
+    fn state(&self) -> &'static str {
+        if self.prefix == "fmi3" { "FMUState" } else { "FMUstate" }
+    }
+
+    /// A function that the library must have.
+    ///
+    /// # Safety
+    /// `Function` is the type that the standard declares for this name.
+    unsafe fn get<Function: Copy>(&self, name: &str) -> Result<Function> {
+        let name = format!("{}{}", self.prefix, name.replace("FMUState", self.state()));
+        // SAFETY: the caller's promise.
+        let symbol = unsafe { self.library.get::<Function>(&name) }.ok();
+        symbol.map(|symbol| *symbol).with_context(|| format!("its library has no {name}"))
+    }
+}
+
+/// Declares functions of an instance that a library has together, with their names and further arguments.
+macro_rules! functions {
+    ($(
+        $(#[$meta:meta])*
+        $table:ident { $($field:ident: $name:ident($($argument:ty),*)),* $(,)? }
+    )*) => {$(
+        $(#[$meta])*
+        pub struct $table {
+            $(pub $field: unsafe extern "C" fn(Component $(, $argument)*) -> c_int),*
+        }
+
+        impl $table {
+            /// # Safety
+            /// The library is one of the version.
+            unsafe fn load(symbols: &Symbols) -> Result<Self> {
+                // SAFETY: the standard declares these types for these names; a C `bool` is a byte, and a pointer to
+                // numbers one to bytes.
+                unsafe { Ok(Self { $($field: symbols.get(stringify!($name))?),* }) }
+            }
+        }
+    )*};
+}
+
+type References = *const ValueReference;
+
+functions! {
+    /// Of both versions and interfaces.
+    Common { exit_initialization_mode: ExitInitializationMode(), terminate: Terminate() }
+
+    /// Of saved states.
+    States {
+        get: GetFMUState(*mut FmuState),
+        set: SetFMUState(FmuState),
+        free: FreeFMUState(*mut FmuState),
+    }
+
+    /// Of FMI 2.0.
+    Common2 {
+        setup_experiment: SetupExperiment(Boolean, f64, f64, Boolean, f64),
+        enter_initialization_mode: EnterInitializationMode(),
+        set_string: SetString(References, usize, *const c_void),
+    }
+
+    /// Of FMI 3.0.
+    Common3 {
+        enter_initialization_mode: EnterInitializationMode(bool, f64, f64, bool, f64),
+        set_string: SetString(References, usize, *const c_void, usize),
+    }
+
+    /// Of co-simulation.
+    Step2 { do_step: DoStep(f64, f64, Boolean) }
+    Step3 { do_step: DoStep(f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) }
+
+    /// What a step in FMI 2.0 says.
+    StepStatus2 {
+        get_real: GetRealStatus(c_int, *mut f64),
+        get_boolean: GetBooleanStatus(c_int, *mut Boolean),
+    }
+
+    /// Of Model Exchange, in both versions.
+    Exchange {
+        enter_event_mode: EnterEventMode(),
+        enter_continuous_time_mode: EnterContinuousTimeMode(),
+        set_time: SetTime(f64),
+        set_states: SetContinuousStates(*const f64, usize),
+        states: GetContinuousStates(*mut f64, usize),
+        nominals: GetNominalsOfContinuousStates(*mut f64, usize),
+        indicators: GetEventIndicators(*mut f64, usize),
+    }
+
+    /// Of Model Exchange, in one version.
+    Exchange2 {
+        derivatives: GetDerivatives(*mut f64, usize),
+        new_discrete_states: NewDiscreteStates(*mut EventInfo),
+        completed_integrator_step: CompletedIntegratorStep(Boolean, *mut Boolean, *mut Boolean),
+    }
+    Exchange3 {
+        derivatives: GetContinuousStateDerivatives(*mut f64, usize),
+        completed_integrator_step: CompletedIntegratorStep(bool, *mut u8, *mut u8),
+    }
+
+    Directional2 { get: GetDirectionalDerivative(References, usize, References, usize, *const f64, *mut f64) }
+    Directional3 {
+        get: GetDirectionalDerivative(References, usize, References, usize, *const f64, usize, *mut f64, usize),
+    }
+
+    /// Of Event Mode in FMI 3.0.
+    Events3 {
+        enter_event_mode: EnterEventMode(),
+        enter_step_mode: EnterStepMode(),
+        update_discrete_states: UpdateDiscreteStates(*mut u8, *mut u8, *mut u8, *mut u8, *mut u8, *mut f64),
+        set_clock: SetClock(References, usize, *const bool),
+        get_interval: GetIntervalDecimal(References, usize, *mut f64, *mut c_int),
+        get_shift: GetShiftDecimal(References, usize, *mut f64),
+    }
+}
+
 type Instantiate2 = unsafe extern "C" fn(
     *const c_char,
     c_int,
@@ -32,16 +154,7 @@ type Instantiate2 = unsafe extern "C" fn(
     Boolean,
     Boolean,
 ) -> Component;
-type InstantiateExchange3 = unsafe extern "C" fn(
-    *const c_char,
-    *const c_char,
-    *const c_char,
-    bool,
-    bool,
-    *const Receiver,
-    LogMessage,
-) -> Component;
-type Instantiate3 = unsafe extern "C" fn(
+type InstantiateCoSimulation3 = unsafe extern "C" fn(
     *const c_char,
     *const c_char,
     *const c_char,
@@ -49,225 +162,94 @@ type Instantiate3 = unsafe extern "C" fn(
     bool,
     bool,
     bool,
-    *const ValueReference,
+    References,
     usize,
     *const Receiver,
     LogMessage,
     *const c_void,
 ) -> Component;
+type InstantiateModelExchange3 = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    *const Receiver,
+    LogMessage,
+) -> Component;
 /// `fmi3LogMessageCallback`.
 type LogMessage = unsafe extern "C" fn(*const Receiver, c_int, *const c_char, *const c_char);
-type OfInstance = unsafe extern "C" fn(Component) -> c_int;
-type SetupExperiment2 = unsafe extern "C" fn(Component, Boolean, f64, f64, Boolean, f64) -> c_int;
-type EnterInitializationMode3 = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> c_int;
-type DoStep2 = unsafe extern "C" fn(Component, f64, f64, Boolean) -> c_int;
-type DoStep3 = unsafe extern "C" fn(Component, f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int;
-type Get2 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut c_void) -> c_int;
-type Get3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut c_void, usize) -> c_int;
-type Set2 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void) -> c_int;
-type Set3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const c_void, usize) -> c_int;
-type SetTime = unsafe extern "C" fn(Component, f64) -> c_int;
-type GetVector = unsafe extern "C" fn(Component, *mut f64, usize) -> c_int;
-type SetVector = unsafe extern "C" fn(Component, *const f64, usize) -> c_int;
-type CompletedIntegratorStep2 = unsafe extern "C" fn(Component, Boolean, *mut Boolean, *mut Boolean) -> c_int;
-type CompletedIntegratorStep3 = unsafe extern "C" fn(Component, bool, *mut u8, *mut u8) -> c_int;
-type GetDirectionalDerivative2 = unsafe extern "C" fn(
-    Component,
-    *const ValueReference,
-    usize,
-    *const ValueReference,
-    usize,
-    *const f64,
-    *mut f64,
-) -> c_int;
-type GetDirectionalDerivative3 = unsafe extern "C" fn(
-    Component,
-    *const ValueReference,
-    usize,
-    *const ValueReference,
-    usize,
-    *const f64,
-    usize,
-    *mut f64,
-    usize,
-) -> c_int;
-type NewDiscreteStates2 = unsafe extern "C" fn(Component, *mut EventInfo) -> c_int;
-type UpdateDiscreteStates3 =
-    unsafe extern "C" fn(Component, *mut u8, *mut u8, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int;
-type SetClock3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *const bool) -> c_int;
-type GetInterval3 =
-    unsafe extern "C" fn(Component, *const ValueReference, usize, *mut f64, *mut c_int) -> c_int;
-type GetShift3 = unsafe extern "C" fn(Component, *const ValueReference, usize, *mut f64) -> c_int;
-type GetNumber3 = unsafe extern "C" fn(Component, *mut usize) -> c_int;
-type GetRealStatus2 = unsafe extern "C" fn(Component, c_int, *mut f64) -> c_int;
-type GetBooleanStatus2 = unsafe extern "C" fn(Component, c_int, *mut Boolean) -> c_int;
-/// Of a state, `fmi2FMUstate` or `fmi3FMUState`.
-type Save = unsafe extern "C" fn(Component, *mut FmuState) -> c_int;
-type Restore = unsafe extern "C" fn(Component, FmuState) -> c_int;
+type Get2 = unsafe extern "C" fn(Component, References, usize, *mut c_void) -> c_int;
+type Get3 = unsafe extern "C" fn(Component, References, usize, *mut c_void, usize) -> c_int;
+type Set2 = unsafe extern "C" fn(Component, References, usize, *const c_void) -> c_int;
+type Set3 = unsafe extern "C" fn(Component, References, usize, *const c_void, usize) -> c_int;
 
-/// A library that its functions are looked up in.
-struct Symbols {
-    library: Library,
-    /// `fmi2` or `fmi3`.
-    prefix: &'static str,
-}
-
-impl Symbols {
-    fn is_fmi3(&self) -> bool {
-        self.prefix == "fmi3"
-    }
-
-    fn state(&self) -> &'static str {
-        if self.is_fmi3() { "FMUState" } else { "FMUstate" }
-    }
-
-    /// A function, if the library has it.
-    ///
-    /// # Safety
-    /// `Function` is the type that the standard declares for this name.
-    unsafe fn find<Function: Copy>(&self, name: &str) -> Option<Function> {
-        let name = format!("{}{name}", self.prefix);
-        // SAFETY: the caller's promise.
-        unsafe { self.library.get::<Function>(name) }.ok().map(|symbol| *symbol)
-    }
-
-    /// A function that the library must have.
-    ///
-    /// # Safety
-    /// As [`Symbols::find`].
-    unsafe fn get<Function: Copy>(&self, name: &str) -> Result<Function> {
-        // SAFETY: the caller's promise.
-        unsafe { self.find(name) }.with_context(|| format!("its library has no {}{name}", self.prefix))
-    }
-}
-
-/// The functions whose arguments differ between the versions.
-pub enum OfVersion {
-    Two {
-        instantiate: Instantiate2,
-        setup_experiment: SetupExperiment2,
-        enter_initialization_mode: OfInstance,
-        do_step: Option<DoStep2>,
-        get_real_status: Option<GetRealStatus2>,
-        get_boolean_status: Option<GetBooleanStatus2>,
-        /// By the position in [`NUMBERS_OF_FMI2`].
-        numbers: Vec<(Get2, Set2)>,
-        set_string: Set2,
-    },
-    Three {
-        instantiate: Instantiate,
-        enter_initialization_mode: EnterInitializationMode3,
-        do_step: Option<DoStep3>,
-        /// By the position in [`NUMBERS_OF_FMI3`].
-        numbers: Vec<(Get3, Set3)>,
-        set_string: Set3,
-    },
-}
-
-/// The function of FMI 3.0 that makes an instance.
+/// The function that makes an instance.
 pub enum Instantiate {
-    CoSimulation(Instantiate3),
-    ModelExchange(InstantiateExchange3),
+    Two(Instantiate2),
+    CoSimulation3(InstantiateCoSimulation3),
+    ModelExchange3(InstantiateModelExchange3),
 }
 
-/// The functions of Event Mode.
-pub struct EventMode {
-    pub enter: OfInstance,
-    /// `EnterContinuousTimeMode` of Model Exchange, `EnterStepMode` of co-simulation.
-    pub leave: OfInstance,
-    pub update: Update,
+/// What every FMU of a version has.
+pub enum OfVersion {
+    /// With accessors by the position in [`NUMBERS_OF_FMI2`].
+    Two(Common2, Vec<(Get2, Set2)>),
+    /// With accessors by the position in [`NUMBERS_OF_FMI3`].
+    Three(Common3, Vec<(Get3, Set3)>),
 }
 
-/// Those that update discrete states, and in FMI 3.0 handle clocks.
-pub enum Update {
-    Two(NewDiscreteStates2),
-    Three { update: UpdateDiscreteStates3, set_clock: SetClock3, interval: GetInterval3, shift: GetShift3 },
-}
-
-/// The functions of Model Exchange besides those of Event Mode.
-pub struct Exchange {
-    pub set_time: SetTime,
-    pub set_states: SetVector,
-    /// By [`Vector`].
-    pub get: [GetVector; Vector::COUNT],
-    /// Of FMI 3.0; in FMI 2.0 the modelDescription.xml has it.
-    pub number_of_indicators: Option<GetNumber3>,
-    pub completed_integrator_step: CompletedIntegratorStep,
-    pub directional_derivative: Option<DirectionalDerivative>,
-}
-
-pub enum CompletedIntegratorStep {
-    Two(CompletedIntegratorStep2),
-    Three(CompletedIntegratorStep3),
-}
-
-pub enum DirectionalDerivative {
-    Two(GetDirectionalDerivative2),
-    Three(GetDirectionalDerivative3),
-}
-
-/// Numbers that a solver reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vector {
-    States,
-    Nominals,
-    Derivatives,
-    Indicators,
-}
-
-impl Vector {
-    const COUNT: usize = 4;
-
-    /// The name of its function.
-    pub fn name(self, is_fmi3: bool) -> &'static str {
-        match self {
-            Self::States => "GetContinuousStates",
-            Self::Nominals => "GetNominalsOfContinuousStates",
-            Self::Derivatives if is_fmi3 => "GetContinuousStateDerivatives",
-            Self::Derivatives => "GetDerivatives",
-            Self::Indicators => "GetEventIndicators",
-        }
-    }
-}
-
-/// The functions of an FMU's library, which stays loaded as long as this exists.
+/// The functions of an FMU's library, which stays loaded as long as this exists: those of its version and interface.
 pub struct Functions {
+    pub instantiate: Instantiate,
     pub of_version: OfVersion,
-    pub exit_initialization_mode: OfInstance,
-    pub terminate: OfInstance,
+    pub common: Common,
     pub free_instance: unsafe extern "C" fn(Component),
-    pub get_state: Option<Save>,
-    pub set_state: Option<Restore>,
-    pub free_state: Option<Save>,
-    pub event_mode: Option<EventMode>,
+    pub states: Option<States>,
+    pub step2: Option<Step2>,
+    pub step3: Option<Step3>,
+    pub step_status2: Option<StepStatus2>,
     pub exchange: Option<Exchange>,
+    pub exchange2: Option<Exchange2>,
+    pub exchange3: Option<Exchange3>,
+    pub directional2: Option<Directional2>,
+    pub directional3: Option<Directional3>,
+    pub events3: Option<Events3>,
     symbols: Symbols,
 }
 
 impl Functions {
-    /// Loads a library of FMI 2.0 or 3.0, for co-simulation or Model Exchange, which has Event Mode.
+    /// Loads a library of FMI 2.0 or 3.0, for co-simulation or Model Exchange, perhaps with Event Mode.
     pub fn load(path: &Path, is_fmi3: bool, is_exchange: bool, has_event_mode: bool) -> Result<Self> {
         // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
         let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
         let symbols = Symbols { library, prefix: if is_fmi3 { "fmi3" } else { "fmi2" } };
-        let state = symbols.state();
+        let it = &symbols;
         // SAFETY: the standard declares these types for these names.
         unsafe {
-            let of_version = if is_fmi3 {
-                OfVersion::three(&symbols, is_exchange)
-            } else {
-                OfVersion::two(&symbols, is_exchange)
-            };
             Ok(Self {
-                of_version: of_version?,
-                event_mode: has_event_mode.then(|| EventMode::load(&symbols, is_exchange)).transpose()?,
-                exchange: is_exchange.then(|| Exchange::load(&symbols)).transpose()?,
-                exit_initialization_mode: symbols.get("ExitInitializationMode")?,
-                terminate: symbols.get("Terminate")?,
-                free_instance: symbols.get("FreeInstance")?,
-                get_state: symbols.find(&format!("Get{state}")),
-                set_state: symbols.find(&format!("Set{state}")),
-                free_state: symbols.find(&format!("Free{state}")),
+                instantiate: match (is_fmi3, is_exchange) {
+                    (false, _) => Instantiate::Two(it.get("Instantiate")?),
+                    (true, false) => Instantiate::CoSimulation3(it.get("InstantiateCoSimulation")?),
+                    (true, true) => Instantiate::ModelExchange3(it.get("InstantiateModelExchange")?),
+                },
+                of_version: if is_fmi3 {
+                    OfVersion::Three(Common3::load(it)?, accessors(it, &NUMBERS_OF_FMI3)?)
+                } else {
+                    OfVersion::Two(Common2::load(it)?, accessors(it, &NUMBERS_OF_FMI2)?)
+                },
+                common: Common::load(it)?,
+                free_instance: it.get("FreeInstance")?,
+                states: States::load(it).ok(),
+                step2: (!is_fmi3 && !is_exchange).then(|| Step2::load(it)).transpose()?,
+                step3: (is_fmi3 && !is_exchange).then(|| Step3::load(it)).transpose()?,
+                step_status2: (!is_fmi3).then(|| StepStatus2::load(it).ok()).flatten(),
+                exchange: is_exchange.then(|| Exchange::load(it)).transpose()?,
+                exchange2: (!is_fmi3 && is_exchange).then(|| Exchange2::load(it)).transpose()?,
+                exchange3: (is_fmi3 && is_exchange).then(|| Exchange3::load(it)).transpose()?,
+                directional2: (!is_fmi3).then(|| Directional2::load(it).ok()).flatten(),
+                directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
+                events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
                 symbols,
             })
         }
@@ -278,20 +260,17 @@ impl Functions {
         self.symbols.state()
     }
 
-    pub fn is_fmi3(&self) -> bool {
-        self.symbols.is_fmi3()
-    }
-
     /// What the names of the functions begin with.
     pub fn prefix(&self) -> &'static str {
         self.symbols.prefix
     }
 
+    pub fn is_fmi3(&self) -> bool {
+        matches!(self.of_version, OfVersion::Three(..))
+    }
+
     pub fn numbers(&self) -> &'static [(&'static str, Memory)] {
-        match self.of_version {
-            OfVersion::Two { .. } => &NUMBERS_OF_FMI2,
-            OfVersion::Three { .. } => &NUMBERS_OF_FMI3,
-        }
+        if self.is_fmi3() { &NUMBERS_OF_FMI3 } else { &NUMBERS_OF_FMI2 }
     }
 
     /// The functions for a variable's type, if numeric, and the memory for its values.
@@ -315,113 +294,17 @@ impl Functions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NumberType(pub usize);
 
-impl OfVersion {
-    /// # Safety
-    /// The library is one of FMI 2.0.
-    unsafe fn two(symbols: &Symbols, is_exchange: bool) -> Result<Self> {
-        let numbers = NUMBERS_OF_FMI2.iter().map(|(name, _)| {
-            // SAFETY: the standard declares these types for these names; a pointer to numbers is one to bytes.
-            unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
-        });
-        // SAFETY: the standard declares these types for these names.
-        unsafe {
-            Ok(Self::Two {
-                instantiate: symbols.get("Instantiate")?,
-                setup_experiment: symbols.get("SetupExperiment")?,
-                enter_initialization_mode: symbols.get("EnterInitializationMode")?,
-                do_step: (!is_exchange).then(|| symbols.get("DoStep")).transpose()?,
-                get_real_status: symbols.find("GetRealStatus"),
-                get_boolean_status: symbols.find("GetBooleanStatus"),
-                numbers: numbers.collect::<Result<_>>()?,
-                set_string: symbols.get("SetString")?,
-            })
-        }
-    }
-
-    /// # Safety
-    /// The library is one of FMI 3.0.
-    unsafe fn three(symbols: &Symbols, is_exchange: bool) -> Result<Self> {
-        let numbers = NUMBERS_OF_FMI3.iter().map(|(name, _)| {
-            // SAFETY: as above.
-            unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
-        });
-        // SAFETY: as above.
-        unsafe {
-            Ok(Self::Three {
-                instantiate: if is_exchange {
-                    Instantiate::ModelExchange(symbols.get("InstantiateModelExchange")?)
-                } else {
-                    Instantiate::CoSimulation(symbols.get("InstantiateCoSimulation")?)
-                },
-                enter_initialization_mode: symbols.get("EnterInitializationMode")?,
-                do_step: (!is_exchange).then(|| symbols.get("DoStep")).transpose()?,
-                numbers: numbers.collect::<Result<_>>()?,
-                set_string: symbols.get("SetString")?,
-            })
-        }
-    }
-}
-
-impl EventMode {
-    /// # Safety
-    /// The library is one of the version.
-    unsafe fn load(symbols: &Symbols, is_exchange: bool) -> Result<Self> {
-        // SAFETY: the standard declares these types for these names.
-        unsafe {
-            Ok(Self {
-                enter: symbols.get("EnterEventMode")?,
-                leave: symbols.get(if is_exchange { "EnterContinuousTimeMode" } else { "EnterStepMode" })?,
-                update: if symbols.is_fmi3() {
-                    Update::Three {
-                        update: symbols.get("UpdateDiscreteStates")?,
-                        set_clock: symbols.get("SetClock")?,
-                        interval: symbols.get("GetIntervalDecimal")?,
-                        shift: symbols.get("GetShiftDecimal")?,
-                    }
-                } else {
-                    Update::Two(symbols.get("NewDiscreteStates")?)
-                },
-            })
-        }
-    }
-}
-
-impl Exchange {
-    /// # Safety
-    /// The library is one of the version.
-    unsafe fn load(symbols: &Symbols) -> Result<Self> {
-        let is_fmi3 = symbols.is_fmi3();
-        let get = |vector: Vector| {
-            // SAFETY: the standard declares this type for these names.
-            unsafe { symbols.get::<GetVector>(vector.name(is_fmi3)) }
-        };
-        // SAFETY: the standard declares these types for these names.
-        unsafe {
-            Ok(Self {
-                set_time: symbols.get("SetTime")?,
-                set_states: symbols.get("SetContinuousStates")?,
-                get: [
-                    get(Vector::States)?,
-                    get(Vector::Nominals)?,
-                    get(Vector::Derivatives)?,
-                    get(Vector::Indicators)?,
-                ],
-                number_of_indicators: if is_fmi3 {
-                    Some(symbols.get("GetNumberOfEventIndicators")?)
-                } else {
-                    None
-                },
-                completed_integrator_step: if is_fmi3 {
-                    CompletedIntegratorStep::Three(symbols.get("CompletedIntegratorStep")?)
-                } else {
-                    CompletedIntegratorStep::Two(symbols.get("CompletedIntegratorStep")?)
-                },
-                directional_derivative: if is_fmi3 {
-                    symbols.find("GetDirectionalDerivative").map(DirectionalDerivative::Three)
-                } else {
-                    symbols.find("GetDirectionalDerivative").map(DirectionalDerivative::Two)
-                },
-            })
-        }
-    }
+/// The functions that get and set the types of numbers.
+///
+/// # Safety
+/// The functions are of the types that the version declares for these names.
+unsafe fn accessors<Get: Copy, Set: Copy>(
+    symbols: &Symbols,
+    numbers: &[(&str, Memory)],
+) -> Result<Vec<(Get, Set)>> {
+    let of = |(name, _): &(&str, Memory)| {
+        // SAFETY: the caller's promise.
+        unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
+    };
+    numbers.iter().map(of).collect()
 }

@@ -18,10 +18,8 @@ use fmu_export::fmi2::c_types::{
     CO_SIMULATION, Component, EventInfo, FALSE, FmuState, MODEL_EXCHANGE, TRUE, ValueReference,
 };
 
-use self::functions::{
-    CompletedIntegratorStep, DirectionalDerivative, EventMode, Exchange, Instantiate, OfVersion, Update,
-};
-pub use self::functions::{Functions, NumberType, Vector};
+pub use self::functions::{Functions, NumberType};
+use self::functions::{Instantiate, OfVersion};
 use self::logger::{CallbackFunctions, Receiver, log_message};
 use super::messages::{Message, Status};
 use super::numbers::Numbers;
@@ -32,6 +30,18 @@ static TICKS: bool = true;
 const LAST_SUCCESSFUL_TIME: c_int = 2;
 /// `fmi2Terminated`, beside it.
 const TERMINATED: c_int = 3;
+
+/// What a function of another interface would give, which nothing calls.
+const MISUSED: c_int = 3;
+
+/// Numbers that a solver reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vector {
+    States,
+    Nominals,
+    Derivatives,
+    Indicators,
+}
 
 /// An instance. It and its saved states stay in one thread.
 pub struct Handle {
@@ -79,50 +89,34 @@ impl Handle {
     pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> Result<Self, Vec<Message>> {
         let receiver = Box::new(Receiver::new());
         let callbacks = Box::new(CallbackFunctions::new(&receiver));
-        let is_exchange = functions.exchange.is_some();
-        let [name, guid, resources] = &texts;
-        let component = match functions.of_version {
-            // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance.
-            OfVersion::Two { instantiate, .. } => unsafe {
-                instantiate(
-                    name.as_ptr(),
-                    if is_exchange { MODEL_EXCHANGE } else { CO_SIMULATION },
-                    guid.as_ptr(),
-                    resources.as_ptr(),
-                    &raw const *callbacks,
-                    FALSE,
-                    TRUE,
-                )
-            },
-            // SAFETY: as above. Not visible, but with messages.
-            OfVersion::Three { instantiate: Instantiate::ModelExchange(instantiate), .. } => unsafe {
-                instantiate(
-                    name.as_ptr(),
-                    guid.as_ptr(),
-                    resources.as_ptr(),
+        let [name, guid, resources] = texts.each_ref().map(|text| text.as_ptr());
+        let environment = &raw const *receiver;
+        // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance. It is not
+        // visible and sends messages; in FMI 3.0 it returns from no step early, and calls in none.
+        let component = unsafe {
+            match functions.instantiate {
+                Instantiate::Two(instantiate) => {
+                    let kind = if functions.exchange.is_some() { MODEL_EXCHANGE } else { CO_SIMULATION };
+                    instantiate(name, kind, guid, resources, &raw const *callbacks, FALSE, TRUE)
+                }
+                Instantiate::ModelExchange3(instantiate) => {
+                    instantiate(name, guid, resources, false, true, environment, log_message)
+                }
+                Instantiate::CoSimulation3(instantiate) => instantiate(
+                    name,
+                    guid,
+                    resources,
                     false,
                     true,
-                    &raw const *receiver,
-                    log_message,
-                )
-            },
-            // SAFETY: as above. Neither visible, nor with early return or intermediate updates, but with messages.
-            OfVersion::Three { instantiate: Instantiate::CoSimulation(instantiate), .. } => unsafe {
-                instantiate(
-                    name.as_ptr(),
-                    guid.as_ptr(),
-                    resources.as_ptr(),
-                    false,
-                    true,
-                    functions.event_mode.is_some(),
+                    functions.events3.is_some(),
                     false,
                     ptr::null(),
                     0,
-                    &raw const *receiver,
+                    environment,
                     log_message,
                     ptr::null(),
-                )
-            },
+                ),
+            }
         };
         if component.is_null() {
             return Err(receiver.take());
@@ -161,13 +155,13 @@ impl Handle {
     /// Sets when the experiment starts and stops (s).
     pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
         self.experiment.set((start_time, stop_time));
-        let OfVersion::Two { setup_experiment, .. } = self.functions.of_version else { return Status::OK };
+        let OfVersion::Two(common, _) = &self.functions.of_version else { return Status::OK };
         let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
         // SAFETY: the component is alive.
         self.call(|component| unsafe {
             let (has_tolerance, tolerance) =
                 self.tolerance.get().map_or((FALSE, 0.0), |tolerance| (TRUE, tolerance));
-            setup_experiment(component, has_tolerance, tolerance, start_time, is_defined, stop_time)
+            (common.setup_experiment)(component, has_tolerance, tolerance, start_time, is_defined, stop_time)
         })
     }
 
@@ -175,9 +169,9 @@ impl Handle {
         let (start_time, stop_time) = self.experiment.get();
         // SAFETY: the component is alive.
         self.call(|component| unsafe {
-            match self.functions.of_version {
-                OfVersion::Two { enter_initialization_mode, .. } => enter_initialization_mode(component),
-                OfVersion::Three { enter_initialization_mode, .. } => enter_initialization_mode(
+            match &self.functions.of_version {
+                OfVersion::Two(common, _) => (common.enter_initialization_mode)(component),
+                OfVersion::Three(common, _) => (common.enter_initialization_mode)(
                     component,
                     self.tolerance.get().is_some(),
                     self.tolerance.get().unwrap_or(0.0),
@@ -191,7 +185,8 @@ impl Handle {
 
     pub fn exit_initialization_mode(&self) -> Status {
         // SAFETY: the component is alive.
-        let status = self.call(|component| unsafe { (self.functions.exit_initialization_mode)(component) });
+        let status =
+            self.call(|component| unsafe { (self.functions.common.exit_initialization_mode)(component) });
         self.steps.set(status.succeeded());
         status
     }
@@ -202,12 +197,12 @@ impl Handle {
         let [event, terminates, early] = &mut flags;
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
         let status = self.call(|component| unsafe {
-            match self.functions.of_version {
-                OfVersion::Two { do_step: Some(do_step), .. } => do_step(component, time, size, FALSE),
-                OfVersion::Three { do_step: Some(do_step), .. } => {
-                    do_step(component, time, size, false, event, terminates, early, &raw mut reached)
+            match (&self.functions.step2, &self.functions.step3) {
+                (Some(of), _) => (of.do_step)(component, time, size, FALSE),
+                (_, Some(of)) => {
+                    (of.do_step)(component, time, size, false, event, terminates, early, &raw mut reached)
                 }
-                _ => unreachable!("only instances for co-simulation step themselves"),
+                _ => MISUSED,
             }
         });
         self.last_step.set(LastStep { time: reached, has_event: flags[0] != 0, terminates: flags[1] != 0 });
@@ -217,20 +212,21 @@ impl Handle {
 
     /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
     pub fn terminates(&self) -> bool {
-        let OfVersion::Two { get_boolean_status: Some(get), .. } = self.functions.of_version else {
+        let Some(of_step) = &self.functions.step_status2 else {
             return self.last_step.get().terminates;
         };
         let mut terminates = FALSE;
         // SAFETY: the component is alive, the place to write to is ours.
-        let status = self.call(|component| unsafe { get(component, TERMINATED, &raw mut terminates) });
+        let status = self
+            .call(|component| unsafe { (of_step.get_boolean)(component, TERMINATED, &raw mut terminates) });
         status.succeeded() && terminates != FALSE
     }
 
     /// After a discarded step or a request for termination: the time reached, if the FMU provides it.
     pub fn last_successful_time(&self) -> Option<f64> {
         let mut time = self.last_step.get().time;
-        if let OfVersion::Two { get_real_status, .. } = self.functions.of_version {
-            let get = get_real_status?;
+        if !self.functions.is_fmi3() {
+            let get = self.functions.step_status2.as_ref()?.get_real;
             // SAFETY: the component is alive, the place to write to is ours.
             let status =
                 self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
@@ -246,14 +242,6 @@ impl Handle {
         self.last_step.get().has_event
     }
 
-    fn event_mode(&self) -> &EventMode {
-        self.functions.event_mode.as_ref().expect("the functions of Event Mode are loaded")
-    }
-
-    fn exchange(&self) -> &Exchange {
-        self.functions.exchange.as_ref().expect("the functions of Model Exchange are loaded")
-    }
-
     /// Calls a function after initialization.
     fn run(&self, function: impl FnOnce(Component) -> c_int) -> Status {
         let status = self.call(function);
@@ -265,69 +253,70 @@ impl Handle {
 
     pub fn enter_event_mode(&self) -> Status {
         // SAFETY: the component is alive.
-        self.run(|component| unsafe { (self.event_mode().enter)(component) })
+        self.run(|component| unsafe {
+            match (&self.functions.exchange, &self.functions.events3) {
+                (Some(exchange), _) => (exchange.enter_event_mode)(component),
+                (_, Some(events)) => (events.enter_event_mode)(component),
+                _ => MISUSED,
+            }
+        })
     }
 
     /// Leaves Event Mode, for Continuous-Time Mode or Step Mode.
     pub fn leave_event_mode(&self) -> Status {
         // SAFETY: the component is alive.
-        self.run(|component| unsafe { (self.event_mode().leave)(component) })
+        self.run(|component| unsafe {
+            match (&self.functions.exchange, &self.functions.events3) {
+                (Some(exchange), _) => (exchange.enter_continuous_time_mode)(component),
+                (_, Some(events)) => (events.enter_step_mode)(component),
+                _ => MISUSED,
+            }
+        })
     }
 
     pub fn update_discrete_states(&self) -> (Status, Discrete) {
-        match self.event_mode().update {
-            Update::Two(update) => {
-                let mut info = EventInfo {
-                    new_discrete_states_needed: FALSE,
-                    terminate_simulation: FALSE,
-                    nominals_of_continuous_states_changed: FALSE,
-                    values_of_continuous_states_changed: FALSE,
-                    next_event_time_defined: FALSE,
-                    next_event_time: 0.0,
-                };
-                // SAFETY: the component is alive, the place to write to is ours.
-                let status = self.run(|component| unsafe { update(component, &raw mut info) });
-                let next = (info.next_event_time_defined != FALSE).then_some(info.next_event_time);
-                let discrete = Discrete {
-                    needs_update: info.new_discrete_states_needed != FALSE,
-                    terminates: info.terminate_simulation != FALSE,
-                    next_event: next,
-                };
-                (status, discrete)
+        let (mut info, mut flags, mut next) = (EventInfo::default(), [0_u8; 5], 0.0);
+        let [again, ends, nominals, values, defined] = &mut flags;
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.run(|component| unsafe {
+            match (&self.functions.exchange2, &self.functions.events3) {
+                (Some(of), _) => (of.new_discrete_states)(component, &raw mut info),
+                (_, Some(of)) => (of.update_discrete_states)(
+                    component,
+                    again,
+                    ends,
+                    nominals,
+                    values,
+                    defined,
+                    &raw mut next,
+                ),
+                _ => MISUSED,
             }
-            Update::Three { update, .. } => {
-                let (mut flags, mut next) = ([0_u8; 5], 0.0);
-                let [again, terminates, nominals, values, is_defined] = &mut flags;
-                // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-                let status = self.run(|component| unsafe {
-                    update(component, again, terminates, nominals, values, is_defined, &raw mut next)
-                });
-                let discrete = Discrete {
-                    needs_update: flags[0] != 0,
-                    terminates: flags[1] != 0,
-                    next_event: (flags[4] != 0).then_some(next),
-                };
-                (status, discrete)
-            }
-        }
+        });
+        // One of both is untouched.
+        let info_next = (info.next_event_time_defined != FALSE).then_some(info.next_event_time);
+        let discrete = Discrete {
+            needs_update: flags[0] != 0 || info.new_discrete_states_needed != FALSE,
+            terminates: flags[1] != 0 || info.terminate_simulation != FALSE,
+            next_event: info_next.or((flags[4] != 0).then_some(next)),
+        };
+        (status, discrete)
     }
 
-    /// Lets clocks tick (FMI 3.0).
+    /// Lets a clock tick (FMI 3.0).
     pub fn tick(&self, clock: ValueReference) -> Status {
-        let Update::Three { set_clock, .. } = self.event_mode().update else { return Status::OK };
+        let Some(events) = &self.functions.events3 else { return Status(MISUSED) };
         // SAFETY: the component is alive, both arrays have one element.
-        self.run(|component| unsafe { set_clock(component, &raw const clock, 1, &raw const TICKS) })
+        self.run(|component| unsafe { (events.set_clock)(component, &raw const clock, 1, &raw const TICKS) })
     }
 
     /// A clock's interval in s and its qualifier (FMI 3.0).
     pub fn interval(&self, clock: ValueReference) -> (Status, f64, c_int) {
         let (mut interval, mut qualifier) = (0.0, 0);
-        let Update::Three { interval: get, .. } = self.event_mode().update else {
-            return (Status::OK, interval, qualifier);
-        };
+        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), interval, qualifier) };
         // SAFETY: the component is alive, the arrays have one element.
         let status = self.run(|component| unsafe {
-            get(component, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
+            (events.get_interval)(component, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
         });
         (status, interval, qualifier)
     }
@@ -335,103 +324,83 @@ impl Handle {
     /// When a clock first ticks, in s after the start (FMI 3.0).
     pub fn shift(&self, clock: ValueReference) -> (Status, f64) {
         let mut shift = 0.0;
-        let Update::Three { shift: get, .. } = self.event_mode().update else { return (Status::OK, shift) };
+        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), shift) };
         // SAFETY: the component is alive, both arrays have one element.
-        let status = self.run(|component| unsafe { get(component, &raw const clock, 1, &raw mut shift) });
+        let status = self
+            .run(|component| unsafe { (events.get_shift)(component, &raw const clock, 1, &raw mut shift) });
         (status, shift)
     }
 
     pub fn set_time(&self, time: f64) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
         // SAFETY: the component is alive.
-        self.run(|component| unsafe { (self.exchange().set_time)(component, time) })
+        self.run(|component| unsafe { (exchange.set_time)(component, time) })
     }
 
     /// Sets all continuous states.
     pub fn set_states(&self, states: &[f64]) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.run(|component| unsafe {
-            (self.exchange().set_states)(component, states.as_ptr(), states.len())
-        })
+        self.run(|component| unsafe { (exchange.set_states)(component, states.as_ptr(), states.len()) })
     }
 
     /// Gets all numbers of a kind.
     pub fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+        let get = match (vector, &self.functions.exchange2, &self.functions.exchange3) {
+            (Vector::States, ..) => exchange.states,
+            (Vector::Nominals, ..) => exchange.nominals,
+            (Vector::Indicators, ..) => exchange.indicators,
+            (_, Some(of), _) => of.derivatives,
+            (_, _, Some(of)) => of.derivatives,
+            _ => return Status(MISUSED),
+        };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.run(|component| unsafe {
-            (self.exchange().get[vector as usize])(component, values.as_mut_ptr(), values.len())
-        })
+        self.run(|component| unsafe { get(component, values.as_mut_ptr(), values.len()) })
     }
 
-    /// The number of event indicators, where a function tells it (FMI 3.0).
-    pub fn number_of_indicators(&self) -> Option<(Status, usize)> {
-        let get = self.exchange().number_of_indicators?;
-        let mut number = 0;
-        // SAFETY: the component is alive, the place to write to is ours.
-        let status = self.run(|component| unsafe { get(component, &raw mut number) });
-        Some((status, number))
-    }
-
-    /// Completes a step of the integrator, of which no state is restored. Returns whether an event follows, and
-    /// whether the FMU requests termination.
+    /// Completes a step of the integrator, from which no earlier state is restored. Returns whether an event follows,
+    /// and whether the FMU requests termination.
     pub fn completed_integrator_step(&self) -> (Status, [bool; 2]) {
-        match self.exchange().completed_integrator_step {
-            CompletedIntegratorStep::Two(complete) => {
-                let mut flags = [FALSE; 2];
-                let [event, terminates] = &mut flags;
-                // SAFETY: the component is alive, the places to write to are ours.
-                let status = self.run(|component| unsafe { complete(component, TRUE, event, terminates) });
-                (status, flags.map(|flag| flag != FALSE))
+        let (mut words, mut bytes) = ([FALSE; 2], [0_u8; 2]);
+        let ([event, ends], [event3, ends3]) = (&mut words, &mut bytes);
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.run(|component| unsafe {
+            match (&self.functions.exchange2, &self.functions.exchange3) {
+                (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
+                (_, Some(of)) => (of.completed_integrator_step)(component, true, event3, ends3),
+                _ => MISUSED,
             }
-            CompletedIntegratorStep::Three(complete) => {
-                let mut flags = [0_u8; 2];
-                let [event, terminates] = &mut flags;
-                // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-                let status = self.run(|component| unsafe { complete(component, true, event, terminates) });
-                (status, flags.map(|flag| flag != 0))
-            }
-        }
+        });
+        // One of both is untouched.
+        (status, [0, 1].map(|flag| words[flag] != FALSE || bytes[flag] != 0))
     }
 
-    /// The derivatives of unknowns along a direction of the knowns, whose arrays count as a whole; none where the FMU
-    /// has no such function.
+    /// The derivatives of unknowns along a direction of the knowns, whose arrays count as a whole.
     pub fn directional_derivative(
         &self,
         unknowns: &[ValueReference],
         knowns: &[ValueReference],
         seed: &[f64],
         derivatives: &mut [f64],
-    ) -> Option<Status> {
-        let function = self.exchange().directional_derivative.as_ref()?;
+    ) -> Status {
         let (of, by) = (unknowns.as_ptr(), knowns.as_ptr());
-        // SAFETY: the component is alive; in FMI 2.0 each reference has its number, in FMI 3.0 an FMU tells by the
-        // numbers of values whether they are all.
-        Some(self.run(|component| unsafe {
-            match function {
-                DirectionalDerivative::Two(get) => {
-                    assert!(unknowns.len() <= derivatives.len() && knowns.len() <= seed.len());
-                    get(
-                        component,
-                        of,
-                        unknowns.len(),
-                        by,
-                        knowns.len(),
-                        seed.as_ptr(),
-                        derivatives.as_mut_ptr(),
-                    )
+        let (of_count, by_count, seeds, count) =
+            (unknowns.len(), knowns.len(), seed.len(), derivatives.len());
+        assert!(of_count <= count && by_count <= seeds, "each reference has its number");
+        let (seed, derivatives) = (seed.as_ptr(), derivatives.as_mut_ptr());
+        // SAFETY: the component is alive, each reference has its number, or in FMI 3.0 the array's, by whose number an
+        // FMU tells whether they are all.
+        let call = |component| unsafe {
+            match (&self.functions.directional2, &self.functions.directional3) {
+                (Some(of_two), _) => (of_two.get)(component, of, of_count, by, by_count, seed, derivatives),
+                (_, Some(of_three)) => {
+                    (of_three.get)(component, of, of_count, by, by_count, seed, seeds, derivatives, count)
                 }
-                DirectionalDerivative::Three(get) => get(
-                    component,
-                    of,
-                    unknowns.len(),
-                    by,
-                    knowns.len(),
-                    seed.as_ptr(),
-                    seed.len(),
-                    derivatives.as_mut_ptr(),
-                    derivatives.len(),
-                ),
+                _ => MISUSED,
             }
-        }))
+        };
+        self.run(call)
     }
 
     /// Gets numbers of a type.
@@ -447,10 +416,10 @@ impl Handle {
         // 3.0 the array's, by whose number an FMU tells whether they are all.
         self.call(|component| unsafe {
             match &self.functions.of_version {
-                OfVersion::Two { numbers, .. } => {
+                OfVersion::Two(_, numbers) => {
                     numbers[number_type.0].0(component, references.as_ptr(), count, address)
                 }
-                OfVersion::Three { numbers, .. } => {
+                OfVersion::Three(_, numbers) => {
                     numbers[number_type.0].0(component, references.as_ptr(), count, address, size)
                 }
             }
@@ -464,10 +433,10 @@ impl Handle {
         // SAFETY: as in `get`.
         self.call(|component| unsafe {
             match &self.functions.of_version {
-                OfVersion::Two { numbers, .. } => {
+                OfVersion::Two(_, numbers) => {
                     numbers[number_type.0].1(component, references.as_ptr(), count, address)
                 }
-                OfVersion::Three { numbers, .. } => {
+                OfVersion::Three(_, numbers) => {
                     numbers[number_type.0].1(component, references.as_ptr(), count, address, size)
                 }
             }
@@ -485,10 +454,10 @@ impl Handle {
         let texts: *const c_void = (&raw const text).cast();
         // SAFETY: the component is alive, both arrays have one element.
         self.call(|component| unsafe {
-            match self.functions.of_version {
-                OfVersion::Two { set_string, .. } => set_string(component, &raw const reference, 1, texts),
-                OfVersion::Three { set_string, .. } => {
-                    set_string(component, &raw const reference, 1, texts, 1)
+            match &self.functions.of_version {
+                OfVersion::Two(common, _) => (common.set_string)(component, &raw const reference, 1, texts),
+                OfVersion::Three(common, _) => {
+                    (common.set_string)(component, &raw const reference, 1, texts, 1)
                 }
             }
         })
@@ -496,7 +465,7 @@ impl Handle {
 
     /// Saves the state; none where the FMU has no such function.
     pub fn get_state(&self) -> Option<(Status, FmuState)> {
-        let get = self.functions.get_state?;
+        let get = self.functions.states.as_ref()?.get;
         let mut state = ptr::null_mut();
         // SAFETY: the component is alive; a null state asks for a new one.
         let status = self.call(|component| unsafe { get(component, &raw mut state) });
@@ -505,7 +474,7 @@ impl Handle {
 
     /// Restores a state; none where the FMU has no such function.
     pub fn set_state(&self, state: FmuState) -> Option<Status> {
-        let set = self.functions.set_state?;
+        let set = self.functions.states.as_ref()?.set;
         // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
         let status = self.call(|component| unsafe { set(component, state) });
         // What a step before made impossible is possible again.
@@ -514,9 +483,9 @@ impl Handle {
     }
 
     pub fn free_state(&self, mut state: FmuState) {
-        if let Some(free) = self.functions.free_state {
+        if let Some(states) = &self.functions.states {
             // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
-            self.call(|component| unsafe { free(component, &raw mut state) });
+            self.call(|component| unsafe { (states.free)(component, &raw mut state) });
         }
     }
 }
@@ -525,7 +494,7 @@ impl Drop for Handle {
     fn drop(&mut self) {
         if self.steps.get() {
             // SAFETY: the component is alive.
-            self.call(|component| unsafe { (self.functions.terminate)(component) });
+            self.call(|component| unsafe { (self.functions.common.terminate)(component) });
         }
         if !self.is_dead.get() {
             // SAFETY: the component is alive, and this is the last call.
