@@ -139,8 +139,8 @@ impl Fmu {
         refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;
         let has_event_mode = is_exchange || needs_event_mode(&description)?;
-        let functions = Functions::load(&library, is_fmi3, is_exchange, has_event_mode)?;
         let states = if is_exchange { states(&description)? } else { vec![] };
+        let functions = Functions::load(&library, is_fmi3, is_exchange, has_event_mode)?;
         Ok(Self {
             path: path.to_owned(),
             interface,

@@ -12,7 +12,7 @@ use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
-use super::{CallFailed, Fmu, Instance, Status};
+use super::{CallFailed, Fmu, Instance, Interface, Status};
 
 #[path = "../../tests/careless/mod.rs"]
 mod careless;
@@ -365,4 +365,132 @@ fn failures_of_fmi_3_are_reported() {
     instance.set_up(1.0, Some(3.0)).unwrap();
     let error = instance.enter_initialization().unwrap_err().to_string();
     assert!(error.starts_with("late: fmi3EnterInitializationMode at 1 s gave fmi3Error"), "{error}");
+}
+
+/// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.
+const BALL: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Ball" guid="ball" numberOfEventIndicators="1">
+  <ModelExchange modelIdentifier="careless" canGetAndSetFMUstate="true"/>
+  <ModelVariables>
+    <ScalarVariable name="h" valueReference="0" causality="output"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="v" valueReference="1" causality="output"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="der(h)" valueReference="2"><Real derivative="1"/></ScalarVariable>
+    <ScalarVariable name="der(v)" valueReference="3"><Real derivative="2"/></ScalarVariable>
+    <ScalarVariable name="g" valueReference="4" causality="input"><Real start="-10"/></ScalarVariable>
+    <ScalarVariable name="e" valueReference="5" causality="parameter"><Real start="0.5"/></ScalarVariable>
+    <ScalarVariable name="time_events" valueReference="6"><Real/></ScalarVariable>
+    <ScalarVariable name="step_events" valueReference="7"><Real/></ScalarVariable>
+    <ScalarVariable name="fail" valueReference="8" causality="input"><Real start="0"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure><Derivatives><Unknown index="3"/><Unknown index="4"/></Derivatives></ModelStructure>
+</fmiModelDescription>
+"#;
+
+/// The ball, at rest 1 m above the ground.
+fn ball(description: &str) -> Instance {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.fmu");
+    careless::write(&path, description, &careless::compiled("exchange.c"));
+    let mut ball = Fmu::open(&path).unwrap().instantiate("ball").unwrap();
+    ball.set_tolerance(Some(1e-10));
+    ball.initialize(0.0, None).unwrap();
+    ball
+}
+
+/// Steps 0.05 s each. Returns the largest error of the height after a step.
+fn largest_error(ball: &mut Instance, steps: std::ops::Range<u32>, height: impl Fn(f64) -> f64) -> f64 {
+    let errors = steps.map(|step| {
+        ball.step(0.05 * f64::from(step), 0.05).unwrap();
+        (ball.get("h").unwrap() - height(0.05 * f64::from(step + 1))).abs()
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// The height of a ball that falls from 1 m and keeps half of its speed (m).
+fn height(mut time: f64) -> f64 {
+    let (mut height, mut speed) = (1.0, 0.0);
+    loop {
+        let until_ground = (speed + f64::sqrt(speed * speed + 20.0 * height)) / 10.0;
+        if time <= until_ground {
+            return height + speed * time - 5.0 * time * time;
+        }
+        (height, speed) = (0.0, -0.5 * (speed - 10.0 * until_ground));
+        time -= until_ground;
+    }
+}
+
+#[test]
+fn model_exchange_is_integrated_from_event_to_event() {
+    let mut ball = ball(BALL);
+    assert_eq!(ball.calls.fmu.interface(), Interface::ModelExchange);
+    // It bounces at 0.447, 0.894 and 1.118 s; the tolerance of each step is 1e-10.
+    assert!(largest_error(&mut ball, 0..24, height) < 1e-8);
+    // Every 0.25 s, at the steps' ends and within.
+    assert_eq!(bits(&mut ball, &["time_events", "step_events"]), [4.0_f64, 1.0].map(f64::to_bits));
+}
+
+#[test]
+fn inputs_are_set_in_event_mode_and_held() {
+    let mut ball = ball(BALL);
+    assert!(largest_error(&mut ball, 0..4, height) < 1e-9);
+    ball.set("g", 5.0).unwrap();
+    // At 0.2 s it is at 0.8 m and falls at 2 m/s.
+    let rise = |time: f64| 0.8 - 2.0 * (time - 0.2) + 2.5 * (time - 0.2) * (time - 0.2);
+    assert!(largest_error(&mut ball, 4..20, rise) < 1e-9);
+}
+
+#[test]
+fn a_state_is_restored_with_the_solver() {
+    let mut ball = ball(BALL);
+    largest_error(&mut ball, 0..8, height);
+    let saved = ball.save().unwrap();
+    let names = ["h", "v", "time_events", "step_events"];
+    largest_error(&mut ball, 8..24, height);
+    let expected = bits(&mut ball, &names);
+    ball.restore(&saved).unwrap();
+    largest_error(&mut ball, 8..24, height);
+    assert_eq!(bits(&mut ball, &names), expected);
+}
+
+#[test]
+fn a_call_that_fails_in_a_step_is_reported() {
+    let mut ball = ball(BALL);
+    ball.step(0.0, 0.05).unwrap();
+    ball.set("fail", 1.0).unwrap();
+    let error = ball.step(0.05, 0.05).unwrap_err().to_string();
+    assert_eq!(error, "ball: fmi2GetDerivatives at 0.05 s gave fmi2Error\n  it fell into a hole");
+}
+
+#[test]
+fn a_derivative_without_a_state_is_refused() {
+    let refusal = |from: &str, to: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ball.fmu");
+        careless::write(&path, &BALL.replace(from, to), careless::library());
+        refusal(Fmu::open(&path))
+    };
+    let broken = refusal("derivative=\"2\"", "derivative=\"20\"");
+    assert!(broken.ends_with("the derivative 4 in its ModelStructure has no state"), "{broken}");
+    let missing = refusal("", "");
+    assert!(missing.ends_with("its library has no fmi2EnterEventMode"), "{missing}");
+}
+
+#[test]
+fn an_interface_is_chosen_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("careless.fmu");
+    careless::write(&path, DESCRIPTION, careless::library());
+    assert_eq!(Fmu::open(&path).unwrap().interface(), Interface::CoSimulation);
+    let refusal = refusal(Fmu::open_with(&path, Some(Interface::ModelExchange), None));
+    assert!(refusal.ends_with("it is not for Model Exchange, only for co-simulation"), "{refusal}");
+}
+
+#[test]
+fn a_selection_of_another_fmu_is_refused() {
+    let mut instance = started(&opened()).unwrap();
+    let mut selection = opened().select(["level"]).unwrap();
+    for refused in [instance.read(&mut selection, &mut [0.0]), instance.write(&mut selection, &[0.0])] {
+        let refused = refused.unwrap_err().to_string();
+        assert_eq!(refused, "careless: the variables were selected from another FMU");
+    }
 }

@@ -102,10 +102,8 @@ functions! {
     Step3 { do_step: DoStep(f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) }
 
     /// What a step in FMI 2.0 says.
-    StepStatus2 {
-        get_real: GetRealStatus(c_int, *mut f64),
-        get_boolean: GetBooleanStatus(c_int, *mut Boolean),
-    }
+    RealStatus2 { get: GetRealStatus(c_int, *mut f64) }
+    BooleanStatus2 { get: GetBooleanStatus(c_int, *mut Boolean) }
 
     /// Of Model Exchange, in both versions.
     Exchange {
@@ -208,7 +206,8 @@ pub struct Functions {
     pub states: Option<States>,
     pub step2: Option<Step2>,
     pub step3: Option<Step3>,
-    pub step_status2: Option<StepStatus2>,
+    pub real_status2: Option<RealStatus2>,
+    pub boolean_status2: Option<BooleanStatus2>,
     pub exchange: Option<Exchange>,
     pub exchange2: Option<Exchange2>,
     pub exchange3: Option<Exchange3>,
@@ -243,7 +242,8 @@ impl Functions {
                 states: States::load(it).ok(),
                 step2: (!is_fmi3 && !is_exchange).then(|| Step2::load(it)).transpose()?,
                 step3: (is_fmi3 && !is_exchange).then(|| Step3::load(it)).transpose()?,
-                step_status2: (!is_fmi3).then(|| StepStatus2::load(it).ok()).flatten(),
+                real_status2: RealStatus2::load(it).ok(),
+                boolean_status2: BooleanStatus2::load(it).ok(),
                 exchange: is_exchange.then(|| Exchange::load(it)).transpose()?,
                 exchange2: (!is_fmi3 && is_exchange).then(|| Exchange2::load(it)).transpose()?,
                 exchange3: (is_fmi3 && is_exchange).then(|| Exchange3::load(it)).transpose()?,

@@ -212,13 +212,13 @@ impl Handle {
 
     /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
     pub fn terminates(&self) -> bool {
-        let Some(of_step) = &self.functions.step_status2 else {
+        let Some(status) = &self.functions.boolean_status2 else {
             return self.last_step.get().terminates;
         };
         let mut terminates = FALSE;
         // SAFETY: the component is alive, the place to write to is ours.
-        let status = self
-            .call(|component| unsafe { (of_step.get_boolean)(component, TERMINATED, &raw mut terminates) });
+        let status =
+            self.call(|component| unsafe { (status.get)(component, TERMINATED, &raw mut terminates) });
         status.succeeded() && terminates != FALSE
     }
 
@@ -226,7 +226,7 @@ impl Handle {
     pub fn last_successful_time(&self) -> Option<f64> {
         let mut time = self.last_step.get().time;
         if !self.functions.is_fmi3() {
-            let get = self.functions.step_status2.as_ref()?.get_real;
+            let get = self.functions.real_status2.as_ref()?.get;
             // SAFETY: the component is alive, the place to write to is ours.
             let status =
                 self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
