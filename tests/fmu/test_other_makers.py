@@ -1,12 +1,15 @@
-"""`cargo fmu simulate` on FMUs from other tools, by both interfaces: the Reference-FMUs against their published results
-and closed forms, OpenModelica's against FMPy, and what cannot be run against its reason."""
+"""`cargo fmu simulate` on FMUs from other tools, by both interfaces.
+
+The Reference-FMUs give their published results and closed forms, OpenModelica's give FMPy's, and what cannot
+run is refused with the reason. No package has the Reference-FMUs Resource and Clocks: the templates of these
+are tested in crates/cargo-fmu/tests/ladder/.
+"""
 
 from __future__ import annotations
 
 import csv
 import os
 import subprocess
-import sys
 import sysconfig
 from collections.abc import Callable
 from pathlib import Path
@@ -127,7 +130,7 @@ SOLUTIONS: dict[str, Callable[[np.ndarray], dict[str, np.ndarray]]] = {
 def test_reference_fmus_are_solved_by_model_exchange(
     other_makers: Path, simulate: Simulate, model: str
 ) -> None:
-    """With directional derivatives, state events, and time events at communication points and between them."""
+    """With directional derivatives, state events and time events."""
     file = other_makers / REFERENCE / f"{model}.fmu"
     found = simulate(
         file, "--interface", "me", "--tolerance", repr(TOLERANCE), "--stop-time", "3", "--step", "0.03"

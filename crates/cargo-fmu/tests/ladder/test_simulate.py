@@ -1,5 +1,5 @@
-"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, beside FMPy, closed forms and SciPy, and the model of a
-folder."""
+"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, beside FMPy, closed forms and SciPy, and the
+model of a folder."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_the_model_of_a_folder_is_exported_and_drawn(template: str, tmp_path: Pa
 
 @pytest.mark.parametrize("interface", ["cs", "me"])
 def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
-    """The constant one each second, and the countdown that it starts at 4 s; nothing ticks the triggered one."""
+    """The constant one each second, and the countdown from 4 s on; nothing ticks the triggered one."""
     out = tmp_path / "clocks.csv"
     run("simulate", CLOCKS["events"], "--interface", interface, "--stop-time", "9", "--out", out)
     found = read_csv(out)

@@ -13,6 +13,8 @@ use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
 use super::{CallFailed, Fmu, Instance, Interface, Status};
+use crate::scenario::Scenario;
+use crate::{LoadedFmus, Master};
 
 #[path = "../../tests/careless/mod.rs"]
 mod careless;
@@ -368,23 +370,7 @@ fn failures_of_fmi_3_are_reported() {
 }
 
 /// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.
-const BALL: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="Ball" guid="ball" numberOfEventIndicators="1">
-  <ModelExchange modelIdentifier="careless" canGetAndSetFMUstate="true"/>
-  <ModelVariables>
-    <ScalarVariable name="h" valueReference="0" causality="output"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="v" valueReference="1" causality="output"><Real start="0"/></ScalarVariable>
-    <ScalarVariable name="der(h)" valueReference="2"><Real derivative="1"/></ScalarVariable>
-    <ScalarVariable name="der(v)" valueReference="3"><Real derivative="2"/></ScalarVariable>
-    <ScalarVariable name="g" valueReference="4" causality="input"><Real start="-10"/></ScalarVariable>
-    <ScalarVariable name="e" valueReference="5" causality="parameter"><Real start="0.5"/></ScalarVariable>
-    <ScalarVariable name="time_events" valueReference="6"><Real/></ScalarVariable>
-    <ScalarVariable name="step_events" valueReference="7"><Real/></ScalarVariable>
-    <ScalarVariable name="fail" valueReference="8" causality="input"><Real start="0"/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure><Derivatives><Unknown index="3"/><Unknown index="4"/></Derivatives></ModelStructure>
-</fmiModelDescription>
-"#;
+const BALL: &str = include_str!("../../tests/careless/exchange.xml");
 
 /// The ball, at rest 1 m above the ground.
 fn ball(description: &str) -> Instance {
@@ -493,4 +479,46 @@ fn a_selection_of_another_fmu_is_refused() {
         let refused = refused.unwrap_err().to_string();
         assert_eq!(refused, "careless: the variables were selected from another FMU");
     }
+}
+
+#[test]
+fn members_of_model_exchange_are_coupled() {
+    let folder = tempfile::tempdir().unwrap();
+    // The second one's acceleration is the first one's speed, held over each step.
+    let follower = BALL.replace("\"v\"", "\"w\"").replace("\"h\"", "\"x\"").replace("\"g\"", "\"v\"");
+    for (file, description) in [("ball.fmu", BALL), ("follower.fmu", &follower)] {
+        careless::write(&folder.path().join(file), description, &careless::compiled("exchange.c"));
+    }
+    let text = r#"
+        step = 0.05
+        stop_time = 0.4
+        record = ["v", "w"]
+        [[fmu]]
+        name = "ball"
+        file = "ball.fmu"
+        interface = "me"
+        [[fmu]]
+        name = "follower"
+        file = "follower.fmu"
+    "#;
+    let maps = |_: &Path| anyhow::bail!("there are no maps");
+    let mut scenario = Scenario::parse("balls.toml", text, folder.path(), folder.path(), maps).unwrap();
+    let run = Master::new(&scenario, &mut LoadedFmus::default()).unwrap().run(|_| ()).unwrap();
+    let [v, w] = ["v", "w"].map(|name| run.record.get(name).unwrap());
+    let mut expected = 0.0;
+    for (row, (v, w)) in v.iter().zip(w).enumerate() {
+        let speed = -0.5 * row as f64;
+        expected += 0.05 * speed;
+        assert!((v - speed).abs() < 1e-9 && (w - expected).abs() < 1e-9, "row {row}: {v} and {w}");
+    }
+    assert_eq!(v.len(), 9);
+    scenario.fmus[1].interface = Some(Interface::CoSimulation);
+    let refused =
+        Master::new(&scenario, &mut LoadedFmus::default()).err().expect("it is refused").to_string();
+    assert!(refused.ends_with("it is not for co-simulation, only for Model Exchange"), "{refused}");
+    let refused =
+        Scenario::parse("balls.toml", &text.replace("\"me\"", "\"se\""), folder.path(), folder.path(), maps);
+    let refused = refused.unwrap_err().to_string();
+    let expected = "expected \"cs\" for co-simulation or \"me\" for Model Exchange, found the text \"se\"";
+    assert!(refused.ends_with(expected), "{refused}");
 }

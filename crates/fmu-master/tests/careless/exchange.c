@@ -153,7 +153,7 @@ int fmi2GetDerivatives(void *instance, double *derivatives, size_t count)
         self->functions->log(self->functions->environment, "ball", ERROR, "", "it fell into a %s", "hole");
         return ERROR;
     }
-    if (self->values[H] < -0.05)
+    if (self->values[H] < -0.005)
         return DISCARD;
     derivatives[0] = self->values[V];
     derivatives[1] = self->values[G];
