@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fmu_package::Value;
 
 use super::case::Names;
 use super::draw::{Case, STEP};

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use fmu_package::ParameterSet;
 use fmu_package::terminal::number;
-use fmu_package::{ParameterSet, Value};
 use serde::{Deserialize, Serialize};
 
 use super::fit::FirstOrder;

@@ -79,20 +79,24 @@ impl Integration {
                 indicators: vec![0.0; indicators],
             },
         };
-        begun.handle(calls, events, time)?;
+        begun.handle(calls, events, time, true)?;
         Ok(begun)
     }
 
-    /// Handles an event at a time (s).
-    fn handle(&mut self, calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<()> {
+    /// Handles an event at a time (s), at which the solution turns sharply or only inputs may have.
+    fn handle(&mut self, calls: &mut Calls, events: &mut EventMode, time: f64, is_sharp: bool) -> Result<()> {
         events.handle(calls, time, 0.0)?;
         self.time = time;
+        let before = &mut self.equations.direction;
+        before.copy_from_slice(&self.states);
         calls.get_vector(Vector::States, &mut self.states)?;
+        if is_sharp || *before != self.states {
+            self.integrator.restart();
+        }
         calls.get_vector(Vector::Nominals, &mut self.nominals)?;
         for nominal in &mut self.nominals {
             *nominal = if *nominal == 0.0 || !nominal.is_finite() { 1.0 } else { nominal.abs() };
         }
-        self.integrator.restart();
         read_indicators(calls, &mut self.equations.indicators, time)?;
         let Self { events, equations, .. } = self;
         Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&equations.indicators))?)
@@ -104,19 +108,22 @@ impl Integration {
         let relative = calls.handle.tolerance.get().unwrap_or(DEFAULT_TOLERANCE);
         // The last event may have been handled a little late.
         let mut place = (self.time - start).max(0.0);
-        let mut has_event = events.is_entered();
+        let mut has_event = false;
         let mut trials = 0;
+        if events.is_entered() {
+            self.handle(calls, events, self.time, false)?;
+        }
         loop {
             let due = events.next().filter(|due| *due <= end + late);
             let is_due = due.is_some_and(|due| due - start <= place || place >= size);
             if has_event || is_due {
                 trials += 1;
                 let mut time = self.time;
-                if let Some(due) = due.filter(|due| is_due && *due > time && !events.is_entered()) {
+                if let Some(due) = due.filter(|due| is_due && *due > time) {
                     time = due;
                     calls.go_to(time, &self.states)?;
                 }
-                self.handle(calls, events, time)?;
+                self.handle(calls, events, time, true)?;
                 has_event = false;
             } else if place >= size {
                 break;
