@@ -19,7 +19,7 @@ use super::messages::{self, CallFailed, Message};
 use super::selection::{Group, Selection};
 
 impl Fmu {
-    /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`] allows one per process.
+    /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`](super::ONLY_ONCE) allows one per process.
     ///
     /// # Errors
     /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
