@@ -58,6 +58,8 @@ mod importer;
 mod master;
 pub mod measure;
 mod name_map;
+mod noise;
+mod recorder;
 pub mod scenario;
 pub mod system;
 
