@@ -511,13 +511,16 @@ struct Solution<'a, E: Equations> {
     states: &'a mut [f64],
 }
 
+#[allow(clippy::inline_always, reason = "as `first_event`")]
 impl<E: Equations> Trajectory for Solution<'_, E> {
     type Error = Error;
 
+    #[inline(always)]
     fn events(&mut self) -> &mut Events {
         &mut self.model.events
     }
 
+    #[inline(always)]
     fn go_to(&mut self, elapsed: f64) -> Result<bool, Error> {
         let Self { model, variables, step, states } = self;
         model.elapsed = elapsed;

@@ -18,6 +18,9 @@ const STRUCTURE: &str = "SystemStructure.ssd";
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
 const STEPS: f64 = 500.0;
 
+/// How an error ends where no stop time is given.
+pub const NO_STOP_TIME: &str = "it says not when a run ends";
+
 /// Start, stop and communication step of a run (s); none if unspecified.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
@@ -41,7 +44,7 @@ impl Times {
 
     fn scenario(self, title: &str) -> Result<Scenario> {
         let start = self.start.unwrap_or(0.0);
-        let stop = self.stop.context("no stop time is given, and it declares none")?;
+        let stop = self.stop.context(NO_STOP_TIME)?;
         // A whole number of steps.
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {

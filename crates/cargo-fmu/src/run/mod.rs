@@ -33,10 +33,19 @@ pub const FMUS: &str = "target/fmu";
 /// # Errors
 /// Those of [`Fmu::open_with`]; for a missing file, with what to do about it.
 pub fn open(path: &Path, map: Option<&dyn NameMap>) -> Result<Arc<Fmu>> {
-    if !path.exists() {
-        bail!("cannot import {}: there is no such file; {}", path.display(), remedy(path));
-    }
+    refuse_missing(path)?;
     Fmu::open_with(path, None, map)
+}
+
+/// Refuses an FMU that is not there.
+///
+/// # Errors
+/// When it is not, with what to do about it.
+pub fn refuse_missing(fmu: &Path) -> Result<()> {
+    if fmu.exists() {
+        return Ok(());
+    }
+    bail!("cannot import {}: there is no such file; {}", fmu.display(), remedy(fmu))
 }
 
 /// What to do about a missing FMU: where exported ones are, and the file beside it whose name is nearest.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::{FmuArguments, Maps, finite, inputs, name_and_value, positive, progress_bar};
 use crate::Export;
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal, read_signals};
@@ -81,7 +81,14 @@ impl Simulate {
             Some(subject) => subject.clone(),
             None => model_of_this_folder()?,
         };
-        let (scenario, folder) = self.scenario(&subject, maps)?;
+        let (scenario, folder) = self.scenario(&subject, maps).map_err(|error| {
+            let message = format!("{error:#}");
+            if message.ends_with(system::NO_STOP_TIME) {
+                anyhow!("{message}: give --stop-time")
+            } else {
+                error
+            }
+        })?;
         self.simulate(&subject, scenario, maps, out).map_err(|error| match &folder {
             Some(folder) => system::named(&error, &subject, folder),
             None => error,
