@@ -429,14 +429,12 @@ impl<E: Equations> Integrated<E> {
         states: &mut [f64],
         trials: &mut u32,
     ) -> Result<bool, Error> {
-        let (begin, mut look) = (self.elapsed, self.look);
+        let begin = self.elapsed;
         let mut trajectory = Solution { model: self, variables, step, states };
         if E::Variables::EVENT_INDICATORS.is_empty() {
             return trajectory.go_to(end);
         }
-        let found = search::first_event(&mut trajectory, step.start, (begin, end), &mut look, trials);
-        self.look = look;
-        found
+        search::first_event(&mut trajectory, step.start, (begin, end), trials)
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
@@ -518,6 +516,11 @@ impl<E: Equations> Trajectory for Solution<'_, E> {
     #[inline(always)]
     fn events(&mut self) -> &mut Events {
         &mut self.model.events
+    }
+
+    #[inline(always)]
+    fn look(&mut self) -> &mut f64 {
+        &mut self.model.look
     }
 
     #[inline(always)]

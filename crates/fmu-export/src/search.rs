@@ -20,6 +20,10 @@ pub trait Trajectory {
     /// The event indicators.
     fn events(&mut self) -> &mut Events;
 
+    /// The longest time in s between two points that are searched: infinite at first, the search adapts it to how fast
+    /// indicators change.
+    fn look(&mut self) -> &mut f64;
+
     /// Goes to a place and [finds which indicators have changed](Events::find_changes) there. Returns whether any has.
     ///
     /// # Errors
@@ -30,8 +34,7 @@ pub trait Trajectory {
 /// Goes to the first event between two places of a communication step that starts at `start`, just beyond the
 /// crossing, or to the second place. Returns whether there is an event.
 ///
-/// `look` is the longest time in s between two points that are searched, infinite at first and adapted here to how fast
-/// indicators change; `trials` counts what the search costs, in trials of the integrator.
+/// `trials` counts what the search costs, in trials of the integrator.
 ///
 /// # Errors
 /// When the model cannot be evaluated before the event.
@@ -41,13 +44,12 @@ pub fn first_event<T: Trajectory>(
     trajectory: &mut T,
     start: f64,
     (begin, end): (f64, f64),
-    look: &mut f64,
     trials: &mut u32,
 ) -> Result<bool, T::Error> {
     // Points so close that indicators change little between them, whatever the step: otherwise crossings would be
     // missed.
     let mut places = SEARCHED;
-    while (end - begin) / f64::from(places) > *look && places < MOST_SEARCHED {
+    while (end - begin) / f64::from(places) > *trajectory.look() && places < MOST_SEARCHED {
         places *= 2;
     }
     let (mut before, mut after) = loop {
@@ -83,12 +85,12 @@ pub fn first_event<T: Trajectory>(
         let distance = (end - begin) / f64::from(places);
         if pace == Pace::Fast && places < MOST_SEARCHED {
             places *= 2;
-            *look = 0.5 * distance;
+            *trajectory.look() = 0.5 * distance;
             trajectory.go_to(begin)?;
             continue;
         }
-        if pace == Pace::Slow && *look < 2.0 * distance {
-            *look = 2.0 * distance;
+        if pace == Pace::Slow && *trajectory.look() < 2.0 * distance {
+            *trajectory.look() = 2.0 * distance;
         }
         match after {
             Some(after) => break (before, after),

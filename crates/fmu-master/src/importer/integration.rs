@@ -158,12 +158,13 @@ impl Integration {
                     integrator: &mut self.integrator,
                     events: &mut self.events,
                     states: &mut self.states,
+                    look: &mut self.look,
                     place,
                 };
                 has_event = if path.solved.equations.indicators.is_empty() {
                     path.go_to(reached)?
                 } else {
-                    first_event(&mut path, start, (place, reached), &mut self.look, &mut trials)?
+                    first_event(&mut path, start, (place, reached), &mut trials)?
                 };
                 place = path.place;
                 self.time = path.solved.time(place);
@@ -295,6 +296,7 @@ struct Path<'a> {
     integrator: &'a mut Integrator,
     events: &'a mut Events,
     states: &'a mut [f64],
+    look: &'a mut f64,
     place: f64,
 }
 
@@ -303,6 +305,10 @@ impl Trajectory for Path<'_> {
 
     fn events(&mut self) -> &mut Events {
         self.events
+    }
+
+    fn look(&mut self) -> &mut f64 {
+        self.look
     }
 
     fn go_to(&mut self, place: f64) -> Result<bool> {
