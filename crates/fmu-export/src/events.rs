@@ -81,7 +81,8 @@ impl Persistent for Events {
 
 impl Events {
     /// For a model with this many event indicators.
-    pub(crate) fn new(indicators: usize) -> Self {
+    #[must_use]
+    pub fn new(indicators: usize) -> Self {
         Self {
             next: None,
             reached: f64::NEG_INFINITY,
@@ -125,8 +126,8 @@ impl Events {
     /// Stores the indicators' present signs as those of the last event.
     ///
     /// # Errors
-    /// As [`Events::find_changes`].
-    pub(crate) fn begin(
+    /// When an indicator is not finite and so has no sign.
+    pub fn begin(
         &mut self,
         time: f64,
         names: &[&str],
@@ -145,7 +146,7 @@ impl Events {
     ///
     /// # Errors
     /// When an indicator is not finite and so has no sign.
-    pub(crate) fn find_changes(
+    pub fn find_changes(
         &mut self,
         time: f64,
         names: &[&str],
@@ -249,7 +250,7 @@ impl Events {
     }
 
     /// Accepts the changes found: the model has handled its event.
-    pub(crate) fn accept(&mut self) {
+    pub fn accept(&mut self) {
         for (positive, changed) in self.positive.iter_mut().zip(&mut self.changed) {
             *positive ^= *changed;
             *changed = false;

@@ -9,12 +9,13 @@ use crate::description::{Causality, DataType};
 use crate::equations::{Equations, VariablesOf, evaluate};
 use crate::error::{Error, Shown};
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
-use crate::events::{Event, Events, MOST_ITERATIONS, Pace, Side};
+use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, StepFailure, System, Tolerance};
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
+use crate::search::{self, ROUNDINGS, Trajectory};
 use crate::tape::{Recorded, Tape};
 use crate::variables::Variables;
 
@@ -24,13 +25,6 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 const MOST_TRIALS: u32 = 100_000;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
-/// The fewest and most points at which a step is searched for events.
-const SEARCHED: u32 = 8;
-const MOST_SEARCHED: u32 = 1 << 16;
-/// The number of points beyond a crossing that are searched, where indicators change faster than states.
-const CONFIRMED: u32 = 24;
-/// How far beyond its estimate a crossing is searched for, in roundings of the time since the step's start.
-const ROOT_MARGIN: f64 = 4.0;
 /// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
 /// belongs to the step: importers' times are subject to rounding.
 const TIME_TOLERANCE: f64 = 1e-9;
@@ -403,7 +397,7 @@ impl<E: Equations> Integrated<E> {
                 break;
             } else {
                 // One that rounding puts before the end is at the end.
-                let last = step.size - ROOT_MARGIN * f64::EPSILON * end.abs();
+                let last = step.size - ROUNDINGS * f64::EPSILON * end.abs();
                 let due = due.map(|due| due - step.start).filter(|due| *due < last);
                 let target = due.unwrap_or(step.size);
                 let mut system = Equated {
@@ -456,97 +450,11 @@ impl<E: Equations> Integrated<E> {
         trials: &mut u32,
     ) -> Result<bool, Error> {
         let begin = self.elapsed;
-        let mut go_to = |model: &mut Self, elapsed: f64| {
-            model.elapsed = elapsed;
-            model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-            model.integrator.states_at(elapsed, states);
-            Equated {
-                equations: &model.equations,
-                variables: &mut *variables,
-                inputs: step.inputs,
-                start: step.start,
-            }
-            .evaluate(elapsed, states);
-            model.find_changes(variables)
-        };
+        let mut trajectory = Solution { model: self, variables, step, states };
         if E::Variables::EVENT_INDICATORS.is_empty() {
-            return go_to(self, end);
+            return trajectory.go_to(end);
         }
-        // Points so close that indicators change little between them, whatever the step: otherwise crossings would be
-        // missed.
-        let mut places = SEARCHED;
-        while (end - begin) / f64::from(places) > self.look && places < MOST_SEARCHED {
-            places *= 2;
-        }
-        let (mut before, mut after) = loop {
-            let (mut before, mut after) = (begin, None);
-            self.events.begin_search(begin);
-            let mut last = places;
-            for place in 1..=places {
-                if place > last {
-                    break;
-                }
-                let share = (f64::from(place) + unevenness(place)) / f64::from(places);
-                let elapsed = if place == places { end } else { begin + share * (end - begin) };
-                let has_changed = match go_to(self, elapsed) {
-                    // The equations need not be valid beyond an event.
-                    Err(_) if after.is_some() => break,
-                    has_changed => has_changed?,
-                };
-                // Whether a crossing was the first depends on how the indicators change.
-                if after.is_none() && has_changed {
-                    self.events.note_crossing();
-                    after = Some(elapsed);
-                    last = if places == SEARCHED { SEARCHED } else { place + CONFIRMED };
-                } else if after.is_none() {
-                    before = elapsed;
-                }
-                self.events.look(elapsed);
-            }
-            // A long search costs as much as trials of the integrator.
-            *trials += self.events.looked().saturating_sub(1) / SEARCHED;
-            let pace = self.events.pace();
-            let distance = (end - begin) / f64::from(places);
-            if pace == Pace::Fast && places < MOST_SEARCHED {
-                places *= 2;
-                self.look = 0.5 * distance;
-                go_to(self, begin)?;
-                continue;
-            }
-            if pace == Pace::Slow && self.look < 2.0 * distance {
-                self.look = 2.0 * distance;
-            }
-            match after {
-                Some(after) => break (before, after),
-                None => return Ok(false),
-            }
-        };
-        // Straight lines between the sides lead close to the crossing; aiming slightly past it, on the side that has
-        // not moved, makes both sides close in. Bisection finishes the search, until no time lies between.
-        let mut moved = Side::After;
-        for trial in 1_u32.. {
-            let width = after - before;
-            let middle = before + 0.5 * width;
-            let time = |elapsed: f64| step.start + elapsed;
-            if time(middle) <= time(before) || time(middle) >= time(after) {
-                break;
-            }
-            let line = before + self.events.crossing() * width;
-            let beyond = ROOT_MARGIN * f64::EPSILON * after.abs();
-            let elapsed = match moved {
-                _ if trial.is_multiple_of(3) => middle,
-                Side::Before => line + beyond,
-                Side::After => line - beyond,
-            };
-            let elapsed = if before < elapsed && elapsed < after { elapsed } else { middle };
-            moved = if go_to(self, elapsed)? { Side::After } else { Side::Before };
-            self.events.note(moved);
-            match moved {
-                Side::Before => before = elapsed,
-                Side::After => after = elapsed,
-            }
-        }
-        go_to(self, after)
+        search::first_event(&mut trajectory, step.start, (begin, end), trials)
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
@@ -601,15 +509,6 @@ impl<E: Equations> Integrated<E> {
     }
 }
 
-/// A point's offset from equidistance, so that no oscillation stays in step with the points: pseudo-random, from -1/4
-/// to 1/4.
-fn unevenness(place: u32) -> f64 {
-    // The finalizer of MurmurHash3.
-    let mixed = (place ^ place >> 16).wrapping_mul(0x85EB_CA6B);
-    let mixed = (mixed ^ mixed >> 13).wrapping_mul(0xC2B2_AE35);
-    0.5 * f64::from(mixed ^ mixed >> 16) / f64::from(u32::MAX) - 0.25
-}
-
 /// Computes with inputs limited to their bounds instead of the inputs as set.
 fn with_inputs<V: Variables, R>(
     variables: &mut V,
@@ -620,6 +519,40 @@ fn with_inputs<V: Variables, R>(
     let result = compute(variables);
     *variables.inputs_mut() = set;
     result
+}
+
+/// The integrator's last step, along which events are searched.
+struct Solution<'a, E: Equations> {
+    model: &'a mut Integrated<E>,
+    variables: &'a mut E::Variables,
+    step: &'a Step<'a, InputsOf<Integrated<E>>>,
+    states: &'a mut [f64],
+}
+
+#[allow(clippy::inline_always, reason = "as `first_event`")]
+impl<E: Equations> Trajectory for Solution<'_, E> {
+    type Error = Error;
+
+    #[inline(always)]
+    fn events(&mut self) -> &mut Events {
+        &mut self.model.events
+    }
+
+    #[inline(always)]
+    fn look(&mut self) -> &mut f64 {
+        &mut self.model.look
+    }
+
+    #[inline(always)]
+    fn go_to(&mut self, elapsed: f64) -> Result<bool, Error> {
+        let Self { model, variables, step, states } = self;
+        model.elapsed = elapsed;
+        model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
+        model.integrator.states_at(elapsed, states);
+        Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start }
+            .evaluate(elapsed, states);
+        model.find_changes(variables)
+    }
 }
 
 /// A model's equations with the inputs of a step.

@@ -144,7 +144,7 @@ const ROUNDING: f64 = 1e-6;
 const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
 
 /// A system dx/dt = f(t, x).
-pub(crate) trait System {
+pub trait System {
     /// Computes the derivatives of the states.
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
     /// Computes their partial derivatives with respect to each state, by rows, and to time.
@@ -153,14 +153,14 @@ pub(crate) trait System {
 
 /// Even the shortest step misses the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct StepFailure {
+pub struct StepFailure {
     /// The position of the state whose error is largest relative to its tolerance, or NaN.
     pub state: usize,
 }
 
 /// The integrator with its last step.
 #[derive(Clone, Debug)]
-pub(crate) struct Integrator {
+pub struct Integrator {
     /// The length of the next step in s; 0 if still to be estimated.
     next: f64,
     /// The start of the last step in s, and its length.
@@ -193,7 +193,8 @@ impl Persistent for Integrator {
 
 impl Integrator {
     /// An integrator for this many states.
-    pub(crate) fn new(size: usize) -> Self {
+    #[must_use]
+    pub fn new(size: usize) -> Self {
         let vector = || vec![0.0; size];
         Self {
             next: 0.0,
@@ -215,13 +216,16 @@ impl Integrator {
     }
 
     /// Re-estimates the length of the next step, as after a jump.
-    pub(crate) fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.next = 0.0;
     }
 
     /// Takes a step from `states`, not beyond an end, shortened until its error meets the relative tolerance. Returns
     /// the time at which it ends; `trials` counts.
-    pub(crate) fn step(
+    ///
+    /// # Errors
+    /// When even the shortest step misses the tolerance.
+    pub fn step(
         &mut self,
         system: &mut impl System,
         (time, end): (f64, f64),
@@ -267,12 +271,13 @@ impl Integrator {
     }
 
     /// The position of the state whose error determined the length of the last trial.
-    pub(crate) fn decisive_state(&self) -> usize {
+    #[must_use]
+    pub fn decisive_state(&self) -> usize {
         self.decisive
     }
 
     /// The states at a time in the last step.
-    pub(crate) fn states_at(&mut self, time: f64, states: &mut [f64]) {
+    pub fn states_at(&mut self, time: f64, states: &mut [f64]) {
         let share = (time - self.begin) / self.length;
         if share >= 1.0 {
             return states.copy_from_slice(&self.to);
@@ -367,7 +372,7 @@ impl Integrator {
 
 /// The allowed error of a step.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Tolerance<'a> {
+pub struct Tolerance<'a> {
     /// Relative to the sum of a state and its nominal value.
     pub relative: f64,
     /// The nominal value of each state.

@@ -9,7 +9,7 @@
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
-//   equations, integrator                 the trait of models of equations; Rodas5P
+//   equations, integrator, search         the trait of models of equations; Rodas5P and the events in its steps
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
@@ -46,7 +46,7 @@ pub mod fmi3;
 mod inputs;
 mod instance;
 mod integrated;
-mod integrator;
+pub mod integrator;
 mod linear;
 mod logger;
 mod model;
@@ -58,6 +58,7 @@ mod resources;
 mod sampled;
 mod saved_states;
 mod scheduled_execution;
+pub mod search;
 mod serialized_state;
 mod simulation;
 mod status;
@@ -77,7 +78,7 @@ pub use error::Error;
 pub use event_mode::EventMode;
 #[doc(hidden)]
 pub use event_mode::{EventsLeft, Stop, Stops};
-pub use events::Event;
+pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};

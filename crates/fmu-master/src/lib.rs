@@ -1,24 +1,26 @@
-//! Loads FMUs of any maker for co-simulation, FMI 2.0 and 3.0, steps one or a coupled system, and records.
+//! Loads FMUs of any maker, FMI 2.0 and 3.0, by co-simulation or Model Exchange, steps one or a coupled system, and
+//! records.
 //!
 //! An [`Fmu`] is loaded once and creates [`Instance`]s, whose variables are read and set by name:
 //!
-//! ```no_run
-//! use std::path::Path;
-//!
+//! ```standalone_crate
 //! use fmu_master::Fmu;
-//! use fmu_package::Value;
 //!
+//! # mod careless { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/mod.rs")); }
+//! # const BALL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/exchange.xml"));
 //! # fn main() -> anyhow::Result<()> {
-//! let fmu = Fmu::open(Path::new("ball.fmu"))?;
+//! # let folder = tempfile::tempdir()?;
+//! # std::env::set_current_dir(&folder)?;
+//! # careless::write("ball.fmu".as_ref(), BALL, &careless::compiled("exchange.c"));
+//! let fmu = Fmu::open("ball.fmu")?;
 //! let mut ball = fmu.instantiate("ball")?;
-//! ball.set_up(0.0, Some(3.0))?;
-//! ball.set_value("h", &Value::Real(2.0, Some("m".to_owned())))?;
-//! ball.enter_initialization()?;
-//! ball.exit_initialization()?;
-//! for step in 0..300 {
+//! ball.set("e", 0.7)?;
+//! ball.initialize(0.0, Some(1.0))?;
+//! for step in 0..100 {
 //!     ball.step(0.01 * f64::from(step), 0.01)?;
-//!     println!("{}", ball.number("h")?);
+//!     println!("{}", ball.get("h")?);
 //! }
+//! # assert!(ball.get("h")?.abs() < 1.0);
 //! # Ok(())
 //! # }
 //! ```
@@ -27,17 +29,21 @@
 //! units, drives inputs with signals and returns a [`Record`](fmu_record::Record). Scenarios are TOML files; [`system`]
 //! creates them for one FMU or an SSP package.
 //!
-//! ```no_run
-//! use std::path::Path;
-//!
+//! ```standalone_crate
 //! use fmu_master::system::{self, Times};
 //! use fmu_master::{LoadedFmus, Master};
 //!
+//! # mod careless { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/mod.rs")); }
+//! # const BALL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/careless/exchange.xml"));
 //! # fn main() -> anyhow::Result<()> {
-//! let times = Times { stop: Some(3.0), step: Some(0.01), ..Times::default() };
-//! let scenario = system::alone(Path::new("ball.fmu"), times)?;
+//! # let folder = tempfile::tempdir()?;
+//! # std::env::set_current_dir(&folder)?;
+//! # careless::write("ball.fmu".as_ref(), BALL, &careless::compiled("exchange.c"));
+//! let times = Times { stop: Some(1.0), step: Some(0.01), ..Times::default() };
+//! let scenario = system::alone("ball.fmu".as_ref(), times)?;
 //! let run = Master::new(&scenario, &mut LoadedFmus::default())?.run(|_| ())?;
 //! let highest = run.record.get("h")?.iter().copied().fold(f64::MIN, f64::max);
+//! assert_eq!(highest, 1.0);
 //! # Ok(())
 //! # }
 //! ```
@@ -52,6 +58,8 @@ mod importer;
 mod master;
 pub mod measure;
 mod name_map;
+mod noise;
+mod recorder;
 pub mod scenario;
 pub mod system;
 

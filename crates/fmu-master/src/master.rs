@@ -5,28 +5,27 @@
 //! unconnected inputs of its name; a signal for a single FMU takes precedence over a connection. A scenario made from a
 //! system uses the system's connections instead.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::{FmuVariable, Linear, ValueType};
+use fmu_package::Linear;
 use fmu_terms::like;
-use rand::SeedableRng;
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64;
 
-use crate::importer::{Ended, Fmu, Instance, Message, Selection};
-use crate::scenario::{Assignment, Input, Member, Noise, Scenario, Signal, Stepping};
+use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
+use crate::noise::NoiseSource;
+use crate::recorder::Recorder;
+use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
 /// Exchanges of outputs and inputs during initialization: a plant that settles at the controller's outputs returns its
 /// measured supply voltage, which changes them.
 const INITIAL_EXCHANGES: usize = 2;
 
-/// The FMUs of experiments, each loaded once, by their paths and maps. Clones share them.
+/// The FMUs of experiments, each loaded once, by their paths, interfaces and maps. Clones share them.
 #[derive(Clone, Default)]
-pub struct LoadedFmus(BTreeMap<(PathBuf, Option<String>), Arc<Fmu>>);
+pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
     /// All that are loaded, in the order of their paths.
@@ -39,11 +38,12 @@ impl LoadedFmus {
     /// # Errors
     /// Those of [`Fmu::open_with`], with the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
-        let key = (member.file.clone(), member.map.as_ref().map(|map| map.text()));
+        let key = (member.file.clone(), member.interface, member.map.as_ref().map(|map| map.text()));
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.location.locate(Fmu::open_with(&member.file, member.map.as_deref()))?;
+        let fmu =
+            member.location.locate(Fmu::open_with(&member.file, member.interface, member.map.as_deref()))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
@@ -93,39 +93,6 @@ struct NoiseOn {
     wires: usize,
     position: usize,
     source: NoiseSource,
-}
-
-/// Draws the noise of one value.
-struct NoiseSource {
-    distribution: Normal<f64>,
-    generator: Pcg64,
-}
-
-impl NoiseSource {
-    fn new(noise: &Noise) -> Result<Self> {
-        let distribution = Normal::new(0.0, noise.standard_deviation).context("no distribution")?;
-        Ok(Self { distribution, generator: Pcg64::seed_from_u64(noise.seed) })
-    }
-
-    fn draw(&mut self) -> f64 {
-        self.distribution.sample(&mut self.generator)
-    }
-}
-
-/// Records rows.
-struct Recorder {
-    /// The sources of the columns, each a signal or an instance.
-    sources: Vec<Source>,
-    selections: Vec<(Selection, Vec<f64>)>,
-    row: Vec<f64>,
-    /// By the index of the column.
-    noise: Vec<(usize, NoiseSource)>,
-    record: Record,
-}
-
-enum Source {
-    Signal(Signal),
-    Instance { member: usize, position: usize },
 }
 
 /// The result of a complete run.
@@ -261,7 +228,7 @@ impl<'a> Master<'a> {
             }
             assign(instance, &run_in.after)?;
         }
-        self.recorder.take(start_time, &mut self.members)
+        self.record_at(start_time)
     }
 
     /// Makes a communication step and records its end, even past the scenario's end.
@@ -291,7 +258,7 @@ impl<'a> Master<'a> {
         }
         self.steps_done += 1;
         let time = self.time();
-        self.recorder.take(time, &mut self.members)
+        self.record_at(time)
     }
 
     /// Runs a scenario from its start to its end, or to where an FMU asks for that. Before each step, `progress` gets the number of those done.
@@ -305,7 +272,7 @@ impl<'a> Master<'a> {
             progress(index);
             if let Err(error) = self.step() {
                 let end: Ended = error.downcast()?;
-                self.recorder.take(end.time, &mut self.members)?;
+                self.record_at(end.time)?;
                 ended = Some(end);
                 break;
             }
@@ -318,6 +285,10 @@ impl<'a> Master<'a> {
         Ok(Run { record: self.recorder.record, warnings, ended })
     }
 
+    fn record_at(&mut self, time: f64) -> Result<()> {
+        self.recorder.take(time, self.members.iter_mut().map(|coupled| &mut coupled.instance))
+    }
+
     /// Sets an instance's inputs to the outputs of the others.
     fn take(&mut self, target: usize, from: impl Fn(usize) -> bool, is_measured: bool) -> Result<()> {
         for index in 0..self.members[target].wires.len() {
@@ -328,7 +299,7 @@ impl<'a> Master<'a> {
             let [source, taker] =
                 self.members.get_disjoint_mut([source, target_index]).context("two FMUs")?;
             let wires = &mut taker.wires[index];
-            source.instance.get(&mut wires.outputs, &mut wires.values)?;
+            source.instance.read(&mut wires.outputs, &mut wires.values)?;
             if is_measured {
                 for noise in
                     self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
@@ -339,7 +310,7 @@ impl<'a> Master<'a> {
             for (position, conversion) in &wires.conversions {
                 wires.values[*position] = conversion.apply(wires.values[*position]);
             }
-            taker.instance.set(&mut wires.inputs, &wires.values)?;
+            taker.instance.write(&mut wires.inputs, &wires.values)?;
         }
         Ok(())
     }
@@ -369,7 +340,7 @@ fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
 
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
     values.iter().try_for_each(|assignment| {
-        assignment.location.locate(instance.set_value(&assignment.name, &assignment.value))
+        assignment.location.locate(instance.set(&assignment.name, assignment.value.clone()))
     })
 }
 
@@ -397,7 +368,7 @@ impl Coupled<'_> {
             *value = now;
         }
         if is_changed {
-            self.instance.set(selection, values)?;
+            self.instance.write(selection, values)?;
         }
         Ok(())
     }
@@ -535,142 +506,4 @@ fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
         }
     }
     Ok(all)
-}
-
-impl Recorder {
-    fn new(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Self> {
-        let mut names = vec![vec![]; fmus.len()];
-        let mut sources = vec![];
-        let mut columns = vec![];
-        let mut add = |name: &str, found: Found| {
-            let unit = found.unit(name, fmus);
-            let source = match found {
-                Found::Signal(signal) => Source::Signal(signal),
-                Found::Variable { member, name } => {
-                    names[member].push(name);
-                    Source::Instance { member, position: names[member].len() - 1 }
-                }
-            };
-            sources.push(source);
-            columns.push((name.to_owned(), unit));
-        };
-        if let Some(record) = &scenario.record {
-            let mut seen = BTreeSet::new();
-            for recorded in record {
-                if !seen.insert(&recorded.name) {
-                    return Err(recorded.location.error(format!("{} is recorded already", recorded.name)));
-                }
-                let found = find(&recorded.name, scenario, fmus);
-                add(&recorded.name, recorded.location.locate(found)?);
-            }
-        } else {
-            for input in &scenario.inputs {
-                add(&input.name, Found::Signal(input.signal.clone()));
-            }
-            let signals = scenario.inputs.iter().map(|input| input.name.as_str());
-            let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
-            for variable in fmus.iter().flat_map(|fmu| number_outputs(fmu)) {
-                *counts.entry(&variable.name).or_default() += 1;
-            }
-            for (member, fmu) in fmus.iter().enumerate() {
-                for FmuVariable { name, .. } in number_outputs(fmu) {
-                    let column = match counts.get(name.as_str()) {
-                        Some(2..) => format!("{}:{name}", scenario.fmus[member].name),
-                        _ => name.clone(),
-                    };
-                    add(&column, Found::Variable { member, name: name.clone() });
-                }
-            }
-        }
-        for panel in scenario.panels.iter().flatten().flatten() {
-            let mut known = columns.iter().map(|(name, _)| name.as_str());
-            if !known.clone().any(|name| name == panel.name) {
-                let message = format!("{} is not recorded{}", panel.name, like(&panel.name, &mut known));
-                return Err(panel.location.error(message));
-            }
-        }
-        let mut noise = vec![];
-        for measured in &scenario.measurement_noise {
-            let Some(column) = columns.iter().position(|(name, _)| *name == measured.name) else {
-                let known = columns.iter().map(|(name, _)| name.as_str());
-                let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
-                return Err(measured.location.error(message));
-            };
-            noise.push((column, NoiseSource::new(measured)?));
-        }
-        let selections = names.iter().zip(fmus).map(|(names, fmu)| {
-            let selection = fmu.select(names.iter().map(String::as_str))?;
-            Ok((selection, vec![0.0; names.len()]))
-        });
-        let selections = selections.collect::<Result<_>>()?;
-        Ok(Self { selections, row: vec![0.0; sources.len()], noise, record: Record::new(columns), sources })
-    }
-
-    fn take(&mut self, time: f64, members: &mut [Coupled<'_>]) -> Result<()> {
-        for (coupled, (selection, values)) in members.iter_mut().zip(&mut self.selections) {
-            coupled.instance.get(selection, values)?;
-        }
-        for (value, source) in self.row.iter_mut().zip(&self.sources) {
-            *value = match source {
-                Source::Signal(signal) => signal.at(time),
-                Source::Instance { member, position } => self.selections[*member].1[*position],
-            };
-        }
-        for (column, source) in &mut self.noise {
-            self.row[*column] += source.draw();
-        }
-        self.record.push(time, &self.row);
-        Ok(())
-    }
-}
-
-/// An FMU's recordable outputs: the numeric ones.
-fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
-    let is_number =
-        |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
-    fmu.description().of_causality("output").filter(is_number)
-}
-
-enum Found {
-    Signal(Signal),
-    Variable { member: usize, name: String },
-}
-
-/// Resolves a name in `record`: a signal, else an output, else any variable; of the FMU before the colon, if any.
-fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
-    if let Some(signal) = scenario.input(name) {
-        return Ok(Found::Signal(signal.clone()));
-    }
-    if let Some((member, name)) = name.split_once(':') {
-        let index = scenario.fmus.iter().position(|known| known.name == member);
-        let index = index.with_context(|| format!("no FMU has the name {member}"))?;
-        fmus[index].variable(name)?;
-        return Ok(Found::Variable { member: index, name: name.to_owned() });
-    }
-    let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
-    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
-    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
-    // The signal for an FMU replaced by one without this input.
-    let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
-    if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
-        return Ok(Found::Signal(input.signal.clone()));
-    }
-    let member = member.with_context(|| {
-        let all = fmus.iter().flat_map(|fmu| &fmu.description().variables);
-        format!("no FMU has a variable {name}{}", like(name, all.map(|variable| variable.name.as_str())))
-    })?;
-    Ok(Found::Variable { member, name: name.to_owned() })
-}
-
-impl Found {
-    /// The unit declared by the FMU, or for a signal by the first FMU that declares one.
-    fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
-        let (of, name) = match self {
-            Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),
-            Self::Signal(_) => (fmus, name),
-        };
-        let variables = of.iter().filter_map(|fmu| fmu.description().variable(name));
-        let mut units = variables.map(|variable| &variable.unit).filter(|unit| !unit.is_empty());
-        units.next().cloned().unwrap_or_default()
-    }
 }

@@ -12,12 +12,15 @@ use fmu_package::{
 };
 
 use crate::importer::extract;
-use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal, Stepping};
+use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal};
 
 /// The structure that every package has (SSP, section 3).
 const STRUCTURE: &str = "SystemStructure.ssd";
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
 const STEPS: f64 = 500.0;
+
+/// How an error ends where no stop time is given.
+pub const NO_STOP_TIME: &str = "it says not when a run ends";
 
 /// Start, stop and communication step of a run (s); none if unspecified.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,7 +45,7 @@ impl Times {
 
     fn scenario(self, title: &str) -> Result<Scenario> {
         let start = self.start.unwrap_or(0.0);
-        let stop = self.stop.context("it says not when a run ends: give --stop-time")?;
+        let stop = self.stop.context(NO_STOP_TIME)?;
         // A whole number of steps.
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {
@@ -50,38 +53,13 @@ impl Times {
         }
         let mut scenario = Scenario {
             title: Some(title.to_owned()),
-            description: None,
             step,
             start_time: start,
             stop_time: stop,
-            tolerance: None,
-            steps: 0,
-            stepping: Stepping::InTurn,
-            fmus: vec![],
-            inputs: vec![],
-            connections: None,
-            has_replaced_fmus: false,
-            noise: vec![],
-            measurement_noise: vec![],
-            record: None,
-            panels: None,
-            files: vec![],
+            ..Scenario::default()
         };
         scenario.end_at(stop)?;
         Ok(scenario)
-    }
-}
-
-fn member(name: &str, file: &Path, location: Location) -> Member {
-    Member {
-        name: name.to_owned(),
-        file: file.to_owned(),
-        map: None,
-        location,
-        parameters: vec![],
-        values: vec![],
-        run_in: None,
-        inputs: vec![],
     }
 }
 
@@ -98,7 +76,7 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     let own = Times { start: time("startTime"), stop: time("stopTime"), step: time("stepSize") };
     let name = description.attribute("modelName");
     let mut scenario = times.or(own).scenario(name).with_context(|| path.display().to_string())?;
-    scenario.fmus.push(member(name, path, Location::argument(&path.display().to_string())));
+    scenario.fmus.push(Member::new(name, path, Location::argument(&path.display().to_string())));
     scenario.files.push(path.to_owned());
     Ok(scenario)
 }
@@ -133,7 +111,7 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
     for component in &system.components {
         let file = folder.join(&component.source);
         let location = Location::argument(&format!("the component {}", component.name));
-        let mut member = member(&component.name, &file, location.clone());
+        let mut member = Member::new(&component.name, &file, location.clone());
         for source in &component.parameter_sets {
             let set = location.locate(ParameterSet::read(&folder.join(source)).map_err(Into::into))?;
             member.parameters.push((set, location.clone()));

@@ -40,6 +40,10 @@ pub struct FmuDescription {
     pub enumerations: Vec<Enumeration>,
     /// The variables, in file order.
     pub variables: Vec<FmuVariable>,
+    /// The derivatives of the continuous states: positions from 1 on, in FMI 3.0 value references.
+    pub derivatives: Vec<String>,
+    /// The value references of the event indicators (FMI 3.0).
+    pub event_indicators: Vec<String>,
 }
 
 /// An enumeration type.
@@ -88,6 +92,14 @@ impl FmuDescription {
         let types = types.into_iter().collect();
         let interfaces = children(root).filter(|child| INTERFACES.contains(&child.tag_name().name()));
         let variables = listed(root, "ModelVariables").map(|variable| FmuVariable::read(variable, &types));
+        let structure = || named(root, "ModelStructure").flat_map(children);
+        let references = |element: &str| {
+            let listed = structure().filter(|child| child.tag_name().name() == element);
+            listed.map(|listed| text(listed, "valueReference")).collect::<Vec<_>>()
+        };
+        let of_fmi2 = structure().filter(|child| child.tag_name().name() == "Derivatives").flat_map(children);
+        let mut derivatives: Vec<_> = of_fmi2.map(|unknown| text(unknown, "index")).collect();
+        derivatives.extend(references("ContinuousStateDerivative"));
         let description = Self {
             attributes: attributes(root),
             interfaces: interfaces
@@ -97,6 +109,8 @@ impl FmuDescription {
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
             variables: variables.collect::<io::Result<_>>()?,
+            derivatives,
+            event_indicators: references("EventIndicator"),
         };
         // FMI 1.0 has it in the root element.
         let of_root = root.attribute(IDENTIFIER).into_iter();
@@ -181,17 +195,72 @@ impl FmuDescription {
     /// The identifier of the library for co-simulation, if offered.
     #[must_use]
     pub fn co_simulation_identifier(&self) -> Option<&str> {
-        self.interface("CoSimulation").map(|attributes| text_of(attributes, IDENTIFIER))
+        self.identifier("CoSimulation")
     }
 
-    /// Whether the FMU declares a capability flag for co-simulation, such as `canGetAndSetFMUstate`, in FMI 3.0
+    /// The identifier of the library for an interface, if offered.
+    #[must_use]
+    pub fn identifier(&self, interface: &str) -> Option<&str> {
+        self.interface(interface).map(|attributes| text_of(attributes, IDENTIFIER))
+    }
+
+    /// Whether the FMU declares a capability flag for an interface, such as `canGetAndSetFMUstate`, in FMI 3.0
     /// `canGetAndSetFMUState`. An XML boolean is a word or a digit.
     #[must_use]
-    pub fn has_capability(&self, flag: &str) -> bool {
-        self.interface("CoSimulation").is_some_and(|attributes| {
+    pub fn has_capability(&self, interface: &str, flag: &str) -> bool {
+        self.interface(interface).is_some_and(|attributes| {
             let value = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(flag));
             value.is_some_and(|(_, value)| xml::is_true(value))
         })
+    }
+
+    /// The continuous states with their derivatives, in the order of FMI's functions; array elements one by one in a
+    /// description of [scalars](Self::scalars).
+    ///
+    /// # Errors
+    /// When a derivative or its state is missing.
+    pub fn continuous_states(&self) -> io::Result<Vec<[&FmuVariable; 2]>> {
+        let mut states = vec![];
+        for reference in &self.derivatives {
+            let derivatives = self.referred(reference);
+            let of = derivatives.first().map(|derivative| self.referred(&derivative.derivative));
+            let of = of.filter(|of| of.len() == derivatives.len());
+            let of = of.ok_or_else(|| {
+                broken(format!("the derivative {reference} in its ModelStructure has no state"))
+            })?;
+            states.extend(of.into_iter().zip(derivatives).map(<[_; 2]>::from));
+        }
+        Ok(states)
+    }
+
+    /// The number of event indicators.
+    ///
+    /// # Errors
+    /// When it is not a number.
+    pub fn number_of_event_indicators(&self) -> io::Result<usize> {
+        if self.is_fmi3() {
+            return Ok(self.event_indicators.iter().map(|reference| self.referred(reference).len()).sum());
+        }
+        match self.attribute("numberOfEventIndicators") {
+            "" => Ok(0),
+            number => number
+                .trim()
+                .parse()
+                .map_err(|_| broken(format!("its numberOfEventIndicators is '{number}', not a number"))),
+        }
+    }
+
+    /// The variable with a position from 1 on, or in FMI 3.0 a value reference; all elements of an array.
+    fn referred(&self, reference: &str) -> Vec<&FmuVariable> {
+        if !self.is_fmi3() {
+            let position = reference.trim().parse().ok().and_then(|position: usize| position.checked_sub(1));
+            return position.and_then(|position| self.variables.get(position)).into_iter().collect();
+        }
+        let mut known =
+            self.variables.iter().filter(|variable| variable.value_reference == reference).peekable();
+        // Further ones are aliases.
+        let size = known.peek().and_then(|first| first.element).map_or(1, |element| element.size);
+        known.take(size).collect()
     }
 
     /// A variable by name.
@@ -248,7 +317,7 @@ mod tests {
             let xml = format!(
                 r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
             );
-            FmuDescription::parse(&xml).unwrap().has_capability("canGetAndSetFMUstate")
+            FmuDescription::parse(&xml).unwrap().has_capability("CoSimulation", "canGetAndSetFMUstate")
         };
         assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
         assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));

@@ -57,6 +57,24 @@ pub enum Value {
     Enumeration(String),
 }
 
+/// Converts what a value is made of.
+macro_rules! value_from {
+    ($($type:ty: $value:ident => $made:expr),*) => {
+        $(impl From<$type> for Value {
+            fn from($value: $type) -> Self {
+                $made
+            }
+        })*
+    };
+}
+
+value_from! {
+    f64: number => Self::Real(number, None),
+    i32: number => Self::Integer(number),
+    bool: value => Self::Boolean(value),
+    &str: text => Self::String(text.to_owned())
+}
+
 impl ParameterSet {
     /// Reads an .ssv file.
     ///

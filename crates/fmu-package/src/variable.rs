@@ -34,6 +34,10 @@ pub struct FmuVariable {
     pub max: String,
     /// Empty if the FMU gives none.
     pub description: String,
+    /// The variable of which it is the derivative: its position from 1 on, in FMI 3.0 its value reference.
+    pub derivative: String,
+    /// `intervalVariability` of a Clock (FMI 3.0).
+    pub interval_variability: String,
     /// The sizes of an array (FMI 3.0).
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
@@ -107,6 +111,8 @@ impl FmuVariable {
             causality: text(element, "causality"),
             variability: text(element, "variability"),
             initial: text(element, "initial"),
+            derivative: text(typed, "derivative"),
+            interval_variability: text(typed, "intervalVariability"),
             unit: inherited("unit").to_owned(),
             start: typed.attribute("start").map_or_else(|| texts.join("\n"), str::to_owned),
             min: inherited("min").to_owned(),

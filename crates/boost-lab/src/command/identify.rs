@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
-use cargo_fmu::run::name_and_value;
+use cargo_fmu::run::{self, name_and_value};
 use clap::Args;
-use fmu_io::terminal::{complain, print};
-use fmu_master::Fmu;
 use fmu_package::ParameterSet;
 use fmu_record::numbers::estimate;
 
@@ -48,7 +46,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
     super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
-    let plant = Fmu::open(&plant)?;
+    let plant = run::open(&plant, None)?;
     let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;

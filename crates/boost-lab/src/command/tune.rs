@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use crate::mapping;
 use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, dcm, html, json};
 use anyhow::{Context, Result};
-use cargo_fmu::run::journal::digest;
+use cargo_fmu::run::{self, journal::digest};
 use clap::Args;
-use fmu_io::terminal::{complain, print};
-use fmu_master::Fmu;
 use fmu_package::ParameterSet;
 
 /// The name of the parameter set.
@@ -59,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
     let schedule = match &arguments.controller {
-        Some(path) => Schedule::read(Fmu::open(path)?.description(), arguments.strategy)
+        Some(path) => Schedule::read(run::open(path, None)?.description(), arguments.strategy)
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
         None => Schedule::built_in(arguments.strategy)?,
     };
@@ -68,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
     let task = Task {
-        plant: Fmu::open_with(&arguments.plant, plant_map.as_deref())?,
+        plant: run::open(&arguments.plant, plant_map.as_deref())?,
         plant_map,
         plant_parameters: arguments
             .parameters

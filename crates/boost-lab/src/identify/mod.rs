@@ -128,7 +128,7 @@ impl Known {
             instance.set_parameters(set)?;
         }
         instance.enter_initialization()?;
-        let mut get = |name: &str| instance.number(name);
+        let mut get = |name: &str| instance.get(name);
         let mut sought = BTreeMap::new();
         let polynomials = valve::PRESSURE.iter().chain(&valve::LEAKAGE);
         let positive = rod::NAMES.iter().chain(&motion::NAMES).chain([&valve::PUMP]);

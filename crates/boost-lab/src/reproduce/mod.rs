@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use serde::Serialize;
 
+use cargo_fmu::run::refuse_missing;
 use fmu_master::Fmu;
 use fmu_master::measure;
 use fmu_master::scenario::Scenario;
@@ -221,7 +222,11 @@ impl Laboratory {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));
         }
-        Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)
+        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
+        for member in &scenario.fmus {
+            member.location.locate(refuse_missing(&member.file))?;
+        }
+        Ok(scenario)
     }
 
     fn run(&mut self, scenario: &Scenario) -> Result<Record> {

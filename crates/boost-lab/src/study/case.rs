@@ -149,7 +149,7 @@ pub fn point(time: f64) -> usize {
 impl Rig {
     pub fn new(plant: Source, controller: Source, seed: u64) -> Result<Self> {
         let [plant_fmu, controller_fmu] =
-            [&plant, &controller].map(|source| Fmu::open_with(&source.file, source.map.as_deref()));
+            [&plant, &controller].map(|source| Fmu::open_with(&source.file, None, source.map.as_deref()));
         let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
         for name in ["hp_wastegate_pwm", "engine_speed"] {
             let is_input = plant_fmu.names("input").any(|known| known == name);
@@ -166,7 +166,7 @@ impl Rig {
         }
         Ok(Self {
             names: Names::new(&plant_fmu, &controller_fmu),
-            saves_states: plant_fmu.description().has_capability("canGetAndSetFMUstate"),
+            saves_states: plant_fmu.has_capability("canGetAndSetFMUstate"),
             plant: plant_fmu,
             controller: controller_fmu,
             sources: [controller, plant],

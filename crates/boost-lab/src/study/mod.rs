@@ -98,7 +98,7 @@ impl Study {
     }
 
     fn pool(&self, threads: usize) -> Result<rayon::ThreadPool> {
-        let is_single = |fmu: &fmu_master::Fmu| fmu.description().has_capability(ONLY_ONCE);
+        let is_single = |fmu: &fmu_master::Fmu| fmu.has_capability(ONLY_ONCE);
         let threads = if is_single(&self.rig.plant) || is_single(&self.rig.controller) { 1 } else { threads };
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("no threads")
     }

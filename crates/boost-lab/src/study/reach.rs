@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fmu_package::Value;
 
 use super::case::Names;
 use super::draw::{Case, STEP};
@@ -147,7 +146,7 @@ impl Bench<'_> {
         let mut plant = self.plant.instantiate("plant")?;
         plant.set_up(0.0, None)?;
         for (name, value) in &self.case.parameters {
-            plant.set_value(name, &Value::Real(*value, None))?;
+            plant.set(name, *value)?;
         }
         let constant = [
             ("engine_speed", engine_speed),
@@ -157,7 +156,7 @@ impl Bench<'_> {
         let inputs = VALVES.iter().zip(valves).map(|((name, _), value)| (*name, value)).chain(constant);
         let inputs: Vec<_> = inputs.filter(|(name, _)| self.names.plant_has_input(name)).collect();
         let mut selection = self.plant.select(inputs.iter().map(|(name, _)| *name))?;
-        plant.set(&mut selection, &inputs.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
+        plant.write(&mut selection, &inputs.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         plant.enter_initialization()?;
         plant.exit_initialization()?;
         let mut sensors = Sensors::new(self.plant, self.names)?;
@@ -190,7 +189,7 @@ impl Sensors {
     }
 
     fn read(&mut self, plant: &mut Instance) -> Result<Measured> {
-        plant.get(&mut self.selection, &mut self.values)?;
+        plant.read(&mut self.selection, &mut self.values)?;
         let boost = *self.values.first().context("boost pressure")?;
         Ok(Measured { boost, shaft: self.values.get(1).copied().unwrap_or(0.0) })
     }
@@ -235,9 +234,9 @@ impl<'a> OpenLoop<'a> {
     pub fn step(&mut self, index: usize, valves: Valves) -> Result<Measured> {
         let time = index as f64 * STEP;
         let signals: Vec<_> = self.signals.iter().map(|signal| signal.at(time)).collect();
-        self.plant.set(&mut self.driven, &signals)?;
+        self.plant.write(&mut self.driven, &signals)?;
         let commands: Vec<_> = self.known.iter().map(|&valve| valves[valve]).collect();
-        self.plant.set(&mut self.valves, &commands)?;
+        self.plant.write(&mut self.valves, &commands)?;
         self.plant.step(time, STEP)?;
         self.sensors.read(self.plant)
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_io::terminal::number;
-use fmu_package::{ParameterSet, Value};
+use fmu_package::ParameterSet;
 use serde::{Deserialize, Serialize};
 
 use super::fit::FirstOrder;
@@ -144,7 +144,7 @@ impl<'a> Bench<'a> {
             let enumeration = plant.description().enumeration(&variable.declared_type);
             enumeration.is_some_and(|known| known.items.iter().any(|(item, _)| item == RUNNING))
         });
-        let saves_states = plant.description().has_capability("canGetAndSetFMUstate");
+        let saves_states = plant.has_capability("canGetAndSetFMUstate");
 
         let mut notes = vec![];
         for (name, _) in commanded {
@@ -295,7 +295,7 @@ impl<'a> Bench<'a> {
             instance.set_parameters(set)?;
         }
         if self.starts_running {
-            instance.set_value(START, &Value::Enumeration(RUNNING.to_owned()))?;
+            instance.set(START, RUNNING)?;
         }
         let frozen = self.freezes_tank.then_some((FROZEN, 1.0));
         let valves = self.valves(column, duty);
@@ -305,7 +305,7 @@ impl<'a> Bench<'a> {
         let values = held.chain(frozen).chain([(SPEED, self.schedule.engine_speeds[column])]);
         let values: Vec<_> = values.chain(valves.iter().copied()).collect();
         let mut all = self.plant.select(values.iter().map(|(name, _)| *name))?;
-        instance.set(&mut all, &values.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
+        instance.write(&mut all, &values.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         instance.enter_initialization()?;
         instance.exit_initialization()?;
         Ok(SteppedInstance {
@@ -351,11 +351,11 @@ impl SteppedInstance<'_> {
     fn set_duty(&mut self, duty: f64) -> Result<()> {
         let values: Vec<_> =
             self.bench.valves(self.column, duty).into_iter().map(|(_, value)| value).collect();
-        self.instance.set(&mut self.valves, &values)
+        self.instance.write(&mut self.valves, &values)
     }
 
     fn set_speed(&mut self, engine_speed: f64) -> Result<()> {
-        self.instance.set(&mut self.speed, &[engine_speed])
+        self.instance.write(&mut self.speed, &[engine_speed])
     }
 
     fn step(&mut self) -> Result<()> {
@@ -366,14 +366,14 @@ impl SteppedInstance<'_> {
 
     fn boost_pressure(&mut self) -> Result<f64> {
         let mut value = [f64::NAN];
-        self.instance.get(&mut self.boost, &mut value)?;
+        self.instance.read(&mut self.boost, &mut value)?;
         self.finite(BOOST, value[0])
     }
 
     fn shaft_speed(&mut self) -> Result<Option<f64>> {
         let Some(shaft) = &mut self.shaft else { return Ok(None) };
         let mut value = [f64::NAN];
-        self.instance.get(shaft, &mut value)?;
+        self.instance.read(shaft, &mut value)?;
         self.finite(SHAFT, value[0]).map(Some)
     }
 

@@ -186,7 +186,7 @@ impl Task {
     ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("cannot tune to this plant")?;
-        let is_single = self.plant.description().has_capability(ONLY_ONCE);
+        let is_single = self.plant.has_capability(ONLY_ONCE);
         // 0: the number of cores, or RAYON_NUM_THREADS.
         let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
 

@@ -14,9 +14,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_io::terminal::print;
+use fmu_io::terminal::print;
+use fmu_io::writing;
 use fmu_io::writing;
 use fmu_master::scenario::Scenario;
-use fmu_master::{NameMap, ReadMap};
+use fmu_master::{Fmu, NameMap, ReadMap};
+use fmu_terms::like;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Arc;
 
@@ -27,6 +30,39 @@ pub use sweep::design::latin_fractions;
 
 /// Where `export` writes FMUs in a workspace.
 pub const FMUS: &str = "target/fmu";
+
+/// Opens an FMU for the command line, with other names and units if there is a map.
+///
+/// # Errors
+/// Those of [`Fmu::open_with`]; for a missing file, with what to do about it.
+pub fn open(path: &Path, map: Option<&dyn NameMap>) -> Result<Arc<Fmu>> {
+    refuse_missing(path)?;
+    Fmu::open_with(path, None, map)
+}
+
+/// Refuses an FMU that is not there.
+///
+/// # Errors
+/// When it is not, with what to do about it.
+pub fn refuse_missing(fmu: &Path) -> Result<()> {
+    if fmu.exists() {
+        return Ok(());
+    }
+    bail!("cannot import {}: there is no such file; {}", fmu.display(), remedy(fmu))
+}
+
+/// What to do about a missing FMU: where exported ones are, and the file beside it whose name is nearest.
+fn remedy(path: &Path) -> String {
+    let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
+    let others =
+        others.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|end| end == "fmu"));
+    let mut others: Vec<_> =
+        others.map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    others.sort();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let like = like(&name, others.iter().map(String::as_str));
+    format!("`export` writes FMUs to {FMUS}{like}")
+}
 
 /// Maps of names, for commands that have them.
 #[derive(Clone, Copy)]
@@ -91,7 +127,7 @@ impl FmuArguments {
                     "{} does not exist: {}; or name another folder with --fmus DIR or another file with --fmu \
                      {}=FILE.fmu",
                     member.file.display(),
-                    fmu_master::remedy(&member.file),
+                    remedy(&member.file),
                     member.name
                 )));
             }

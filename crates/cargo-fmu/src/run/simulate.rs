@@ -8,18 +8,20 @@ use std::time::{Duration, Instant};
 
 use super::{FmuArguments, Maps, finite, inputs, name_and_value, positive, progress_bar};
 use crate::Export;
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
 use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal, read_signals};
 use fmu_master::system::{self, Times};
-use fmu_master::{LoadedFmus, Master};
+use fmu_master::{Interface, LoadedFmus, Master};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_plot::{PlotFormat, panels};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Header, Record, TableFormat};
+use fmu_terms::like;
 use fmu_terms::like;
 
 /// Steps between updates of the progress bar.
@@ -48,9 +50,13 @@ pub struct Simulate {
     /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = positive())]
     step: Option<f64>,
-    /// Relative tolerance of the FMUs' integrators [default: their own]
+    /// Relative tolerance of the FMUs' integrators [default: their own; 1e-6 in Model Exchange]
     #[arg(long, value_name = "NUMBER", value_parser = positive())]
     tolerance: Option<f64>,
+    /// How the FMUs run: co-simulation, or Model Exchange by the exporter's integrator [default: co-simulation where an
+    /// FMU offers it]
+    #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
+    interface: Option<Interface>,
     /// Inputs over time, in columns under their names after the time (s): on lines between rows, or held if discrete
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
@@ -78,7 +84,14 @@ impl Simulate {
             Some(subject) => subject.clone(),
             None => model_of_this_folder()?,
         };
-        let (scenario, folder) = self.scenario(&subject, maps)?;
+        let (scenario, folder) = self.scenario(&subject, maps).map_err(|error| {
+            let message = format!("{error:#}");
+            if message.ends_with(system::NO_STOP_TIME) {
+                anyhow!("{message}: give --stop-time")
+            } else {
+                error
+            }
+        })?;
         self.simulate(&subject, scenario, maps, out).map_err(|error| match &folder {
             Some(folder) => system::named(&error, &subject, folder),
             None => error,
@@ -190,6 +203,9 @@ impl Simulate {
                 (scenario, None)
             }
         };
+        if self.interface.is_some() {
+            scenario.fmus.iter_mut().for_each(|member| member.interface = self.interface);
+        }
         if let Some(names) = &self.record {
             let location = Location::argument("--record");
             let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
@@ -198,6 +214,11 @@ impl Simulate {
         }
         Ok((scenario, folder))
     }
+}
+
+/// The values of `--interface`.
+fn interface() -> impl TypedValueParser<Value = Interface> {
+    PossibleValuesParser::new(["cs", "me"]).try_map(|text| text.parse::<Interface>())
 }
 
 /// The FMU of the model in this folder, which is exported.

@@ -1,4 +1,5 @@
-"""`cargo fmu simulate`: the ladder's FMUs, beside FMPy, and the model of a folder."""
+"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, beside FMPy, closed forms and SciPy, and the
+model of a folder."""
 
 from __future__ import annotations
 
@@ -8,9 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import FMUS
+from conftest import FMUS, ROOT
 from fmpy import read_model_description, simulate_fmu
 from fmpy.util import read_csv
+from scipy.integrate import solve_ivp
+from test_clocks_fmi3 import FOLDER as FMUS_OF_FMI3
+from test_clocks_fmi3 import PATHS as CLOCKS
+from test_clocks_fmi3 import theirs
 
 COMMAND = FMUS.parents[1] / "debug" / "cargo-fmu"
 TEMPLATES = ["Dahlquist", "VanDerPol", "BouncingBall", "StickSlip", "PiController"]
@@ -59,12 +64,121 @@ def test_inputs_come_from_a_file(fmu, tmp_path: Path) -> None:
     assert found["Int32_output"].tolist() == [1, 1, 1, 2, 2]
 
 
-def test_the_model_of_a_folder_is_exported_and_drawn(tmp_path: Path) -> None:
+ALL_TEMPLATES = sorted(path.parent.name for path in ROOT.glob("crates/cargo-fmu/templates/*/model.json"))
+
+
+@pytest.mark.parametrize("template", ALL_TEMPLATES)
+def test_the_model_of_a_folder_is_exported_and_drawn(template: str, tmp_path: Path) -> None:
     environment = {**os.environ, "CARGO_TARGET_DIR": str(FMUS.parents[1].resolve())}
-    run("new", "ball", "--template", "bouncing_ball", "--vcs", "none", cwd=tmp_path)
-    output = run("simulate", "--plot", "ball.html", cwd=tmp_path / "ball", env=environment)
-    assert "ball: 300 steps of 0.01 s to 3 s" in output
-    assert "<html" in tmp_path.joinpath("ball", "ball.html").read_text()
+    run("new", "my", "--template", template, "--vcs", "none", cwd=tmp_path)
+    output = run("simulate", "--plot", "my.html", cwd=tmp_path / "my", env=environment)
+    if template == "bouncing_ball":
+        assert "my: 300 steps of 0.01 s to 3 s" in output
+    assert "<html" in tmp_path.joinpath("my", "my.html").read_text()
+
+
+@pytest.mark.parametrize("interface", ["cs", "me"])
+def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
+    """The constant one each second, and the countdown from 4 s on; nothing ticks the triggered one."""
+    out = tmp_path / "clocks.csv"
+    run("simulate", CLOCKS["events"], "--interface", interface, "--stop-time", "9", "--out", out)
+    found = read_csv(out)
+    rows = theirs()
+    assert found["time"].tolist() == [row["time"] for row in rows]
+    for name in ("inClock1Ticks", "inClock3Ticks", "output3"):
+        assert found[name].tolist() == [row[name] for row in rows], name
+    assert np.array_equal(found["totalInClockTicks"], found["inClock1Ticks"] + found["inClock3Ticks"])
+    assert not found["inClock2Ticks"].any()
+
+
+def test_scheduled_execution_is_refused_with_the_reason() -> None:
+    done = subprocess.run(
+        [COMMAND, "simulate", CLOCKS["scheduled"]], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "it is for Scheduled Execution alone: it needs a scheduler of its clocks" in done.stderr
+
+
+def exchanged(fmu: Path, tmp_path: Path, *arguments: str) -> np.ndarray:
+    """The record in Model Exchange."""
+    out = tmp_path / "exchanged.csv"
+    tolerance = ["--tolerance", str(TOLERANCE)]
+    run("simulate", fmu, "--interface", "me", *tolerance, *arguments, "--out", out)
+    return read_csv(out)
+
+
+def test_model_exchange_solves_a_decay(fmu, tmp_path: Path) -> None:
+    found = exchanged(fmu("Dahlquist"), tmp_path, "--set", "k=2")
+    assert len(found) == 101
+    # A hundred steps, each within the tolerance.
+    assert np.abs(found["x"] - np.exp(-2 * found["time"])).max() < 100 * TOLERANCE
+
+
+@pytest.mark.parametrize("mu", [1, 1000])
+def test_model_exchange_solves_an_oscillator(fmu, tmp_path: Path, mu: int) -> None:
+    """Stiff, too: with the FMU's directional derivatives."""
+    times = ["--stop-time", str(2 * max(mu, 5)), "--step", str(max(mu, 5) / 50)]
+    found = exchanged(fmu("VanDerPol"), tmp_path, "--set", f"mu={mu}", *times)
+    expected = solve_ivp(
+        lambda _, x: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]],
+        (0, found["time"][-1]),
+        [2, 0],
+        method="Radau",
+        t_eval=found["time"],
+        rtol=1e-11,
+        atol=1e-11,
+    ).y
+    # The phase error after a jump of x1 by its thousandfold.
+    assert np.allclose(found["x0"], expected[0], atol=1e-5 if mu == 1000 else 1e-6, rtol=0)
+
+
+def test_model_exchange_finds_the_bounces(fmu, tmp_path: Path) -> None:
+    found = exchanged(fmu("BouncingBall"), tmp_path)
+    impact = np.sqrt(2 / 9.81)
+    # The first three bounces, at which 0.7 of the speed is left.
+    ends = impact * np.cumsum([1, 2 * 0.7, 2 * 0.7**2])
+    for begin, end, speed in zip([0, *ends[:2]], ends, [0, 0.7, 0.7**2], strict=True):
+        rows = found[(found["time"] > begin) & (found["time"] < end)]
+        since = rows["time"] - begin
+        height = (1 if begin == 0 else 0) + speed * 9.81 * impact * since - 9.81 / 2 * since**2
+        assert len(rows) > 40
+        assert np.abs(rows["h"] - height).max() < 100 * TOLERANCE
+    # It lies still after the last one.
+    assert found["h"][-1] == found["v"][-1] == 0
+
+
+def test_model_exchange_sticks_and_slips_as_co_simulation(fmu, tmp_path: Path) -> None:
+    """With the same integrator, inside and outside of the FMU."""
+    found = exchanged(fmu("StickSlip"), tmp_path)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu("StickSlip"), "--interface", "cs", "--tolerance", str(TOLERANCE), "--out", out)
+    expected = read_csv(out)
+    assert np.ptp(expected["force"]) > 1
+    for name in expected.dtype.names:
+        assert np.allclose(found[name], expected[name], rtol=1e-6, atol=1e-6), name
+
+
+def test_model_exchange_samples_at_the_start_and_at_communication_points(fmu, tmp_path: Path) -> None:
+    """Co-simulation leaves the sample at a step's end to the next step."""
+    found = exchanged(fmu("PiController"), tmp_path)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu("PiController"), "--interface", "cs", "--out", out)
+    assert np.array_equal(found["command"][:-1], read_csv(out)["command"][1:])
+    assert len(set(found["command"])) == len(found)
+
+
+def test_arrays_of_states_are_integrated_with_driven_inputs(tmp_path: Path) -> None:
+    inputs = tmp_path / "in.csv"
+    inputs.write_text("time,u[1],u[2],u[3]\n0,0,1,0\n1,1,1,0\n2,0,1,1\n")
+    times = ["--input", inputs, "--step", "0.1", "--stop-time", "2"]
+    fmu = FMUS_OF_FMI3 / "fmu" / "fmi3" / "StateSpace.fmu"
+    found = exchanged(fmu, tmp_path, *times)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu, "--interface", "cs", "--tolerance", str(TOLERANCE), *times, "--out", out)
+    expected = read_csv(out)
+    for name in expected.dtype.names:
+        # Both hold the inputs over a step.
+        assert np.allclose(found[name], expected[name], rtol=1e-7), name
 
 
 def test_a_model_that_asks_for_the_end_is_recorded_until_then(fmu, tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ pub struct CallbackFunctions {
 }
 
 /// `fmi2EventInfo`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 #[allow(missing_docs)]
 pub struct EventInfo {

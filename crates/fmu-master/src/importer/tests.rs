@@ -12,7 +12,9 @@ use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
-use super::{CallFailed, Fmu, Instance, Status};
+use super::{CallFailed, Fmu, Instance, Interface, Status};
+use crate::scenario::Scenario;
+use crate::{LoadedFmus, Master};
 
 #[path = "../../tests/careless/mod.rs"]
 mod careless;
@@ -40,7 +42,7 @@ fn started(fmu: &Arc<Fmu>) -> Result<Instance> {
 fn fail_with(name: &str) -> (Instance, CallFailed) {
     let mut instance = started(&opened()).unwrap();
     instance.step(0.0, 0.5).unwrap();
-    instance.set_value("fail", &Value::Enumeration(name.to_owned())).unwrap();
+    instance.set("fail", name).unwrap();
     let error = instance.step(0.5, 0.5).unwrap_err().downcast().expect("a call failed");
     (instance, error)
 }
@@ -51,16 +53,16 @@ fn values_of_each_type_are_set_by_name() {
     let mut instance = started(&fmu).unwrap();
     let mut selection = fmu.select(["flag", "input", "fail", "level"]).unwrap();
     let mut values = [0.0; 4];
-    instance.set_value("flag", &Value::Boolean(true)).unwrap();
-    instance.set_value("input", &Value::Integer(3)).unwrap();
-    instance.set_value("level", &Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
-    instance.set_value("note", &Value::String("Größe".to_owned())).unwrap();
-    instance.get(&mut selection, &mut values).unwrap();
+    instance.set("flag", true).unwrap();
+    instance.set("input", 3).unwrap();
+    instance.set("level", Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
+    instance.set("note", "Größe").unwrap();
+    instance.read(&mut selection, &mut values).unwrap();
     assert_eq!(values.map(f64::to_bits), [1.0_f64, 3.0, 0.0, 2000.0].map(f64::to_bits));
-    instance.set(&mut selection, &[0.0, 5.0, 0.0, 7.0]).unwrap();
-    instance.get(&mut selection, &mut values).unwrap();
+    instance.write(&mut selection, &[0.0, 5.0, 0.0, 7.0]).unwrap();
+    instance.read(&mut selection, &mut values).unwrap();
     assert_eq!(values.map(f64::to_bits), [0.0_f64, 5.0, 0.0, 7.0].map(f64::to_bits));
-    assert!(instance.set_value("note", &Value::String("size".to_owned())).is_err());
+    assert!(instance.set("note", "size").is_err());
 }
 
 #[test]
@@ -77,16 +79,16 @@ fn a_translated_fmu_has_other_names_and_values() {
     let mut values = |instance: &mut Instance| {
         selections.each_mut().map(|selection| {
             let mut values = [0.0; 2];
-            instance.get(selection, &mut values).unwrap();
+            instance.read(selection, &mut values).unwrap();
             values.map(f64::to_bits)
         })
     };
     let expected = |input: f64, level: f64, pressure: f64| {
         [[input.to_bits(), level.to_bits()], [input.to_bits(), pressure.to_bits()]]
     };
-    instance.set_value("pressure", &Value::Real(7.0, None)).unwrap();
+    instance.set("pressure", 7.0).unwrap();
     assert_eq!(values(&mut instance), expected(1.0, 3.0, 7.0));
-    instance.set(&mut seen.select(["pressure", "input"]).unwrap(), &[9.0, 2.0]).unwrap();
+    instance.write(&mut seen.select(["pressure", "input"]).unwrap(), &[9.0, 2.0]).unwrap();
     assert_eq!(values(&mut instance), expected(2.0, 4.0, 9.0));
     assert!(seen.variable("level").is_err());
 }
@@ -95,7 +97,7 @@ fn a_translated_fmu_has_other_names_and_values() {
 fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     let fmu = opened();
     let mut instance = started(&fmu).unwrap();
-    let mut refusal = |name: &str, value: Value| instance.set_value(name, &value).unwrap_err().to_string();
+    let mut refusal = |name: &str, value: Value| instance.set(name, value).unwrap_err().to_string();
     assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
     assert_eq!(
         refusal("flag", Value::Integer(1)),
@@ -144,7 +146,7 @@ fn nothing_is_called_after_a_fatal_error() {
     let (mut instance, error) = fail_with("fatal");
     assert_eq!(error.status, Some(Status::FATAL));
     assert!(instance.step(1.0, 0.5).is_err());
-    assert!(instance.number("level").is_err());
+    assert!(instance.get("level").is_err());
 }
 
 #[test]
@@ -152,17 +154,17 @@ fn a_state_is_saved_restored_and_freed() {
     let mut instance = started(&opened()).unwrap();
     instance.step(0.0, 0.5).unwrap();
     let saved = instance.save().unwrap();
-    let level = |instance: &mut Instance| instance.number("level").unwrap().to_bits();
+    let level = |instance: &mut Instance| instance.get("level").unwrap().to_bits();
     for _ in 0..3 {
         instance.step(0.5, 0.25).unwrap();
         assert_eq!(level(&mut instance), 0.75_f64.to_bits());
         instance.restore(&saved).unwrap();
         assert_eq!(level(&mut instance), 0.5_f64.to_bits());
-        assert_eq!(instance.time, Some(0.5));
+        assert_eq!(instance.calls.time, Some(0.5));
     }
-    assert_eq!(instance.number("states").unwrap().to_bits(), 1.0_f64.to_bits());
+    assert_eq!(instance.get("states").unwrap().to_bits(), 1.0_f64.to_bits());
     drop(saved);
-    assert_eq!(instance.number("states").unwrap().to_bits(), 0.0_f64.to_bits());
+    assert_eq!(instance.get("states").unwrap().to_bits(), 0.0_f64.to_bits());
     // A saved state keeps its instance alive.
     let saved = instance.save().unwrap();
     drop(instance);
@@ -194,14 +196,14 @@ fn instances_in_many_threads_are_independent() {
                 let rate = f64::from(thread);
                 for _ in 0..20 {
                     let mut instance = started(fmu).unwrap();
-                    instance.set_value("input", &Value::Real(rate, None)).unwrap();
+                    instance.set("input", rate).unwrap();
                     let saved = instance.save().unwrap();
                     for step in 0..8 {
                         instance.step(f64::from(step) * 0.125, 0.125).unwrap();
                     }
-                    assert_eq!(instance.number("level").unwrap().to_bits(), rate.to_bits());
+                    assert_eq!(instance.get("level").unwrap().to_bits(), rate.to_bits());
                     instance.restore(&saved).unwrap();
-                    instance.set_value("fail", &Value::Enumeration("error".to_owned())).unwrap();
+                    instance.set("fail", "error").unwrap();
                     let error = instance.step(0.0, 0.125).unwrap_err().to_string();
                     assert!(error.ends_with("no way, # 7"), "{error}");
                 }
@@ -218,17 +220,23 @@ fn refusal(imported: Result<Arc<Fmu>>) -> String {
 #[test]
 fn a_file_that_is_not_an_fmu_is_refused() {
     let missing = Path::new("missing.fmu");
-    assert!(
-        refusal(Fmu::open(missing))
-            .starts_with("cannot import missing.fmu: there is no such file; `export` writes")
-    );
+    assert!(refusal(Fmu::open(missing)) == "cannot import missing.fmu: there is no such file");
     let folder = tempfile::tempdir().unwrap();
     let text = folder.path().join("text.fmu");
     fs::write(&text, "no archive").unwrap();
     assert!(refusal(Fmu::open(&text)).contains("it is not a ZIP archive"));
     let cases = [
         ("one", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""), "it is one of FMI 1.0"),
-        ("exchange", DESCRIPTION.replace("CoSimulation", "ModelExchange"), "it is not for co-simulation"),
+        (
+            "interfaces",
+            DESCRIPTION.replace("CoSimulation", "Other"),
+            "it is neither for co-simulation nor for Model Exchange",
+        ),
+        (
+            "scheduled",
+            DESCRIPTION.replace("CoSimulation", "ScheduledExecution"),
+            "it is for Scheduled Execution alone: it needs a scheduler of its clocks",
+        ),
         (
             "library",
             DESCRIPTION.replace("modelIdentifier=\"careless\"", "modelIdentifier=\"other\""),
@@ -275,9 +283,9 @@ fn opened_3() -> Result<Arc<Fmu>> {
 
 /// The bits of numbers, by name.
 fn bits(instance: &mut Instance, names: &[&str]) -> Vec<u64> {
-    let mut selection = instance.fmu.select(names.iter().copied()).unwrap();
+    let mut selection = instance.calls.fmu.select(names.iter().copied()).unwrap();
     let mut values = vec![0.0; names.len()];
-    instance.get(&mut selection, &mut values).unwrap();
+    instance.read(&mut selection, &mut values).unwrap();
     values.into_iter().map(f64::to_bits).collect()
 }
 
@@ -285,16 +293,16 @@ fn bits(instance: &mut Instance, names: &[&str]) -> Vec<u64> {
 fn values_of_fmi_3_are_set_by_name() {
     let fmu = opened_3().unwrap();
     let mut instance = started(&fmu).unwrap();
-    instance.set_value("flag", &Value::Boolean(true)).unwrap();
-    instance.set_value("input", &Value::Integer(3)).unwrap();
-    instance.set_value("level", &Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
-    instance.set_value("note", &Value::String("Größe".to_owned())).unwrap();
-    instance.set_value("small", &Value::Real(0.1, None)).unwrap();
+    instance.set("flag", true).unwrap();
+    instance.set("input", 3).unwrap();
+    instance.set("level", Value::Real(2.0, Some("kPa".to_owned()))).unwrap();
+    instance.set("note", "Größe").unwrap();
+    instance.set("small", 0.1).unwrap();
     let names = ["flag", "input", "fail", "height", "small"];
     let expected = [1.0, 3.0, 0.0, 2000.0, f64::from(0.1_f32)];
     assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits));
-    assert!(instance.set_value("note", &Value::String("size".to_owned())).is_err());
-    let refused = instance.set_value("table", &Value::Real(1.0, None)).unwrap_err().to_string();
+    assert!(instance.set("note", "size").is_err());
+    let refused = instance.set("table", 1.0).unwrap_err().to_string();
     assert!(refused.contains("has no variable table"), "{refused}");
 }
 
@@ -302,7 +310,7 @@ fn values_of_fmi_3_are_set_by_name() {
 fn elements_of_arrays_are_variables() {
     let mut instance = started(&opened_3().unwrap()).unwrap();
     for (name, value) in [("table[1,2]", 12.0), ("table[2,1]", 21.0), ("table[2,3]", 23.0)] {
-        instance.set_value(name, &Value::Real(value, None)).unwrap();
+        instance.set(name, value).unwrap();
     }
     let names = [
         "table[2,3]",
@@ -316,7 +324,7 @@ fn elements_of_arrays_are_variables() {
     ];
     let expected = [23.0_f64, 0.0, 0.0, 12.0, 1.0, 0.0, 21.0, 0.0];
     assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits));
-    assert!(instance.fmu.variable("table[2,4]").is_err());
+    assert!(instance.calls.fmu.variable("table[2,4]").is_err());
 }
 
 #[test]
@@ -337,13 +345,9 @@ fn failures_of_fmi_3_are_reported() {
     let fmu = opened_3().unwrap();
     let failure = |how: &str| {
         let mut instance = started(&fmu).unwrap();
-        instance.set_value("fail", &Value::Enumeration(how.to_owned())).unwrap();
+        instance.set("fail", how).unwrap();
         let error = instance.step(0.5, 0.5).unwrap_err().to_string();
-        assert_eq!(
-            how == "fatal",
-            instance.number("level").is_err(),
-            "nothing is called after a fatal error"
-        );
+        assert_eq!(how == "fatal", instance.get("level").is_err(), "nothing is called after a fatal error");
         error
     };
     assert_eq!(
@@ -354,7 +358,7 @@ fn failures_of_fmi_3_are_reported() {
     assert!(failure("fatal").contains("gave fmi3Fatal"));
 
     let mut instance = started(&fmu).unwrap();
-    instance.set_value("stop", &Value::Real(0.75, None)).unwrap();
+    instance.set("stop", 0.75).unwrap();
     instance.step(0.0, 0.5).unwrap();
     let error = instance.step(0.5, 0.5).unwrap_err().to_string();
     assert_eq!(error, "careless: the FMU asks for the end at 0.75 s");
@@ -363,4 +367,158 @@ fn failures_of_fmi_3_are_reported() {
     instance.set_up(1.0, Some(3.0)).unwrap();
     let error = instance.enter_initialization().unwrap_err().to_string();
     assert!(error.starts_with("late: fmi3EnterInitializationMode at 1 s gave fmi3Error"), "{error}");
+}
+
+/// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.
+const BALL: &str = include_str!("../../tests/careless/exchange.xml");
+
+/// The ball, at rest 1 m above the ground.
+fn ball(description: &str) -> Instance {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.fmu");
+    careless::write(&path, description, &careless::compiled("exchange.c"));
+    let mut ball = Fmu::open(&path).unwrap().instantiate("ball").unwrap();
+    ball.set_tolerance(Some(1e-10));
+    ball.initialize(0.0, None).unwrap();
+    ball
+}
+
+/// Steps 0.05 s each. Returns the largest error of the height after a step.
+fn largest_error(ball: &mut Instance, steps: std::ops::Range<u32>, height: impl Fn(f64) -> f64) -> f64 {
+    let errors = steps.map(|step| {
+        ball.step(0.05 * f64::from(step), 0.05).unwrap();
+        (ball.get("h").unwrap() - height(0.05 * f64::from(step + 1))).abs()
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// The height of a ball that falls from 1 m and keeps half of its speed (m).
+fn height(mut time: f64) -> f64 {
+    let (mut height, mut speed) = (1.0, 0.0);
+    loop {
+        let until_ground = (speed + f64::sqrt(speed * speed + 20.0 * height)) / 10.0;
+        if time <= until_ground {
+            return height + speed * time - 5.0 * time * time;
+        }
+        (height, speed) = (0.0, -0.5 * (speed - 10.0 * until_ground));
+        time -= until_ground;
+    }
+}
+
+#[test]
+fn model_exchange_is_integrated_from_event_to_event() {
+    let mut ball = ball(BALL);
+    assert_eq!(ball.calls.fmu.interface(), Interface::ModelExchange);
+    // It bounces at 0.447, 0.894 and 1.118 s; the tolerance of each step is 1e-10.
+    assert!(largest_error(&mut ball, 0..24, height) < 1e-8);
+    // Every 0.25 s, at the steps' ends and within.
+    assert_eq!(bits(&mut ball, &["time_events", "step_events"]), [4.0_f64, 1.0].map(f64::to_bits));
+}
+
+#[test]
+fn inputs_are_set_in_event_mode_and_held() {
+    let mut ball = ball(BALL);
+    assert!(largest_error(&mut ball, 0..4, height) < 1e-9);
+    ball.set("g", 5.0).unwrap();
+    // At 0.2 s it is at 0.8 m and falls at 2 m/s.
+    let rise = |time: f64| 0.8 - 2.0 * (time - 0.2) + 2.5 * (time - 0.2) * (time - 0.2);
+    assert!(largest_error(&mut ball, 4..20, rise) < 1e-9);
+}
+
+#[test]
+fn a_state_is_restored_with_the_solver() {
+    let mut ball = ball(BALL);
+    largest_error(&mut ball, 0..8, height);
+    let saved = ball.save().unwrap();
+    let names = ["h", "v", "time_events", "step_events"];
+    largest_error(&mut ball, 8..24, height);
+    let expected = bits(&mut ball, &names);
+    ball.restore(&saved).unwrap();
+    largest_error(&mut ball, 8..24, height);
+    assert_eq!(bits(&mut ball, &names), expected);
+}
+
+#[test]
+fn a_call_that_fails_in_a_step_is_reported() {
+    let mut ball = ball(BALL);
+    ball.step(0.0, 0.05).unwrap();
+    ball.set("fail", 1.0).unwrap();
+    let error = ball.step(0.05, 0.05).unwrap_err().to_string();
+    assert_eq!(error, "ball: fmi2GetDerivatives at 0.05 s gave fmi2Error\n  it fell into a hole");
+}
+
+#[test]
+fn a_derivative_without_a_state_is_refused() {
+    let refusal = |from: &str, to: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ball.fmu");
+        careless::write(&path, &BALL.replace(from, to), careless::library());
+        refusal(Fmu::open(&path))
+    };
+    let broken = refusal("derivative=\"2\"", "derivative=\"20\"");
+    assert!(broken.ends_with("the derivative 4 in its ModelStructure has no state"), "{broken}");
+    let missing = refusal("", "");
+    assert!(missing.ends_with("its library has no fmi2EnterEventMode"), "{missing}");
+}
+
+#[test]
+fn an_interface_is_chosen_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("careless.fmu");
+    careless::write(&path, DESCRIPTION, careless::library());
+    assert_eq!(Fmu::open(&path).unwrap().interface(), Interface::CoSimulation);
+    let refusal = refusal(Fmu::open_with(&path, Some(Interface::ModelExchange), None));
+    assert!(refusal.ends_with("it is not for Model Exchange, only for co-simulation"), "{refusal}");
+}
+
+#[test]
+fn a_selection_of_another_fmu_is_refused() {
+    let mut instance = started(&opened()).unwrap();
+    let mut selection = opened().select(["level"]).unwrap();
+    for refused in [instance.read(&mut selection, &mut [0.0]), instance.write(&mut selection, &[0.0])] {
+        let refused = refused.unwrap_err().to_string();
+        assert_eq!(refused, "careless: the variables were selected from another FMU");
+    }
+}
+
+#[test]
+fn members_of_model_exchange_are_coupled() {
+    let folder = tempfile::tempdir().unwrap();
+    // The second one's acceleration is the first one's speed, held over each step.
+    let follower = BALL.replace("\"v\"", "\"w\"").replace("\"h\"", "\"x\"").replace("\"g\"", "\"v\"");
+    for (file, description) in [("ball.fmu", BALL), ("follower.fmu", &follower)] {
+        careless::write(&folder.path().join(file), description, &careless::compiled("exchange.c"));
+    }
+    let text = r#"
+        step = 0.05
+        stop_time = 0.4
+        record = ["v", "w"]
+        [[fmu]]
+        name = "ball"
+        file = "ball.fmu"
+        interface = "me"
+        [[fmu]]
+        name = "follower"
+        file = "follower.fmu"
+    "#;
+    let maps = |_: &Path| anyhow::bail!("there are no maps");
+    let mut scenario = Scenario::parse("balls.toml", text, folder.path(), folder.path(), maps).unwrap();
+    let run = Master::new(&scenario, &mut LoadedFmus::default()).unwrap().run(|_| ()).unwrap();
+    let [v, w] = ["v", "w"].map(|name| run.record.get(name).unwrap());
+    let mut expected = 0.0;
+    for (row, (v, w)) in v.iter().zip(w).enumerate() {
+        let speed = -0.5 * row as f64;
+        expected += 0.05 * speed;
+        assert!((v - speed).abs() < 1e-9 && (w - expected).abs() < 1e-9, "row {row}: {v} and {w}");
+    }
+    assert_eq!(v.len(), 9);
+    scenario.fmus[1].interface = Some(Interface::CoSimulation);
+    let refused =
+        Master::new(&scenario, &mut LoadedFmus::default()).err().expect("it is refused").to_string();
+    assert!(refused.ends_with("it is not for co-simulation, only for Model Exchange"), "{refused}");
+    let refused =
+        Scenario::parse("balls.toml", &text.replace("\"me\"", "\"se\""), folder.path(), folder.path(), maps);
+    let refused = refused.unwrap_err().to_string();
+    let expected = "expected \"cs\" for co-simulation or \"me\" for Model Exchange, found the text \"se\"";
+    assert!(refused.ends_with(expected), "{refused}");
 }

@@ -42,7 +42,7 @@ use fmu_io::terminal::number;
 use fmu_package::{Linear, ParameterSet, Value};
 use toml::de::DeValue;
 
-use crate::importer::Fmu;
+use crate::importer::{Fmu, Interface};
 use crate::name_map::{NameMap, ReadMap};
 
 pub use self::document::Location;
@@ -50,7 +50,7 @@ use self::document::{Document, Node, TomlTable};
 pub use self::signal::{Signal, read_signals};
 
 /// An experiment with coupled FMUs. Its methods keep dependent fields consistent, such as `stop_time` and `steps`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Scenario {
     /// The scenario's title.
     pub title: Option<String>,
@@ -89,9 +89,10 @@ pub struct Scenario {
 }
 
 /// The order in a communication step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stepping {
     /// In sequence, each with the new outputs of those before it.
+    #[default]
     InTurn,
     /// All with the outputs of the previous step.
     AtOnce,
@@ -104,6 +105,8 @@ pub struct Member {
     pub name: String,
     /// The path of the `.fmu` file.
     pub file: PathBuf,
+    /// How it runs; if not given, by co-simulation where it offers that, else by Model Exchange.
+    pub interface: Option<Interface>,
     /// From the FMU's names and units to those of the scenario.
     pub map: Option<Arc<dyn NameMap>>,
     /// Where the scenario names it.
@@ -190,6 +193,24 @@ pub struct Recorded {
     pub location: Location,
 }
 
+impl Member {
+    /// An FMU as it is, whose name and file come from a location.
+    #[must_use]
+    pub fn new(name: &str, file: &Path, location: Location) -> Self {
+        Self {
+            name: name.to_owned(),
+            file: file.to_owned(),
+            interface: None,
+            map: None,
+            location,
+            parameters: vec![],
+            values: vec![],
+            run_in: None,
+            inputs: vec![],
+        }
+    }
+}
+
 impl Scenario {
     /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`. `maps` reads the name maps of FMUs. The
     /// FMUs are not opened.
@@ -227,7 +248,6 @@ impl Scenario {
             step,
             start_time,
             stop_time,
-            tolerance: None,
             steps: stop.location().locate(count(stop_time - start_time, step))?,
             stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
                 const EXPECTED: &str = "\"in_turn\" or \"at_once\"";
@@ -239,15 +259,13 @@ impl Scenario {
             })?,
             fmus: read_members(&root, step, [folder, fmus], maps)?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
-            connections: None,
-            has_replaced_fmus: false,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
             measurement_noise: root
                 .optional("measurement_noise")
                 .map_or(Ok(vec![]), |node| read_noise(&node))?,
             record: root.optional("record").map(|node| read_record(&node)).transpose()?,
             panels: root.optional("panels").map(|node| read_panels(&node)).transpose()?,
-            files: vec![],
+            ..Self::default()
         };
         root.finish()?;
         scenario.files = document.into_files();
@@ -374,18 +392,17 @@ fn read_member(
 ) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
     let name_node = table.required("name", "the FMU's name in the scenario")?;
-    let name = name_node.string("a text")?.to_owned();
+    let name = name_node.string("a text")?;
     if let Some(other) = others.iter().find(|other| other.name == name) {
         let line = other.location.line().map_or_else(String::new, |line| format!(", in line {line}"));
         let message = format!("duplicate FMU: {name} is already the name of another one{line}");
         return Err(name_node.location().error(message));
     }
     let file = table.required("file", "the FMU's path")?;
+    let path = file.path("the FMU's path", fmus)?;
     let member = Member {
-        name,
-        file: file.path("the FMU's path", fmus)?,
+        interface: table.optional("interface").map(|node| read_interface(&node)).transpose()?,
         map: table.optional("map").map(|node| read_map(&node, folder, maps)).transpose()?,
-        location: file.location().clone(),
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
             const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
             node.list(EXPECTED)?.iter().map(|node| read_parameters(node, folder, EXPECTED)).collect()
@@ -393,9 +410,15 @@ fn read_member(
         values: table.optional("values").map_or(Ok(vec![]), |node| read_values(&node))?,
         run_in: table.optional("run_in").map(|node| read_run_in(&node, step)).transpose()?,
         inputs: table.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
+        ..Member::new(name, &path, file.location().clone())
     };
     table.finish()?;
     Ok(member)
+}
+
+fn read_interface(node: &Node<'_>) -> Result<Interface> {
+    const EXPECTED: &str = "\"cs\" for co-simulation or \"me\" for Model Exchange";
+    node.string(EXPECTED)?.parse().map_err(|_| node.unexpected(EXPECTED))
 }
 
 fn read_map(node: &Node<'_>, folder: &Path, maps: ReadMap) -> Result<Arc<dyn NameMap>> {

@@ -1,4 +1,4 @@
-//! Careless FMUs, written in C.
+// Careless FMUs, written in C.
 
 use std::fs::{self, File};
 use std::path::Path;

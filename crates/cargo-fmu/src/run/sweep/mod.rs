@@ -151,7 +151,7 @@ impl Study {
             }
             variables.push(variable.clone());
         }
-        let is_single = fmus.iter().any(|fmu| fmu.description().has_capability(ONLY_ONCE));
+        let is_single = fmus.iter().any(|fmu| fmu.has_capability(ONLY_ONCE));
         Ok(Loaded { study: self, fmus, variables, measure_units, notes, is_single })
     }
 }

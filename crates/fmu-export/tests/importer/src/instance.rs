@@ -180,7 +180,7 @@ impl Fmu {
         [
             (Interface::ModelExchange, offers("ModelExchange")),
             (Interface::CoSimulation, offers("CoSimulation") && !has_clocks),
-            (Interface::EventMode, self.description.has_capability("hasEventMode")),
+            (Interface::EventMode, self.description.has_capability("CoSimulation", "hasEventMode")),
             (Interface::ScheduledExecution, offers("ScheduledExecution")),
         ]
         .into_iter()
@@ -574,7 +574,7 @@ impl<'f> Instance<'f> {
             Some(interface) => self.interface == interface,
             None => name != "EnterEventMode" || self.interface != Interface::CoSimulation,
         };
-        let has = |flag| self.fmu.description.has_capability(flag);
+        let has = |flag| self.fmu.description.has_capability("CoSimulation", flag);
         let is_capable = match name {
             "GetDirectionalDerivative" => {
                 has("providesDirectionalDerivative") || has("providesDirectionalDerivatives")

@@ -1,0 +1,504 @@
+//! The C side: the functions of an FMU's library and the calls to it, with all of the crate's `unsafe`.
+//!
+//! A library is foreign code and cannot be verified. This module keeps the importer's side of FMI: signatures as
+//! declared by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep pointers
+//! to them), no call after a fatal error, and no instance in two threads. A status is a plain number, since a careless
+//! FMU may return any.
+#![allow(unsafe_code)]
+
+mod functions;
+mod logger;
+
+use std::cell::Cell;
+use std::ffi::{CStr, CString, c_int, c_void};
+use std::ptr;
+use std::sync::Arc;
+
+use fmu_export::fmi2::c_types::{
+    CO_SIMULATION, Component, EventInfo, FALSE, FmuState, MODEL_EXCHANGE, TRUE, ValueReference,
+};
+
+pub use self::functions::{Functions, NumberType};
+use self::functions::{Instantiate, OfVersion};
+use self::logger::{CallbackFunctions, Receiver, log_message};
+use super::messages::{Message, Status};
+use super::numbers::Numbers;
+
+/// A clock's value when it ticks.
+static TICKS: bool = true;
+/// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
+const LAST_SUCCESSFUL_TIME: c_int = 2;
+/// `fmi2Terminated`, beside it.
+const TERMINATED: c_int = 3;
+
+/// What a function of another interface would give, which nothing calls.
+const MISUSED: c_int = 3;
+
+/// Numbers that a solver reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vector {
+    States,
+    Nominals,
+    Derivatives,
+    Indicators,
+}
+
+/// An instance. It and its saved states stay in one thread.
+pub struct Handle {
+    component: Component,
+    functions: Arc<Functions>,
+    receiver: Box<Receiver>,
+    /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
+    experiment: Cell<(f64, Option<f64>)>,
+    /// The relative tolerance that the FMU is given, if it is.
+    pub(super) tolerance: Cell<Option<f64>>,
+    /// In FMI 3.0, what the last step said.
+    last_step: Cell<LastStep>,
+    /// Whether `Terminate` is due before the instance is freed.
+    steps: Cell<bool>,
+    /// Whether a fatal error occurred, after which the standard forbids any call.
+    is_dead: Cell<bool>,
+    // The FMU may keep pointers to these.
+    _callbacks: Box<CallbackFunctions>,
+    _texts: [CString; 3],
+}
+
+/// What an FMU says after updating its discrete states.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Discrete {
+    /// Whether they need another update.
+    pub needs_update: bool,
+    /// Whether the FMU requests termination.
+    pub terminates: bool,
+    /// The time of its next time event (s).
+    pub next_event: Option<f64>,
+}
+
+/// The results of an FMI 3.0 step besides its status.
+#[derive(Clone, Copy, Default)]
+struct LastStep {
+    /// The time that it has reached (s).
+    time: f64,
+    /// Whether an event is to be handled.
+    has_event: bool,
+    /// Whether the FMU requests termination.
+    terminates: bool,
+}
+
+impl Handle {
+    pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> Result<Self, Vec<Message>> {
+        let receiver = Box::new(Receiver::new());
+        let callbacks = Box::new(CallbackFunctions::new(&receiver));
+        let [name, guid, resources] = texts.each_ref().map(|text| text.as_ptr());
+        let environment = &raw const *receiver;
+        // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance. It is not
+        // visible and sends messages; in FMI 3.0 it returns from no step early, and calls in none.
+        let component = unsafe {
+            match functions.instantiate {
+                Instantiate::Two(instantiate) => {
+                    let kind = if functions.exchange.is_some() { MODEL_EXCHANGE } else { CO_SIMULATION };
+                    instantiate(name, kind, guid, resources, &raw const *callbacks, FALSE, TRUE)
+                }
+                Instantiate::ModelExchange3(instantiate) => {
+                    instantiate(name, guid, resources, false, true, environment, log_message)
+                }
+                Instantiate::CoSimulation3(instantiate) => instantiate(
+                    name,
+                    guid,
+                    resources,
+                    false,
+                    true,
+                    functions.events3.is_some(),
+                    false,
+                    ptr::null(),
+                    0,
+                    environment,
+                    log_message,
+                    ptr::null(),
+                ),
+            }
+        };
+        if component.is_null() {
+            return Err(receiver.take());
+        }
+        Ok(Self {
+            component,
+            functions: Arc::clone(functions),
+            receiver,
+            experiment: Cell::default(),
+            tolerance: Cell::default(),
+            last_step: Cell::default(),
+            steps: Cell::new(false),
+            is_dead: Cell::new(false),
+            _callbacks: callbacks,
+            _texts: texts,
+        })
+    }
+
+    /// The messages since the last call of this function.
+    pub fn take_messages(&self) -> Vec<Message> {
+        self.receiver.take()
+    }
+
+    /// Calls a function, unless the instance is dead.
+    fn call(&self, function: impl FnOnce(Component) -> c_int) -> Status {
+        if self.is_dead.get() {
+            return Status::FATAL;
+        }
+        let status = Status(function(self.component));
+        if status == Status::FATAL {
+            self.is_dead.set(true);
+        }
+        status
+    }
+
+    /// Sets when the experiment starts and stops (s).
+    pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
+        self.experiment.set((start_time, stop_time));
+        let OfVersion::Two(common, _) = &self.functions.of_version else { return Status::OK };
+        let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
+        // SAFETY: the component is alive.
+        self.call(|component| unsafe {
+            let (has_tolerance, tolerance) =
+                self.tolerance.get().map_or((FALSE, 0.0), |tolerance| (TRUE, tolerance));
+            (common.setup_experiment)(component, has_tolerance, tolerance, start_time, is_defined, stop_time)
+        })
+    }
+
+    pub fn enter_initialization_mode(&self) -> Status {
+        let (start_time, stop_time) = self.experiment.get();
+        // SAFETY: the component is alive.
+        self.call(|component| unsafe {
+            match &self.functions.of_version {
+                OfVersion::Two(common, _) => (common.enter_initialization_mode)(component),
+                OfVersion::Three(common, _) => (common.enter_initialization_mode)(
+                    component,
+                    self.tolerance.get().is_some(),
+                    self.tolerance.get().unwrap_or(0.0),
+                    start_time,
+                    stop_time.is_some(),
+                    stop_time.unwrap_or(0.0),
+                ),
+            }
+        })
+    }
+
+    pub fn exit_initialization_mode(&self) -> Status {
+        // SAFETY: the component is alive.
+        let status =
+            self.call(|component| unsafe { (self.functions.common.exit_initialization_mode)(component) });
+        self.steps.set(status.succeeded());
+        status
+    }
+
+    /// Steps. A state that was saved may be restored after it.
+    pub fn do_step(&self, time: f64, size: f64) -> Status {
+        let (mut flags, mut reached) = ([0_u8; 3], f64::NAN);
+        let [event, terminates, early] = &mut flags;
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.call(|component| unsafe {
+            match (&self.functions.step2, &self.functions.step3) {
+                (Some(of), _) => (of.do_step)(component, time, size, FALSE),
+                (_, Some(of)) => {
+                    (of.do_step)(component, time, size, false, event, terminates, early, &raw mut reached)
+                }
+                _ => MISUSED,
+            }
+        });
+        self.last_step.set(LastStep { time: reached, has_event: flags[0] != 0, terminates: flags[1] != 0 });
+        self.steps.set(status.succeeded());
+        status
+    }
+
+    /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
+    pub fn terminates(&self) -> bool {
+        let Some(status) = &self.functions.boolean_status2 else {
+            return self.last_step.get().terminates;
+        };
+        let mut terminates = FALSE;
+        // SAFETY: the component is alive, the place to write to is ours.
+        let status =
+            self.call(|component| unsafe { (status.get)(component, TERMINATED, &raw mut terminates) });
+        status.succeeded() && terminates != FALSE
+    }
+
+    /// After a discarded step or a request for termination: the time reached, if the FMU provides it.
+    pub fn last_successful_time(&self) -> Option<f64> {
+        let mut time = self.last_step.get().time;
+        if !self.functions.is_fmi3() {
+            let get = self.functions.real_status2.as_ref()?.get;
+            // SAFETY: the component is alive, the place to write to is ours.
+            let status =
+                self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
+            if !status.succeeded() {
+                return None;
+            }
+        }
+        Some(time).filter(|time| time.is_finite())
+    }
+
+    /// After a step: whether the FMU has an event to handle.
+    pub fn has_event(&self) -> bool {
+        self.last_step.get().has_event
+    }
+
+    /// Calls a function after initialization.
+    fn run(&self, function: impl FnOnce(Component) -> c_int) -> Status {
+        let status = self.call(function);
+        if !status.succeeded() && status != Status::DISCARD {
+            self.steps.set(false);
+        }
+        status
+    }
+
+    pub fn enter_event_mode(&self) -> Status {
+        // SAFETY: the component is alive.
+        self.run(|component| unsafe {
+            match (&self.functions.exchange, &self.functions.events3) {
+                (Some(exchange), _) => (exchange.enter_event_mode)(component),
+                (_, Some(events)) => (events.enter_event_mode)(component),
+                _ => MISUSED,
+            }
+        })
+    }
+
+    /// Leaves Event Mode, for Continuous-Time Mode or Step Mode.
+    pub fn leave_event_mode(&self) -> Status {
+        // SAFETY: the component is alive.
+        self.run(|component| unsafe {
+            match (&self.functions.exchange, &self.functions.events3) {
+                (Some(exchange), _) => (exchange.enter_continuous_time_mode)(component),
+                (_, Some(events)) => (events.enter_step_mode)(component),
+                _ => MISUSED,
+            }
+        })
+    }
+
+    pub fn update_discrete_states(&self) -> (Status, Discrete) {
+        let (mut info, mut flags, mut next) = (EventInfo::default(), [0_u8; 5], 0.0);
+        let [again, ends, nominals, values, defined] = &mut flags;
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.run(|component| unsafe {
+            match (&self.functions.exchange2, &self.functions.events3) {
+                (Some(of), _) => (of.new_discrete_states)(component, &raw mut info),
+                (_, Some(of)) => (of.update_discrete_states)(
+                    component,
+                    again,
+                    ends,
+                    nominals,
+                    values,
+                    defined,
+                    &raw mut next,
+                ),
+                _ => MISUSED,
+            }
+        });
+        // One of both is untouched.
+        let info_next = (info.next_event_time_defined != FALSE).then_some(info.next_event_time);
+        let discrete = Discrete {
+            needs_update: flags[0] != 0 || info.new_discrete_states_needed != FALSE,
+            terminates: flags[1] != 0 || info.terminate_simulation != FALSE,
+            next_event: info_next.or((flags[4] != 0).then_some(next)),
+        };
+        (status, discrete)
+    }
+
+    /// Lets a clock tick (FMI 3.0).
+    pub fn tick(&self, clock: ValueReference) -> Status {
+        let Some(events) = &self.functions.events3 else { return Status(MISUSED) };
+        // SAFETY: the component is alive, both arrays have one element.
+        self.run(|component| unsafe { (events.set_clock)(component, &raw const clock, 1, &raw const TICKS) })
+    }
+
+    /// A clock's interval in s and its qualifier (FMI 3.0).
+    pub fn interval(&self, clock: ValueReference) -> (Status, f64, c_int) {
+        let (mut interval, mut qualifier) = (0.0, 0);
+        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), interval, qualifier) };
+        // SAFETY: the component is alive, the arrays have one element.
+        let status = self.run(|component| unsafe {
+            (events.get_interval)(component, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
+        });
+        (status, interval, qualifier)
+    }
+
+    /// When a clock first ticks, in s after the start (FMI 3.0).
+    pub fn shift(&self, clock: ValueReference) -> (Status, f64) {
+        let mut shift = 0.0;
+        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), shift) };
+        // SAFETY: the component is alive, both arrays have one element.
+        let status = self
+            .run(|component| unsafe { (events.get_shift)(component, &raw const clock, 1, &raw mut shift) });
+        (status, shift)
+    }
+
+    pub fn set_time(&self, time: f64) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+        // SAFETY: the component is alive.
+        self.run(|component| unsafe { (exchange.set_time)(component, time) })
+    }
+
+    /// Sets all continuous states.
+    pub fn set_states(&self, states: &[f64]) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+        // SAFETY: the component is alive, and the pointer is to as many numbers.
+        self.run(|component| unsafe { (exchange.set_states)(component, states.as_ptr(), states.len()) })
+    }
+
+    /// Gets all numbers of a kind.
+    pub fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Status {
+        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+        let get = match (vector, &self.functions.exchange2, &self.functions.exchange3) {
+            (Vector::States, ..) => exchange.states,
+            (Vector::Nominals, ..) => exchange.nominals,
+            (Vector::Indicators, ..) => exchange.indicators,
+            (_, Some(of), _) => of.derivatives,
+            (_, _, Some(of)) => of.derivatives,
+            _ => return Status(MISUSED),
+        };
+        // SAFETY: the component is alive, and the pointer is to as many numbers.
+        self.run(|component| unsafe { get(component, values.as_mut_ptr(), values.len()) })
+    }
+
+    /// Completes a step of the integrator, from which no earlier state is restored. Returns whether an event follows,
+    /// and whether the FMU requests termination.
+    pub fn completed_integrator_step(&self) -> (Status, [bool; 2]) {
+        let (mut words, mut bytes) = ([FALSE; 2], [0_u8; 2]);
+        let ([event, ends], [event3, ends3]) = (&mut words, &mut bytes);
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
+        let status = self.run(|component| unsafe {
+            match (&self.functions.exchange2, &self.functions.exchange3) {
+                (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
+                (_, Some(of)) => (of.completed_integrator_step)(component, true, event3, ends3),
+                _ => MISUSED,
+            }
+        });
+        // One of both is untouched.
+        (status, [0, 1].map(|flag| words[flag] != FALSE || bytes[flag] != 0))
+    }
+
+    /// The derivatives of unknowns along a direction of the knowns, whose arrays count as a whole.
+    pub fn directional_derivative(
+        &self,
+        unknowns: &[ValueReference],
+        knowns: &[ValueReference],
+        seed: &[f64],
+        derivatives: &mut [f64],
+    ) -> Status {
+        let (of, by) = (unknowns.as_ptr(), knowns.as_ptr());
+        let (of_count, by_count, seeds, count) =
+            (unknowns.len(), knowns.len(), seed.len(), derivatives.len());
+        assert!(of_count <= count && by_count <= seeds, "each reference has its number");
+        let (seed, derivatives) = (seed.as_ptr(), derivatives.as_mut_ptr());
+        // SAFETY: the component is alive, each reference has its number, or in FMI 3.0 the array's, by whose number an
+        // FMU tells whether they are all.
+        let call = |component| unsafe {
+            match (&self.functions.directional2, &self.functions.directional3) {
+                (Some(of_two), _) => (of_two.get)(component, of, of_count, by, by_count, seed, derivatives),
+                (_, Some(of_three)) => {
+                    (of_three.get)(component, of, of_count, by, by_count, seed, seeds, derivatives, count)
+                }
+                _ => MISUSED,
+            }
+        };
+        self.run(call)
+    }
+
+    /// Gets numbers of a type.
+    pub fn get(
+        &self,
+        number_type: NumberType,
+        references: &[ValueReference],
+        values: &mut Numbers,
+    ) -> Status {
+        self.refuse_other_memory(number_type, references, values);
+        let (count, size, address) = (references.len(), values.len(), values.address_to_write());
+        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI
+        // 3.0 the array's, by whose number an FMU tells whether they are all.
+        self.call(|component| unsafe {
+            match &self.functions.of_version {
+                OfVersion::Two(_, numbers) => {
+                    numbers[number_type.0].0(component, references.as_ptr(), count, address)
+                }
+                OfVersion::Three(_, numbers) => {
+                    numbers[number_type.0].0(component, references.as_ptr(), count, address, size)
+                }
+            }
+        })
+    }
+
+    /// Sets numbers of a type.
+    pub fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Status {
+        self.refuse_other_memory(number_type, references, values);
+        let (count, size, address) = (references.len(), values.len(), values.address());
+        // SAFETY: as in `get`.
+        self.call(|component| unsafe {
+            match &self.functions.of_version {
+                OfVersion::Two(_, numbers) => {
+                    numbers[number_type.0].1(component, references.as_ptr(), count, address)
+                }
+                OfVersion::Three(_, numbers) => {
+                    numbers[number_type.0].1(component, references.as_ptr(), count, address, size)
+                }
+            }
+        })
+    }
+
+    fn refuse_other_memory(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) {
+        assert_eq!(values.memory(), self.functions.numbers()[number_type.0].1, "values of this type");
+        assert!(references.len() <= values.len(), "each reference has its value");
+    }
+
+    /// Sets one text.
+    pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Status {
+        let text = value.as_ptr();
+        let texts: *const c_void = (&raw const text).cast();
+        // SAFETY: the component is alive, both arrays have one element.
+        self.call(|component| unsafe {
+            match &self.functions.of_version {
+                OfVersion::Two(common, _) => (common.set_string)(component, &raw const reference, 1, texts),
+                OfVersion::Three(common, _) => {
+                    (common.set_string)(component, &raw const reference, 1, texts, 1)
+                }
+            }
+        })
+    }
+
+    /// Saves the state; none where the FMU has no such function.
+    pub fn get_state(&self) -> Option<(Status, FmuState)> {
+        let get = self.functions.states.as_ref()?.get;
+        let mut state = ptr::null_mut();
+        // SAFETY: the component is alive; a null state asks for a new one.
+        let status = self.call(|component| unsafe { get(component, &raw mut state) });
+        Some((status, state))
+    }
+
+    /// Restores a state; none where the FMU has no such function.
+    pub fn set_state(&self, state: FmuState) -> Option<Status> {
+        let set = self.functions.states.as_ref()?.set;
+        // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
+        let status = self.call(|component| unsafe { set(component, state) });
+        // What a step before made impossible is possible again.
+        self.steps.set(status.succeeded());
+        Some(status)
+    }
+
+    pub fn free_state(&self, mut state: FmuState) {
+        if let Some(states) = &self.functions.states {
+            // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
+            self.call(|component| unsafe { (states.free)(component, &raw mut state) });
+        }
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        if self.steps.get() {
+            // SAFETY: the component is alive.
+            self.call(|component| unsafe { (self.functions.common.terminate)(component) });
+        }
+        if !self.is_dead.get() {
+            // SAFETY: the component is alive, and this is the last call.
+            unsafe { (self.functions.free_instance)(self.component) };
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Event Mode: time events and clocks, in Model Exchange and in co-simulation of FMI 3.0.
+
+use std::ffi::c_int;
+
+use anyhow::{Result, bail};
+use fmu_export::fmi2::c_types::ValueReference;
+use fmu_io::terminal::number;
+
+use super::calls::Calls;
+use super::fmu::{Interface, input_clocks, reference};
+
+/// The most updates of discrete states at one time, and the most events.
+const MOST_ITERATIONS: u32 = 1000;
+/// An event due this shortly after a communication step, relative to the step, belongs to the step: times are subject
+/// to rounding.
+pub const TIME_TOLERANCE: f64 = 1e-9;
+/// `fmi3IntervalChanged`.
+const CHANGED: c_int = 2;
+
+/// The times of an instance's events, and whether it is in Event Mode.
+#[derive(Clone)]
+pub struct EventMode {
+    phase: Phase,
+    /// The time of the FMU's next time event (s).
+    announced: Option<f64>,
+    clocks: Vec<InputClock>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Initialization,
+    EventMode,
+    BetweenEvents,
+}
+
+/// A time-based clock, which ticks when its time has come. Triggered clocks do not: nothing here triggers them.
+#[derive(Clone)]
+struct InputClock {
+    reference: ValueReference,
+    timing: Timing,
+    /// From which ticks are counted (s), and the ticks since.
+    origin: f64,
+    ticks: f64,
+    /// Between ticks (s).
+    interval: f64,
+    /// The next tick (s).
+    next: Option<f64>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Timing {
+    /// At equal intervals.
+    Periodic,
+    /// At intervals that the FMU may change.
+    Changing,
+    /// Once, when the FMU has given an interval.
+    Countdown,
+}
+
+impl EventMode {
+    /// # Errors
+    /// When the value reference of a clock is not a number.
+    pub fn new(calls: &Calls) -> Result<Self> {
+        let mut clocks = vec![];
+        for clock in input_clocks(calls.fmu.description()) {
+            let timing = match clock.interval_variability.as_str() {
+                "constant" | "fixed" => Timing::Periodic,
+                "tunable" | "changing" => Timing::Changing,
+                "countdown" => Timing::Countdown,
+                _ => continue,
+            };
+            let reference = reference(clock)?;
+            clocks.push(InputClock { reference, timing, origin: 0.0, ticks: 0.0, interval: 0.0, next: None });
+        }
+        Ok(Self { phase: Phase::Initialization, announced: None, clocks })
+    }
+
+    /// Learns when periodic clocks tick; in Initialization Mode, at its time (s).
+    pub fn initialize(&mut self, calls: &mut Calls, time: f64) -> Result<()> {
+        for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Countdown) {
+            let (status, interval, _) = calls.handle.interval(clock.reference);
+            calls.check(format_args!("GetIntervalDecimal"), &[], status)?;
+            let (status, shift) = calls.handle.shift(clock.reference);
+            calls.check(format_args!("GetShiftDecimal"), &[], status)?;
+            let is_positive = interval > 0.0 && interval.is_finite();
+            if clock.timing == Timing::Periodic && !is_positive {
+                bail!("{}: a periodic clock has the interval {} s", calls.name, number(interval));
+            }
+            (clock.origin, clock.interval, clock.next) = (time + shift, interval, Some(time + shift));
+        }
+        Ok(())
+    }
+
+    /// Whether the instance is in Event Mode: inputs may have changed.
+    pub fn is_entered(&self) -> bool {
+        self.phase == Phase::EventMode
+    }
+
+    /// When the next event is due (s).
+    pub fn next(&self) -> Option<f64> {
+        let clocks = self.clocks.iter().filter_map(|clock| clock.next);
+        clocks.chain(self.announced).min_by(f64::total_cmp)
+    }
+
+    /// Enters Event Mode after initialization.
+    pub fn enter(&mut self, calls: &mut Calls) -> Result<()> {
+        if self.phase != Phase::BetweenEvents {
+            return Ok(());
+        }
+        let status = calls.handle.enter_event_mode();
+        calls.check(format_args!("EnterEventMode"), &[], status)?;
+        self.phase = Phase::EventMode;
+        Ok(())
+    }
+
+    /// Handles the events at a time (s), clocks that are due a little `late` (s) included, and leaves Event Mode.
+    pub fn handle(&mut self, calls: &mut Calls, time: f64, late: f64) -> Result<()> {
+        self.enter(calls)?;
+        for _ in 0..MOST_ITERATIONS {
+            for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
+                let status = calls.handle.tick(clock.reference);
+                calls.check(format_args!("SetClock"), &[], status)?;
+                clock.has_ticked(time);
+            }
+            let (status, discrete) = calls.handle.update_discrete_states();
+            let function =
+                if calls.fmu.functions.is_fmi3() { "UpdateDiscreteStates" } else { "NewDiscreteStates" };
+            calls.check(format_args!("{function}"), &[], status)?;
+            if discrete.terminates {
+                return calls.end(time);
+            }
+            self.announced = discrete.next_event.filter(|next| next.is_finite());
+            if discrete.needs_update {
+                continue;
+            }
+            for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Periodic) {
+                let (status, interval, qualifier) = calls.handle.interval(clock.reference);
+                calls.check(format_args!("GetIntervalDecimal"), &[], status)?;
+                if qualifier == CHANGED {
+                    clock.interval = interval;
+                    clock.next = match clock.timing {
+                        Timing::Countdown => Some(time + interval),
+                        _ if clock.ticks > 0.0 => Some(clock.origin + interval),
+                        _ => clock.next,
+                    };
+                }
+            }
+            if !self.clocks.iter().any(|clock| clock.is_due(time + late)) {
+                let status = calls.handle.leave_event_mode();
+                let function = match calls.fmu.interface() {
+                    Interface::ModelExchange => "EnterContinuousTimeMode",
+                    Interface::CoSimulation => "EnterStepMode",
+                };
+                calls.check(format_args!("{function}"), &[], status)?;
+                self.phase = Phase::BetweenEvents;
+                return Ok(());
+            }
+        }
+        bail!(
+            "{}: the event at {} s does not end: after {MOST_ITERATIONS} iterations discrete states still change, or \
+             clocks tick",
+            calls.name,
+            number(time)
+        );
+    }
+
+    /// Lets an FMU for co-simulation step, from a time (s) by a size (s), with its events.
+    pub fn co_simulate(&mut self, calls: &mut Calls, start: f64, size: f64) -> Result<()> {
+        let end = start + size;
+        let mut time = start;
+        if self.is_entered() {
+            self.handle(calls, time, 0.0)?;
+        }
+        let late = TIME_TOLERANCE * size;
+        while time < end {
+            let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);
+            calls.do_step(time, next - time)?;
+            time = next;
+            if calls.handle.has_event() || self.next().is_some_and(|due| due <= time + late) {
+                self.handle(calls, time, late)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl InputClock {
+    fn is_due(&self, time: f64) -> bool {
+        self.next.is_some_and(|next| next <= time)
+    }
+
+    /// Sets the next tick.
+    fn has_ticked(&mut self, time: f64) {
+        match self.timing {
+            Timing::Periodic => self.ticks += 1.0,
+            Timing::Changing => (self.origin, self.ticks) = (self.next.unwrap_or(time), 1.0),
+            Timing::Countdown => return self.next = None,
+        }
+        self.next = (self.interval > 0.0).then_some(self.origin + self.ticks * self.interval);
+    }
+}

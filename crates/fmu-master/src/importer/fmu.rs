@@ -1,0 +1,259 @@
+//! FMUs, extracted and loaded for one of their interfaces.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use anyhow::{Context, Error, Result, bail};
+use fmu_export::fmi2::c_types::ValueReference;
+use fmu_io::reading;
+use fmu_io::temporary::Folder;
+use fmu_package::library::refuse_cut_short;
+use fmu_package::{FmuDescription, FmuVariable, Linear, Platform, Translation};
+use fmu_terms::like;
+
+use super::c_boundary::Functions;
+use super::folder::extract;
+use crate::name_map::NameMap;
+
+/// The capability flag of FMUs with a single instance per process, for [`Fmu::has_capability`].
+pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
+
+/// How an FMU is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Interface {
+    /// The FMU steps itself.
+    CoSimulation,
+    /// This crate integrates the FMU's states and handles its events.
+    ModelExchange,
+}
+
+impl Interface {
+    /// The element of modelDescription.xml that declares it.
+    fn element(self) -> &'static str {
+        match self {
+            Self::CoSimulation => "CoSimulation",
+            Self::ModelExchange => "ModelExchange",
+        }
+    }
+}
+
+impl FromStr for Interface {
+    type Err = Error;
+
+    /// The interface that `cs` or `me` stands for.
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "cs" => Ok(Self::CoSimulation),
+            "me" => Ok(Self::ModelExchange),
+            _ => bail!("expected cs for co-simulation or me for Model Exchange"),
+        }
+    }
+}
+
+impl fmt::Display for Interface {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::CoSimulation => "co-simulation",
+            Self::ModelExchange => "Model Exchange",
+        })
+    }
+}
+
+/// An FMU of FMI 2.0 or 3.0, extracted to a temporary folder and loaded. Its folder and library stay until it and its
+/// instances are dropped.
+pub struct Fmu {
+    path: PathBuf,
+    interface: Interface,
+    description: FmuDescription,
+    /// The conversions from the FMU's values, by name.
+    pub(super) conversions: BTreeMap<String, Linear>,
+    /// Of Model Exchange.
+    pub(super) states: Arc<[State]>,
+    /// Whether events are handled: in Model Exchange, and for clocks.
+    pub(super) has_event_mode: bool,
+    pub(super) functions: Arc<Functions>,
+    // Dropped after the library in it.
+    pub(super) folder: Arc<Folder>,
+}
+
+/// A continuous state.
+pub struct State {
+    pub name: String,
+    pub reference: ValueReference,
+    pub derivative: ValueReference,
+}
+
+impl Fmu {
+    /// Extracts an FMU, reads its description and loads its library: for co-simulation if it offers that, else for
+    /// Model Exchange.
+    ///
+    /// # Errors
+    /// When there is no such file, it is not an FMU, it has neither interface or is not for this platform, its version
+    /// of FMI is neither 2.0 nor 3.0, or its library cannot be loaded; the message names the file.
+    pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
+        Self::open_with(path, None, None)
+    }
+
+    /// The same for the given interface, if there is one, and with other names and units if there is a map.
+    ///
+    /// # Errors
+    /// Those of [`Fmu::open`] and of the map, or when the FMU does not have the interface.
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        interface: Option<Interface>,
+        map: Option<&dyn NameMap>,
+    ) -> Result<Arc<Self>> {
+        let path = path.as_ref();
+        let fmu = Self::open_anonymous(path, interface);
+        let fmu = Arc::new(fmu.with_context(|| format!("cannot import {}", path.display()))?);
+        let Some(map) = map else { return Ok(fmu) };
+        let translation = map.translation(&fmu.description).with_context(|| path.display().to_string())?;
+        Ok(fmu.translated(translation))
+    }
+
+    fn open_anonymous(path: &Path, interface: Option<Interface>) -> Result<Self> {
+        if !path.exists() {
+            bail!("there is no such file");
+        }
+        let folder = extract(path)?;
+        let description = folder.path().join("modelDescription.xml");
+        if !description.is_file() {
+            bail!("there is no modelDescription.xml in it");
+        }
+        let description = FmuDescription::parse(&reading::text(&description)?)
+            .and_then(FmuDescription::scalars)
+            .context("its modelDescription.xml is broken")?;
+        let version = description.attribute("fmiVersion");
+        let is_fmi3 = description.is_fmi3();
+        if !version.starts_with("2.") && !is_fmi3 {
+            bail!("it is one of FMI {version}; only FMI 2.0 and 3.0 are supported");
+        }
+        let (interface, identifier) = chosen(&description, interface)?;
+        let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
+        let name = platform.library_path(identifier, is_fmi3);
+        let library = folder.path().join(&name);
+        if !library.is_file() {
+            bail!("it has no {name}: it is not for this platform");
+        }
+        refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
+        let is_exchange = interface == Interface::ModelExchange;
+        let has_event_mode = is_exchange || needs_event_mode(&description)?;
+        let states = if is_exchange { states(&description)? } else { vec![] };
+        let functions = Functions::load(&library, is_fmi3, is_exchange, has_event_mode)?;
+        Ok(Self {
+            path: path.to_owned(),
+            interface,
+            description,
+            states: states.into(),
+            has_event_mode,
+            conversions: BTreeMap::new(),
+            functions: Arc::new(functions),
+            folder: Arc::new(folder),
+        })
+    }
+
+    /// The FMU in other names and units, which replace its own from here on. Both share the loaded library.
+    #[must_use]
+    pub fn translated(&self, translation: Translation) -> Arc<Self> {
+        let mut conversions = translation.conversions;
+        conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
+        Arc::new(Self {
+            path: self.path.clone(),
+            interface: self.interface,
+            states: Arc::clone(&self.states),
+            has_event_mode: self.has_event_mode,
+            description: translation.description,
+            conversions,
+            functions: Arc::clone(&self.functions),
+            folder: Arc::clone(&self.folder),
+        })
+    }
+
+    /// Its modelDescription.xml: variables, units, capabilities, default experiment. Elements of arrays are variables.
+    #[must_use]
+    pub fn description(&self) -> &FmuDescription {
+        &self.description
+    }
+
+    /// The interface that it is loaded for.
+    #[must_use]
+    pub fn interface(&self) -> Interface {
+        self.interface
+    }
+
+    /// Whether it declares a capability flag for its [interface](Self::interface), such as [`ONLY_ONCE`].
+    #[must_use]
+    pub fn has_capability(&self, flag: &str) -> bool {
+        self.description.has_capability(self.interface.element(), flag)
+    }
+
+    /// A variable, by its name.
+    ///
+    /// # Errors
+    /// When there is none; the message has the nearest name.
+    pub fn variable(&self, name: &str) -> Result<&FmuVariable> {
+        self.description.variable(name).with_context(|| {
+            let names = self.description.variables.iter().map(|variable| variable.name.as_str());
+            format!("{} has no variable {name}{}", self.path.display(), like(name, names))
+        })
+    }
+
+    /// The names of the variables of a causality, such as `input` or `output`, in the FMU's order.
+    pub fn names<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a str> {
+        self.description.of_causality(causality).map(|variable| variable.name.as_str())
+    }
+}
+
+/// Its value reference as a number.
+pub(super) fn reference(variable: &FmuVariable) -> Result<ValueReference> {
+    variable.value_reference.parse().with_context(|| {
+        format!("the value reference of {} is '{}'", variable.name, variable.value_reference)
+    })
+}
+
+/// The interface to run an FMU by, and the identifier of its library.
+fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(Interface, &str)> {
+    let offered = |interface: Interface| {
+        let identifier = description.identifier(interface.element());
+        identifier.map(|identifier| (interface, identifier))
+    };
+    let both = [Interface::CoSimulation, Interface::ModelExchange];
+    let found = match wanted {
+        Some(interface) => offered(interface),
+        None => both.into_iter().find_map(offered),
+    };
+    let others: Vec<_> = both.into_iter().filter_map(offered).map(|(other, _)| other.to_string()).collect();
+    found.with_context(|| match (wanted, others.first()) {
+        (Some(interface), Some(other)) => format!("it is not for {interface}, only for {other}"),
+        _ if description.interface("ScheduledExecution").is_some() => {
+            "it is for Scheduled Execution alone: it needs a scheduler of its clocks".to_owned()
+        }
+        _ => "it is neither for co-simulation nor for Model Exchange".to_owned(),
+    })
+}
+
+/// Whether co-simulation needs Event Mode: for clocks.
+fn needs_event_mode(description: &FmuDescription) -> Result<bool> {
+    let Some(clock) = input_clocks(description).next() else { return Ok(false) };
+    if !description.has_capability(Interface::CoSimulation.element(), "hasEventMode") {
+        bail!("its clock {} needs Event Mode, which it does not have in co-simulation", clock.name);
+    }
+    Ok(true)
+}
+
+/// The clocks that the importer lets tick.
+pub(super) fn input_clocks(description: &FmuDescription) -> impl Iterator<Item = &FmuVariable> {
+    description.of_causality("input").filter(|variable| variable.data_type == "Clock")
+}
+
+fn states(description: &FmuDescription) -> Result<Vec<State>> {
+    let states = description.continuous_states().context("its modelDescription.xml is broken")?;
+    let named = |[state, derivative]: [&FmuVariable; 2]| {
+        let [reference, derivative] = [reference(state)?, reference(derivative)?];
+        Ok(State { name: state.name.clone(), reference, derivative })
+    };
+    states.into_iter().map(named).collect()
+}

@@ -1,0 +1,340 @@
+//! Instances: initialization, steps, values and saved states.
+
+use std::ffi::CString;
+use std::path::MAIN_SEPARATOR;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use fmu_export::fmi2::c_types::FmuState;
+use fmu_package::{FmuVariable, ParameterSet, Value};
+
+use super::c_boundary::Handle;
+use super::calls::Calls;
+use super::event_mode::EventMode;
+use super::fmu::{Fmu, Interface, reference};
+use super::folder;
+use super::integration::Integration;
+use super::messages::{self, CallFailed, Message};
+use super::selection::{Group, Selection};
+
+impl Fmu {
+    /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`](super::ONLY_ONCE) allows one per process.
+    ///
+    /// # Errors
+    /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
+    pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
+        let resources = self.folder.path().join("resources");
+        let instantiate = match self.interface() {
+            Interface::CoSimulation => "fmi3InstantiateCoSimulation",
+            Interface::ModelExchange => "fmi3InstantiateModelExchange",
+        };
+        let (function, resources) = if self.description().is_fmi3() {
+            (instantiate, format!("{}{MAIN_SEPARATOR}", resources.display()))
+        } else {
+            ("fmi2Instantiate", folder::uri(&resources))
+        };
+        let texts = [name, self.description().guid(), &resources].map(CString::new);
+        let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
+            bail!("the name {name:?} holds a zero byte")
+        };
+        match Handle::new(&self.functions, [name_text, guid, resources]) {
+            Ok(handle) => {
+                let calls = Calls::new(Arc::clone(self), name, handle);
+                let events = self.has_event_mode.then(|| EventMode::new(&calls)).transpose()?;
+                Ok(Instance { calls, events, integration: None })
+            }
+            Err(messages) => bail!(CallFailed {
+                instance: name.to_owned(),
+                function: function.to_owned(),
+                variables: vec![],
+                time: None,
+                status: None,
+                last_successful_time: None,
+                messages: messages::telling(messages, self.description()),
+            }),
+        }
+    }
+}
+
+/// An instance of an [`Fmu`], bound to the thread that created it. Dropping it terminates and frees it.
+///
+/// The order of calls is that of FMI: [`set_up`](Self::set_up), [`enter_initialization`](Self::enter_initialization),
+/// [`exit_initialization`](Self::exit_initialization), and then [`step`](Self::step) for each communication step.
+/// Values may be set at any point that the variable allows.
+///
+/// Each call fails with a [`CallFailed`] when the FMU does not return `fmi2OK` or `fmi2Warning`. After a fatal error
+/// the FMU is not called again.
+pub struct Instance {
+    pub(super) calls: Calls,
+    /// In Model Exchange, and for clocks.
+    events: Option<EventMode>,
+    /// In Model Exchange, once initialized.
+    integration: Option<Integration>,
+}
+
+/// A saved state, which the instance can restore any number of times.
+pub struct SavedState {
+    state: FmuState,
+    handle: Rc<Handle>,
+    time: Option<f64>,
+    events: Option<EventMode>,
+    integration: Option<Integration>,
+}
+
+impl Drop for SavedState {
+    fn drop(&mut self) {
+        self.handle.free_state(self.state);
+    }
+}
+
+impl Instance {
+    /// Its name, with which error messages begin.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.calls.name
+    }
+
+    /// The FMU's warnings since the last call of this function, the oldest first.
+    pub fn take_warnings(&mut self) -> Vec<Message> {
+        self.calls.take_warnings()
+    }
+
+    /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]; in Model Exchange of this
+    /// crate's, which is [`DEFAULT_TOLERANCE`](fmu_export::DEFAULT_TOLERANCE) if none is given.
+    pub fn set_tolerance(&mut self, tolerance: Option<f64>) {
+        self.calls.handle.tolerance.set(tolerance);
+    }
+
+    /// Sets the experiment's times (s); values may be set before. FMUs of FMI 3.0 get them on
+    /// [entering initialization](Self::enter_initialization).
+    ///
+    /// # Errors
+    /// When the call fails.
+    pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
+        let status = self.calls.handle.setup_experiment(start_time, stop_time);
+        self.calls.check(format_args!("SetupExperiment"), &[], status)?;
+        self.calls.time = Some(start_time);
+        Ok(())
+    }
+
+    /// Begins the initialization, in which outputs can be read and inputs set.
+    ///
+    /// # Errors
+    /// When the call fails.
+    pub fn enter_initialization(&mut self) -> Result<()> {
+        let status = self.calls.handle.enter_initialization_mode();
+        self.calls.check(format_args!("EnterInitializationMode"), &[], status)
+    }
+
+    /// Ends the initialization; steps follow.
+    ///
+    /// # Errors
+    /// When the call fails.
+    pub fn exit_initialization(&mut self) -> Result<()> {
+        let Self { calls, events, integration } = self;
+        let time = calls.time.unwrap_or(0.0);
+        if let Some(events) = &mut *events {
+            events.initialize(calls, time)?;
+        }
+        let status = calls.handle.exit_initialization_mode();
+        calls.check(format_args!("ExitInitializationMode"), &[], status)?;
+        match (&mut *events, calls.fmu.interface()) {
+            (Some(events), Interface::ModelExchange) => {
+                *integration = Some(Integration::begin(calls, events, time)?);
+                Ok(())
+            }
+            (Some(events), Interface::CoSimulation) => events.handle(calls, time, 0.0),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// Initializes an experiment with the values set so far: [`set_up`](Self::set_up),
+    /// [`enter_initialization`](Self::enter_initialization) and [`exit_initialization`](Self::exit_initialization).
+    ///
+    /// # Errors
+    /// When a call fails.
+    pub fn initialize(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
+        self.set_up(start_time, stop_time)?;
+        self.enter_initialization()?;
+        self.exit_initialization()
+    }
+
+    /// Steps from a time (s) by a size (s). In Model Exchange the states are integrated over the step, with the inputs
+    /// held and events handled at their times.
+    ///
+    /// # Errors
+    /// [`Ended`](super::Ended) when the FMU asks for the end of the simulation; its values are then those at the end.
+    /// Otherwise when a call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached.
+    pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
+        let Self { calls, events, integration } = self;
+        match (events, integration) {
+            (Some(events), Some(integration)) => integration.step(calls, events, time, size),
+            (Some(events), None) => events.co_simulate(calls, time, size),
+            (None, _) => calls.do_step(time, size),
+        }
+    }
+
+    /// Before a value is set: between events, in Event Mode.
+    fn prepare_to_set(&mut self) -> Result<()> {
+        match &mut self.events {
+            Some(events) => events.enter(&mut self.calls),
+            None => Ok(()),
+        }
+    }
+
+    /// Rejects a selection of another FMU.
+    fn refuse_other(&self, selection: &Selection) -> Result<()> {
+        if Arc::ptr_eq(&selection.functions, &self.calls.fmu.functions) {
+            return Ok(());
+        }
+        bail!("{}: the variables were selected from another FMU", self.calls.name)
+    }
+
+    /// Reads variables, one value for each name of the selection. Allocates nothing.
+    ///
+    /// # Errors
+    /// When the selection is of another FMU, or a call fails.
+    ///
+    /// # Panics
+    /// When there are fewer values than names.
+    pub fn read(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
+        self.refuse_other(selection)?;
+        for group in &mut selection.groups {
+            self.read_group(group, &selection.names)?;
+            group.scatter(values);
+        }
+        Ok(())
+    }
+
+    fn read_group(&mut self, group: &mut Group, names: &[String]) -> Result<()> {
+        let status = self.calls.handle.get(group.number_type, &group.references, &mut group.values);
+        self.calls.check(format_args!("Get{}", group.function), names, status)
+    }
+
+    /// Sets variables, one value for each name of the selection. An Integer becomes the nearest whole number, a Boolean
+    /// true from 0.5 on. Elements of an array that are not selected stay.
+    ///
+    /// # Errors
+    /// When the selection is of another FMU, or a call fails.
+    ///
+    /// # Panics
+    /// When there are fewer values than names.
+    pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
+        self.refuse_other(selection)?;
+        self.prepare_to_set()?;
+        for group in &mut selection.groups {
+            // Elements not selected keep their values.
+            if !group.arrays.is_empty() {
+                self.read_group(group, &selection.names)?;
+            }
+            group.gather(values);
+            let status = self.calls.handle.set(group.number_type, &group.references, &group.values);
+            self.calls.check(format_args!("Set{}", group.function), &selection.names, status)?;
+        }
+        Ok(())
+    }
+
+    /// The current value of a numeric variable, in the unit that the FMU declares. [`Instance::read`] resolves names
+    /// only once.
+    ///
+    /// # Errors
+    /// When there is no numeric variable of this name, or the call fails.
+    pub fn get(&mut self, name: &str) -> Result<f64> {
+        let mut value = [0.0];
+        let mut selection = self.calls.fmu.select([name])?;
+        self.read(&mut selection, &mut value)?;
+        Ok(value[0])
+    }
+
+    /// Sets a variable to a value of its type, in its unit or one that converts to it. An Enumeration takes the name of
+    /// an item or its number. A number is in the unit that the FMU declares.
+    ///
+    /// # Errors
+    /// When there is no variable of this name, the value does not fit its type or unit, or the call fails.
+    pub fn set(&mut self, name: &str, value: impl Into<Value>) -> Result<()> {
+        let fmu = Arc::clone(&self.calls.fmu);
+        let variable = fmu.variable(name)?;
+        self.set_fitted(variable, &value.into().fit(variable, &[], fmu.description())?)
+    }
+
+    /// Sets the variables of a parameter set (SSP), converted to their units.
+    ///
+    /// # Errors
+    /// When the set does not [fit](ParameterSet::fit) the FMU, in which case nothing is set, or a call fails.
+    pub fn set_parameters(&mut self, set: &ParameterSet) -> Result<()> {
+        let fmu = Arc::clone(&self.calls.fmu);
+        let fitted =
+            set.fit(fmu.description()).with_context(|| format!("the parameter set '{}'", set.name))?;
+        fitted
+            .parameters
+            .iter()
+            .try_for_each(|parameter| self.set_fitted(fmu.variable(&parameter.name)?, &parameter.value))
+    }
+
+    /// Sets a variable to a fitting value.
+    fn set_fitted(&mut self, variable: &FmuVariable, value: &Value) -> Result<()> {
+        let name = &variable.name;
+        let number = match value {
+            Value::Real(value, _) => *value,
+            Value::Integer(value) => f64::from(*value),
+            Value::Boolean(value) => f64::from(u8::from(*value)),
+            Value::Enumeration(item) => {
+                let enumeration = self.calls.fmu.description().enumeration(&variable.declared_type);
+                let items = enumeration.map_or(&[] as &[_], |known| known.items.as_slice());
+                let number = items.iter().find(|(known, _)| known == item).map(|(_, number)| *number);
+                f64::from(number.with_context(|| format!("{name} has no item {item}"))?)
+            }
+            Value::String(value) => {
+                if variable.element.is_some() {
+                    bail!("{name} is in an array of texts, which cannot be set");
+                }
+                let text =
+                    CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
+                self.prepare_to_set()?;
+                let status = self.calls.handle.set_string(reference(variable)?, &text);
+                return self.calls.check(format_args!("SetString"), std::slice::from_ref(name), status);
+            }
+        };
+        let mut selection = self.calls.fmu.select([name.as_str()])?;
+        self.write(&mut selection, &[number])
+    }
+
+    /// Saves the state of the FMU.
+    ///
+    /// # Errors
+    /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
+    pub fn save(&mut self) -> Result<SavedState> {
+        let Some((status, state)) = self.calls.handle.get_state() else {
+            bail!("{}: the FMU cannot save its state", self.calls.name);
+        };
+        let word = self.calls.fmu.functions.state();
+        self.calls.check(format_args!("Get{word}"), &[], status)?;
+        Ok(SavedState {
+            state,
+            handle: Rc::clone(&self.calls.handle),
+            time: self.calls.time,
+            events: self.events.clone(),
+            integration: self.integration.clone(),
+        })
+    }
+
+    /// Restores a state that this instance saved.
+    ///
+    /// # Errors
+    /// When the state is another instance's, the FMU cannot restore states, or the call fails.
+    pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
+        if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
+            bail!("{}: the state is another instance's", self.calls.name);
+        }
+        let Some(status) = self.calls.handle.set_state(saved.state) else {
+            bail!("{}: the FMU cannot restore its state", self.calls.name);
+        };
+        let word = self.calls.fmu.functions.state();
+        self.calls.check(format_args!("Set{word}"), &[], status)?;
+        self.calls.time = saved.time;
+        self.events.clone_from(&saved.events);
+        self.integration.clone_from(&saved.integration);
+        Ok(())
+    }
+}

@@ -1,0 +1,324 @@
+//! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
+
+use anyhow::{Error, Result, bail};
+use fmu_export::fmi2::c_types::ValueReference;
+use fmu_export::integrator::{Integrator, System, Tolerance};
+use fmu_export::search::{Trajectory, first_event};
+use fmu_export::{DEFAULT_TOLERANCE, Events};
+use fmu_io::terminal::number;
+
+use super::c_boundary::Vector;
+use super::calls::Calls;
+use super::event_mode::{EventMode, TIME_TOLERANCE};
+use super::messages::{CallFailed, Status};
+
+/// The most trials and events in a communication step, which must end.
+const MOST_TRIALS: u32 = 100_000;
+
+/// The solution of an instance's equations up to now.
+#[derive(Clone)]
+pub struct Integration {
+    integrator: Integrator,
+    /// The signs of the event indicators.
+    events: Events,
+    /// The longest time between two points that are searched for events (s).
+    look: f64,
+    /// The time of the last event or step (s).
+    time: f64,
+    states: Vec<f64>,
+    nominals: Vec<f64>,
+    equations: Equations,
+}
+
+/// What evaluates an FMU's equations.
+#[derive(Clone)]
+struct Equations {
+    /// The references of the derivatives and of the states, arrays as a whole; empty where the FMU has no directional
+    /// derivatives.
+    derivatives: Vec<ValueReference>,
+    states: Vec<ValueReference>,
+    /// A direction of the states, or states beside those of interest.
+    direction: Vec<f64>,
+    /// Derivatives there.
+    along: Vec<f64>,
+    /// Derivatives at the states of interest.
+    here: Vec<f64>,
+    indicators: Vec<f64>,
+}
+
+impl Integration {
+    /// Begins after the initialization, at its time (s), with the initial event.
+    pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
+        let indicators = calls.fmu.description().number_of_event_indicators()?;
+        let size = calls.fmu.states.len();
+        let flag = if calls.fmu.functions.is_fmi3() {
+            "providesDirectionalDerivatives"
+        } else {
+            "providesDirectionalDerivative"
+        };
+        let (mut derivatives, mut states) = (vec![], vec![]);
+        if calls.fmu.has_capability(flag) {
+            derivatives.extend(calls.fmu.states.iter().map(|state| state.derivative));
+            states.extend(calls.fmu.states.iter().map(|state| state.reference));
+            derivatives.dedup();
+            states.dedup();
+        }
+        let mut begun = Self {
+            integrator: Integrator::new(size),
+            events: Events::new(indicators),
+            look: f64::INFINITY,
+            time,
+            states: vec![0.0; size],
+            nominals: vec![1.0; size],
+            equations: Equations {
+                derivatives,
+                states,
+                direction: vec![0.0; size],
+                along: vec![0.0; size],
+                here: vec![0.0; size],
+                indicators: vec![0.0; indicators],
+            },
+        };
+        begun.handle(calls, events, time, true)?;
+        Ok(begun)
+    }
+
+    /// Handles an event at a time (s), at which the solution turns sharply or only inputs may have.
+    fn handle(&mut self, calls: &mut Calls, events: &mut EventMode, time: f64, is_sharp: bool) -> Result<()> {
+        events.handle(calls, time, 0.0)?;
+        self.time = time;
+        let before = &mut self.equations.direction;
+        before.copy_from_slice(&self.states);
+        calls.get_vector(Vector::States, &mut self.states)?;
+        if is_sharp || *before != self.states {
+            self.integrator.restart();
+        }
+        calls.get_vector(Vector::Nominals, &mut self.nominals)?;
+        for nominal in &mut self.nominals {
+            *nominal = if *nominal == 0.0 || !nominal.is_finite() { 1.0 } else { nominal.abs() };
+        }
+        read_indicators(calls, &mut self.equations.indicators, time)?;
+        let Self { events, equations, .. } = self;
+        Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&equations.indicators))?)
+    }
+
+    /// Steps from a time (s) by a size (s).
+    pub fn step(&mut self, calls: &mut Calls, events: &mut EventMode, start: f64, size: f64) -> Result<()> {
+        let (end, late) = (start + size, TIME_TOLERANCE * size);
+        let relative = calls.handle.tolerance.get().unwrap_or(DEFAULT_TOLERANCE);
+        // The last event may have been handled a little late.
+        let mut place = (self.time - start).max(0.0);
+        let mut has_event = false;
+        let mut trials = 0;
+        if events.is_entered() {
+            self.handle(calls, events, self.time, false)?;
+        }
+        loop {
+            let due = events.next().filter(|due| *due <= end + late);
+            let is_due = due.is_some_and(|due| due - start <= place || place >= size);
+            if has_event || is_due {
+                trials += 1;
+                let mut time = self.time;
+                if let Some(due) = due.filter(|due| is_due && *due > time) {
+                    time = due;
+                    calls.go_to(time, &self.states)?;
+                }
+                self.handle(calls, events, time, true)?;
+                has_event = false;
+            } else if place >= size {
+                break;
+            } else {
+                let target = due.map(|due| due - start).filter(|due| *due < size - late).unwrap_or(size);
+                let mut solved = Solved {
+                    calls: &mut *calls,
+                    equations: &mut self.equations,
+                    nominals: &self.nominals,
+                    start,
+                    size,
+                    failure: None,
+                };
+                let tolerance = Tolerance { relative, nominals: &self.nominals };
+                let step =
+                    self.integrator.step(&mut solved, (place, target), &self.states, &tolerance, &mut trials);
+                let failure = solved.failure.take();
+                let reached = match (step, failure) {
+                    (Ok(reached), None) => reached,
+                    (Ok(reached), Some(failure)) if is_discarded(&failure) => reached,
+                    (_, Some(failure)) => return Err(failure),
+                    (Err(failure), None) => bail!(
+                        "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
+                         {relative:?}, or its derivative is not finite",
+                        calls.name,
+                        number(self.time),
+                        calls.fmu.states[failure.state].name
+                    ),
+                };
+                let mut path = Path {
+                    solved,
+                    integrator: &mut self.integrator,
+                    events: &mut self.events,
+                    states: &mut self.states,
+                    look: &mut self.look,
+                    place,
+                };
+                has_event = if path.solved.equations.indicators.is_empty() {
+                    path.go_to(reached)?
+                } else {
+                    first_event(&mut path, start, (place, reached), &mut trials)?
+                };
+                place = path.place;
+                self.time = path.solved.time(place);
+                let (status, [event, terminates]) = calls.handle.completed_integrator_step();
+                calls.check(format_args!("CompletedIntegratorStep"), &[], status)?;
+                if terminates {
+                    return calls.end(self.time);
+                }
+                has_event |= event;
+            }
+            if trials > MOST_TRIALS {
+                bail!(
+                    "{}: the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events",
+                    calls.name,
+                    number(start),
+                    number(self.time)
+                );
+            }
+        }
+        calls.time = Some(end);
+        Ok(())
+    }
+}
+
+/// Reads the event indicators, which have signs only if they are finite.
+fn read_indicators(calls: &mut Calls, indicators: &mut [f64], time: f64) -> Result<()> {
+    calls.get_vector(Vector::Indicators, indicators)?;
+    match indicators.iter().position(|indicator| !indicator.is_finite()) {
+        Some(wrong) => bail!(
+            "{}: the event indicator {} is {} at {} s",
+            calls.name,
+            wrong + 1,
+            indicators[wrong],
+            number(time)
+        ),
+        None => Ok(()),
+    }
+}
+
+/// Whether the FMU asks for a shorter step.
+fn is_discarded(error: &Error) -> bool {
+    error.downcast_ref::<CallFailed>().is_some_and(|failed| failed.status == Some(Status::DISCARD))
+}
+
+/// The equations in a communication step.
+struct Solved<'a> {
+    calls: &'a mut Calls,
+    equations: &'a mut Equations,
+    nominals: &'a [f64],
+    /// The communication step (s).
+    start: f64,
+    size: f64,
+    /// The last call that failed.
+    failure: Option<Error>,
+}
+
+impl Solved<'_> {
+    /// The time at a place in the communication step (s).
+    fn time(&self, place: f64) -> f64 {
+        self.start + place.min(self.size)
+    }
+
+    fn differentiate(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        jacobian: &mut [f64],
+        by_time: &mut [f64],
+    ) -> Result<()> {
+        let (size, calls) = (states.len(), &mut *self.calls);
+        let Equations { derivatives: of, states: by, direction, along, here, .. } = &mut *self.equations;
+        evaluate(calls, time, states, here)?;
+        for column in 0..size {
+            let change = if by.is_empty() {
+                direction.copy_from_slice(states);
+                direction[column] += f64::EPSILON.sqrt() * states[column].abs().max(self.nominals[column]);
+                evaluate(calls, time, direction, along)?;
+                along.iter_mut().zip(&*here).for_each(|(along, here)| *along -= here);
+                direction[column] - states[column]
+            } else {
+                direction.fill(0.0);
+                direction[column] = 1.0;
+                let status = calls.handle.directional_derivative(of, by, direction, along);
+                calls.check(format_args!("GetDirectionalDerivative"), &[], status)?;
+                1.0
+            };
+            for (row, along) in along.iter().enumerate() {
+                jacobian[row * size + column] = along / change;
+            }
+        }
+        let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
+        evaluate(calls, later, states, along)?;
+        for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
+            *by_time = (along - here) / (later - time);
+        }
+        Ok(())
+    }
+
+    /// Keeps the error of a call; without its values the integrator takes a shorter step.
+    fn keep(&mut self, result: Result<()>, values: &mut [f64]) {
+        if let Err(error) = result {
+            self.failure = Some(error);
+            values.fill(f64::NAN);
+        }
+    }
+}
+
+/// The derivatives at a time (s).
+fn evaluate(calls: &mut Calls, time: f64, states: &[f64], derivatives: &mut [f64]) -> Result<()> {
+    calls.go_to(time, states)?;
+    calls.get_vector(Vector::Derivatives, derivatives)
+}
+
+impl System for Solved<'_> {
+    fn derivatives(&mut self, place: f64, states: &[f64], derivatives: &mut [f64]) {
+        let result = evaluate(self.calls, self.time(place), states, derivatives);
+        self.keep(result, derivatives);
+    }
+
+    fn linearize(&mut self, place: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+        let result = self.differentiate(self.time(place), states, jacobian, by_time);
+        self.keep(result, by_time);
+    }
+}
+
+/// The last step of the integrator, along which events are searched.
+struct Path<'a> {
+    solved: Solved<'a>,
+    integrator: &'a mut Integrator,
+    events: &'a mut Events,
+    states: &'a mut [f64],
+    look: &'a mut f64,
+    place: f64,
+}
+
+impl Trajectory for Path<'_> {
+    type Error = Error;
+
+    fn events(&mut self) -> &mut Events {
+        self.events
+    }
+
+    fn look(&mut self) -> &mut f64 {
+        self.look
+    }
+
+    fn go_to(&mut self, place: f64) -> Result<bool> {
+        self.place = place;
+        self.integrator.states_at(place, self.states);
+        let time = self.solved.time(place);
+        let Solved { calls, equations, .. } = &mut self.solved;
+        calls.go_to(time, self.states)?;
+        read_indicators(calls, &mut equations.indicators, time)?;
+        let read = |indicators: &mut [f64]| indicators.copy_from_slice(&equations.indicators);
+        Ok(self.events.find_changes(time, &[], read)?)
+    }
+}

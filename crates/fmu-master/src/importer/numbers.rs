@@ -1,0 +1,132 @@
+//! Numbers in the types that FMUs read and write.
+
+use std::ffi::c_void;
+
+/// Declares a type of numbers for each kind of memory that an FMU reads and writes.
+macro_rules! numbers {
+    ($($memory:ident($number:ty)),*) => {
+        /// Numbers of one type, as an FMU reads and writes them.
+        pub enum Numbers {
+            $($memory(Vec<$number>)),*
+        }
+
+        /// Their type.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Memory {
+            $($memory),*
+        }
+
+        impl Numbers {
+            pub fn new(memory: Memory) -> Self {
+                match memory {
+                    $(Memory::$memory => Self::$memory(vec![])),*
+                }
+            }
+
+            pub fn memory(&self) -> Memory {
+                match self {
+                    $(Self::$memory(_) => Memory::$memory),*
+                }
+            }
+
+            pub fn len(&self) -> usize {
+                match self {
+                    $(Self::$memory(values) => values.len()),*
+                }
+            }
+
+            /// Appends zeros.
+            pub fn extend(&mut self, count: usize) {
+                match self {
+                    $(Self::$memory(values) => values.resize(values.len() + count, <$number>::default())),*
+                }
+            }
+
+            pub fn get(&self, index: usize) -> f64 {
+                match self {
+                    $(Self::$memory(values) => values[index].to_real()),*
+                }
+            }
+
+            pub fn set(&mut self, index: usize, value: f64) {
+                match self {
+                    $(Self::$memory(values) => values[index] = <$number>::of_real(value)),*
+                }
+            }
+
+            pub fn address(&self) -> *const c_void {
+                match self {
+                    $(Self::$memory(values) => values.as_ptr().cast()),*
+                }
+            }
+
+            pub fn address_to_write(&mut self) -> *mut c_void {
+                match self {
+                    $(Self::$memory(values) => values.as_mut_ptr().cast()),*
+                }
+            }
+        }
+    };
+}
+
+numbers! {
+    F64(f64), F32(f32), I8(i8), U8(u8), I16(i16), U16(u16), I32(i32), U32(u32), I64(i64), U64(u64)
+}
+
+/// A number that is exchanged as a Real; a whole one becomes the nearest that the type has.
+trait Number {
+    fn to_real(self) -> f64;
+    fn of_real(value: f64) -> Self;
+}
+
+impl Number for f64 {
+    fn to_real(self) -> f64 {
+        self
+    }
+
+    fn of_real(value: f64) -> Self {
+        value
+    }
+}
+
+/// Implements [`Number`] by casts, after rounding for whole numbers. Casts saturate.
+macro_rules! number_by_cast {
+    ($round:expr, $($number:ty),*) => {
+        $(
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+            #[allow(clippy::cast_lossless)]
+            impl Number for $number {
+                fn to_real(self) -> f64 {
+                    self as f64
+                }
+
+                fn of_real(value: f64) -> Self {
+                    let round: fn(f64) -> f64 = $round;
+                    round(value) as Self
+                }
+            }
+        )*
+    };
+}
+
+number_by_cast!(|value| value, f32);
+number_by_cast!(f64::round, i8, u8, i16, u16, i32, u32, i64, u64);
+
+/// The types of numbers that FMI 2.0 has functions for, with their memory: an `fmi2Boolean` is an int.
+pub const NUMBERS_OF_FMI2: [(&str, Memory); 3] =
+    [("Real", Memory::F64), ("Integer", Memory::I32), ("Boolean", Memory::I32)];
+
+/// Those of FMI 3.0: an `fmi3Boolean` is a C `bool`, which a careless FMU gives any value.
+pub const NUMBERS_OF_FMI3: [(&str, Memory); 11] = [
+    ("Float64", Memory::F64),
+    ("Float32", Memory::F32),
+    ("Int8", Memory::I8),
+    ("UInt8", Memory::U8),
+    ("Int16", Memory::I16),
+    ("UInt16", Memory::U16),
+    ("Int32", Memory::I32),
+    ("UInt32", Memory::U32),
+    ("Int64", Memory::I64),
+    ("UInt64", Memory::U64),
+    ("Boolean", Memory::U8),
+];

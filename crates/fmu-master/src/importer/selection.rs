@@ -1,0 +1,139 @@
+//! Variables resolved by their names, to be read and written together.
+
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use fmu_export::fmi2::c_types::ValueReference;
+use fmu_package::{Element, Linear};
+
+use super::c_boundary::{Functions, NumberType};
+use super::fmu::{Fmu, reference};
+use super::numbers::Numbers;
+
+impl Fmu {
+    /// Resolves numeric variables for [`Instance::read`](super::Instance::read) and
+    /// [`Instance::write`](super::Instance::write): Reals, Integers, Booleans, Enumerations,
+    /// and their types in FMI 3.0.
+    ///
+    /// # Errors
+    /// When there is no variable of a name, it is not a number, or its value reference is not one.
+    pub fn select<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Selection> {
+        let functions = Arc::clone(&self.functions);
+        let mut selection = Selection { names: vec![], groups: vec![], functions };
+        for name in names {
+            let variable = self.variable(name)?;
+            let (reference, position) = (reference(variable)?, selection.names.len());
+            let Some((number_type, values)) = self.functions.number_type(&variable.data_type) else {
+                bail!("{name} is of the type {}, which is not a number", variable.data_type);
+            };
+            let groups = &mut selection.groups;
+            let known = groups.iter().position(|group| group.number_type == number_type);
+            let group = known.unwrap_or_else(|| {
+                groups.push(Group::new(&self.functions, number_type, values));
+                groups.len() - 1
+            });
+            let conversion = self.conversions.get(name).map(|to_seen| (*to_seen, to_seen.inverse()));
+            groups[group].push(reference, variable.element, position, conversion);
+            selection.names.push(name.to_owned());
+        }
+        Ok(selection)
+    }
+}
+
+/// Numeric variables of an [`Fmu`], resolved by [`Fmu::select`]. Their values are doubles in the order of the names, in
+/// the units that the FMU declares. Booleans are 0 and 1; Enumerations are the numbers of their items.
+pub struct Selection {
+    pub(super) names: Vec<String>,
+    pub(super) groups: Vec<Group>,
+    /// Those of its FMU.
+    pub(super) functions: Arc<Functions>,
+}
+
+/// Those of a type.
+pub struct Group {
+    pub number_type: NumberType,
+    /// The type's name in its functions.
+    pub function: &'static str,
+    pub references: Vec<ValueReference>,
+    /// Of all references, arrays as a whole.
+    pub values: Numbers,
+    slots: Vec<Slot>,
+    /// The arrays among the references, each with its first value.
+    pub arrays: Vec<(ValueReference, usize)>,
+}
+
+/// One of a group's variables.
+struct Slot {
+    /// Its index among the group's values.
+    value: usize,
+    /// Its index among the selection's.
+    position: usize,
+    /// From the FMU's value, and to it.
+    conversion: Option<(Linear, Linear)>,
+}
+
+impl Group {
+    fn new(functions: &Functions, number_type: NumberType, values: Numbers) -> Self {
+        let function = functions.name(number_type);
+        Self { number_type, function, references: vec![], values, slots: vec![], arrays: vec![] }
+    }
+
+    fn push(
+        &mut self,
+        reference: ValueReference,
+        element: Option<Element>,
+        position: usize,
+        conversion: Option<(Linear, Linear)>,
+    ) {
+        let known = self.arrays.iter().find(|(array, _)| *array == reference).map(|(_, first)| *first);
+        let first = known.unwrap_or_else(|| {
+            let first = self.values.len();
+            self.references.push(reference);
+            self.values.extend(element.map_or(1, |element| element.size));
+            if element.is_some() {
+                self.arrays.push((reference, first));
+            }
+            first
+        });
+        let value = first + element.map_or(0, |element| element.position);
+        self.slots.push(Slot { value, position, conversion });
+    }
+
+    /// Takes the values to set. A Boolean is true from 0.5.
+    pub fn gather(&mut self, values: &[f64]) {
+        for Slot { value, position, conversion } in &self.slots {
+            let given = values[*position];
+            self.values.set(
+                *value,
+                match conversion {
+                    Some((_, to_own)) => to_own.apply(given),
+                    None if self.function == BOOLEAN => f64::from(given >= 0.5),
+                    None => given,
+                },
+            );
+        }
+    }
+
+    pub fn scatter(&self, values: &mut [f64]) {
+        for Slot { value, position, conversion } in &self.slots {
+            let own = self.values.get(*value);
+            values[*position] = match conversion {
+                Some((to_seen, _)) => to_seen.apply(own),
+                // Any other value than 0 is true.
+                None if self.function == BOOLEAN => f64::from(own != 0.0),
+                None => own,
+            };
+        }
+    }
+}
+
+/// The name of Booleans in their functions.
+const BOOLEAN: &str = "Boolean";
+
+impl Selection {
+    /// The names of the selected variables, in their order.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+}

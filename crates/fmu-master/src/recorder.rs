@@ -1,0 +1,168 @@
+//! What a scenario records, found by name among signals and variables.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use fmu_package::{FmuVariable, ValueType};
+use fmu_record::Record;
+use fmu_terms::like;
+
+use crate::importer::{Fmu, Instance, Selection};
+use crate::noise::NoiseSource;
+use crate::scenario::{Scenario, Signal};
+
+/// Records rows.
+pub struct Recorder {
+    /// The sources of the columns, each a signal or an instance.
+    sources: Vec<Source>,
+    selections: Vec<(Selection, Vec<f64>)>,
+    row: Vec<f64>,
+    /// By the index of the column.
+    noise: Vec<(usize, NoiseSource)>,
+    pub record: Record,
+}
+
+enum Source {
+    Signal(Signal),
+    Instance { member: usize, position: usize },
+}
+
+impl Recorder {
+    pub fn new(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Self> {
+        let mut names = vec![vec![]; fmus.len()];
+        let mut sources = vec![];
+        let mut columns = vec![];
+        let mut add = |name: &str, found: Found| {
+            let unit = found.unit(name, fmus);
+            let source = match found {
+                Found::Signal(signal) => Source::Signal(signal),
+                Found::Variable { member, name } => {
+                    names[member].push(name);
+                    Source::Instance { member, position: names[member].len() - 1 }
+                }
+            };
+            sources.push(source);
+            columns.push((name.to_owned(), unit));
+        };
+        if let Some(record) = &scenario.record {
+            let mut seen = BTreeSet::new();
+            for recorded in record {
+                if !seen.insert(&recorded.name) {
+                    return Err(recorded.location.error(format!("{} is recorded already", recorded.name)));
+                }
+                let found = find(&recorded.name, scenario, fmus);
+                add(&recorded.name, recorded.location.locate(found)?);
+            }
+        } else {
+            for input in &scenario.inputs {
+                add(&input.name, Found::Signal(input.signal.clone()));
+            }
+            let signals = scenario.inputs.iter().map(|input| input.name.as_str());
+            let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
+            for variable in fmus.iter().flat_map(|fmu| number_outputs(fmu)) {
+                *counts.entry(&variable.name).or_default() += 1;
+            }
+            for (member, fmu) in fmus.iter().enumerate() {
+                for FmuVariable { name, .. } in number_outputs(fmu) {
+                    let column = match counts.get(name.as_str()) {
+                        Some(2..) => format!("{}:{name}", scenario.fmus[member].name),
+                        _ => name.clone(),
+                    };
+                    add(&column, Found::Variable { member, name: name.clone() });
+                }
+            }
+        }
+        for panel in scenario.panels.iter().flatten().flatten() {
+            let mut known = columns.iter().map(|(name, _)| name.as_str());
+            if !known.clone().any(|name| name == panel.name) {
+                let message = format!("{} is not recorded{}", panel.name, like(&panel.name, &mut known));
+                return Err(panel.location.error(message));
+            }
+        }
+        let mut noise = vec![];
+        for measured in &scenario.measurement_noise {
+            let Some(column) = columns.iter().position(|(name, _)| *name == measured.name) else {
+                let known = columns.iter().map(|(name, _)| name.as_str());
+                let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
+                return Err(measured.location.error(message));
+            };
+            noise.push((column, NoiseSource::new(measured)?));
+        }
+        let selections = names.iter().zip(fmus).map(|(names, fmu)| {
+            let selection = fmu.select(names.iter().map(String::as_str))?;
+            Ok((selection, vec![0.0; names.len()]))
+        });
+        let selections = selections.collect::<Result<_>>()?;
+        Ok(Self { selections, row: vec![0.0; sources.len()], noise, record: Record::new(columns), sources })
+    }
+
+    /// Records a row at a time (s), from the instances in their order.
+    pub fn take<'a>(&mut self, time: f64, instances: impl Iterator<Item = &'a mut Instance>) -> Result<()> {
+        for (instance, (selection, values)) in instances.zip(&mut self.selections) {
+            instance.read(selection, values)?;
+        }
+        for (value, source) in self.row.iter_mut().zip(&self.sources) {
+            *value = match source {
+                Source::Signal(signal) => signal.at(time),
+                Source::Instance { member, position } => self.selections[*member].1[*position],
+            };
+        }
+        for (column, source) in &mut self.noise {
+            self.row[*column] += source.draw();
+        }
+        self.record.push(time, &self.row);
+        Ok(())
+    }
+}
+
+/// An FMU's recordable outputs: the numeric ones.
+fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
+    let is_number =
+        |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
+    fmu.description().of_causality("output").filter(is_number)
+}
+
+enum Found {
+    Signal(Signal),
+    Variable { member: usize, name: String },
+}
+
+/// Resolves a name in `record`: a signal, else an output, else any variable; of the FMU before the colon, if any.
+fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
+    if let Some(signal) = scenario.input(name) {
+        return Ok(Found::Signal(signal.clone()));
+    }
+    if let Some((member, name)) = name.split_once(':') {
+        let index = scenario.fmus.iter().position(|known| known.name == member);
+        let index = index.with_context(|| format!("no FMU has the name {member}"))?;
+        fmus[index].variable(name)?;
+        return Ok(Found::Variable { member: index, name: name.to_owned() });
+    }
+    let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
+    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
+    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
+    // The signal for an FMU replaced by one without this input.
+    let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
+    if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
+        return Ok(Found::Signal(input.signal.clone()));
+    }
+    let member = member.with_context(|| {
+        let all = fmus.iter().flat_map(|fmu| &fmu.description().variables);
+        format!("no FMU has a variable {name}{}", like(name, all.map(|variable| variable.name.as_str())))
+    })?;
+    Ok(Found::Variable { member, name: name.to_owned() })
+}
+
+impl Found {
+    /// The unit declared by the FMU, or for a signal by the first FMU that declares one.
+    fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
+        let (of, name) = match self {
+            Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),
+            Self::Signal(_) => (fmus, name),
+        };
+        let variables = of.iter().filter_map(|fmu| fmu.description().variable(name));
+        let mut units = variables.map(|variable| &variable.unit).filter(|unit| !unit.is_empty());
+        units.next().cloned().unwrap_or_default()
+    }
+}

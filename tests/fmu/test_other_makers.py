@@ -1,0 +1,199 @@
+"""`cargo fmu simulate` on FMUs from other tools, by both interfaces.
+
+The Reference-FMUs give their published results and closed forms, OpenModelica's give FMPy's, and what cannot
+run is refused with the reason. No package has the Reference-FMUs Resource and Clocks: the templates of these
+are tested in crates/cargo-fmu/tests/ladder/.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sysconfig
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, TARGET
+from fmpy import simulate_fmu
+from scipy.integrate import solve_ivp
+from test_validate import MODESTPY, OPEN_MODELICA, REFERENCE
+
+PUBLISHED = ROOT / "crates" / "cargo-fmu" / "tests" / "ladder" / "reference"
+
+REFERENCE_FMUS = [
+    f"fmi{version}/{model}"
+    for version, models in {2: "", 3: "StateSpace"}.items()
+    for model in ["BouncingBall", "Dahlquist", "Feedthrough", "Stair", "VanDerPol", *models.split()]
+]
+
+TOLERANCE = 1e-8
+
+Simulate = Callable[..., dict[str, np.ndarray]]
+
+
+def simulate_of_cargo(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [TARGET / "debug" / "cargo-fmu", "fmu", "simulate", *arguments]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, **environment}
+    )
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """The columns of numbers, an array's elements in columns of their own."""
+    with path.open(newline="") as file:
+        names, *rows = csv.reader(file)
+    columns = {}
+    for name, values in zip(names, zip(*rows, strict=True), strict=True):
+        elements = np.array([value.replace("false", "0").split(" ") for value in values]).T
+        for index, element in enumerate(elements, 1):
+            column = name if len(elements) == 1 else f"{name}[{index}]"
+            try:
+                columns[column] = element.astype(float)
+            except ValueError:
+                assert name in ("String_output", "Binary_output")
+    return columns
+
+
+@pytest.fixture
+def simulate(tmp_path: Path) -> Simulate:
+    """The record of a run to its end."""
+
+    def run(*arguments: str | Path, **environment: str) -> dict[str, np.ndarray]:
+        done = simulate_of_cargo(*arguments, "--out", tmp_path / "out.csv", **environment)
+        assert done.returncode == 0, done.stderr
+        return read(tmp_path / "out.csv")
+
+    return run
+
+
+@pytest.mark.parametrize("model", REFERENCE_FMUS)
+def test_reference_fmus_give_their_published_results(
+    other_makers: Path, simulate: Simulate, model: str
+) -> None:
+    """To the last bit, in co-simulation: both call the same code at the same times."""
+    expected = read(PUBLISHED / f"{model.split('/')[1]}_out.csv")
+    times = expected["time"]
+    times = ["--step", str(times[1] - times[0]), "--stop-time", str(times[-1])]
+    file = other_makers / REFERENCE / f"{model}.fmu"
+    found = simulate(file, "--interface", "cs", *(times if "Stair" not in model else []))
+    assert len(found["time"]) > 9
+    for name in expected.keys() & found.keys():
+        assert np.array_equal(found[name], expected[name]), name
+    # Those of FMI 2.0 have no outputs of FMI 3.0's types.
+    assert len(expected.keys() & found.keys()) > (5 if "Feedthrough" in model else 1)
+
+
+def bouncing_ball(time: np.ndarray) -> dict[str, np.ndarray]:
+    """A ball that falls from 1 m and keeps 0.7 of its speed, until that is below 0.1 m/s."""
+    height, speed, begin = 1.0, 0.0, 0.0
+    h, v = np.zeros_like(time), np.zeros_like(time)
+    while height + speed > 0.0:
+        until_ground = (speed + np.sqrt(speed**2 + 2 * 9.81 * height)) / 9.81
+        since = time - begin
+        flies = (since >= 0) & (since < until_ground)
+        h[flies] = height + speed * since[flies] - 9.81 / 2 * since[flies] ** 2
+        v[flies] = speed - 9.81 * since[flies]
+        height, speed, begin = 0.0, -0.7 * (speed - 9.81 * until_ground), begin + until_ground
+        if speed < 0.1:
+            break
+    return {"h": h, "v": v}
+
+
+def van_der_pol(time: np.ndarray) -> dict[str, np.ndarray]:
+    x0, x1 = solve_ivp(
+        lambda _, x: [x[1], (1 - x[0] ** 2) * x[1] - x[0]],
+        (0, time[-1]),
+        [2, 0],
+        method="DOP853",
+        t_eval=time,
+        rtol=1e-12,
+        atol=1e-12,
+    ).y
+    return {"x0": x0, "x1": x1}
+
+
+SOLUTIONS: dict[str, Callable[[np.ndarray], dict[str, np.ndarray]]] = {
+    "BouncingBall": bouncing_ball,
+    "Dahlquist": lambda time: {"x": np.exp(-time)},
+    "Feedthrough": lambda time: {"Float64_continuous_output": 0 * time, "Enumeration_output": 1 + 0 * time},
+    "Stair": lambda time: {"counter": 1 + np.floor(time)},
+    # The identity matrix.
+    "StateSpace": lambda time: {f"y[{row}]": row * np.exp(time) for row in (1, 2, 3)},
+    "VanDerPol": van_der_pol,
+}
+
+
+@pytest.mark.parametrize("model", REFERENCE_FMUS)
+def test_reference_fmus_are_solved_by_model_exchange(
+    other_makers: Path, simulate: Simulate, model: str
+) -> None:
+    """With directional derivatives, state events and time events."""
+    file = other_makers / REFERENCE / f"{model}.fmu"
+    found = simulate(
+        file, "--interface", "me", "--tolerance", repr(TOLERANCE), "--stop-time", "3", "--step", "0.03"
+    )
+    time = found["time"]
+    expected = SOLUTIONS[model.split("/")[1]](time)
+    for name, column in expected.items():
+        # A step's error is below the tolerance, relative to a state and 1; 100 steps add up, and the ball
+        # halves neither error of time nor of speed. Where it jumps, its speed may be on either side.
+        error = np.abs(found[name] - column) / (1 + np.abs(column))
+        assert error.max() < 100 * TOLERANCE, (name, time[error.argmax()])
+
+
+@pytest.mark.parametrize("model", ["MassSpringSystem", "Mass_Damper", "ramp"])
+def test_open_modelica_is_solved_by_model_exchange(
+    other_makers: Path, simulate: Simulate, model: str
+) -> None:
+    """As FMPy solves it with CVode."""
+    file = other_makers / OPEN_MODELICA / "linux" / f"{model}.fmu"
+    found = simulate(file, "--interface", "me", "--tolerance", "1e-9", "--stop-time", "2", "--step", "0.02")
+    expected = simulate_fmu(
+        file,
+        fmi_type="ModelExchange",
+        solver="CVode",
+        relative_tolerance=1e-9,
+        stop_time=2.0,
+        step_size=0.02,
+        output_interval=0.02,
+    )
+    names = expected.dtype.names[1:]
+    assert names
+    assert any(np.ptp(expected[name]) > 0.1 for name in names)
+    for name in names:
+        # FMPy records an event's time twice.
+        column = np.interp(found["time"], expected["time"], expected[name])
+        assert np.allclose(found[name], column, rtol=1e-6, atol=1e-6), name
+
+
+def test_python_fmu_3_runs_with_its_library(other_makers: Path, simulate: Simulate) -> None:
+    """Its output grows by its step's number."""
+    libraries = sysconfig.get_config_vars("LIBDIR", "INSTSONAME")
+    environment = {"LD_PRELOAD": "/".join(libraries), "PYTHONPATH": sysconfig.get_path("purelib")}
+    file = other_makers / OPEN_MODELICA / "linux" / "FMU3Model.fmu"
+    found = simulate(file, "--stop-time", "3", "--step", "1", **environment)
+    assert found["output"].tolist() == [3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ("file", "arguments", "reason"),
+    [
+        (f"{MODESTPY}/Simple2R1C_linux64.fmu", [], "its library cannot be loaded: "),
+        (f"{MODESTPY}/Simple2R1C_win64.fmu", [], "linux64/Simple2R1C.so: it is not for this platform"),
+        (
+            f"{OPEN_MODELICA}/linux/FMU3Model.fmu",
+            ["--interface", "me"],
+            "it is not for Model Exchange, only for co-simulation",
+        ),
+        (f"{OPEN_MODELICA}/linux/FMU3Model.fmu", [], "FMUs of PythonFMU expect Python's library"),
+    ],
+)
+def test_what_cannot_run_is_refused_with_the_reason(
+    other_makers: Path, file: str, arguments: list[str], reason: str
+) -> None:
+    done = simulate_of_cargo(other_makers / file, "--stop-time", "1", *arguments)
+    assert done.returncode == 2
+    assert reason in done.stderr
