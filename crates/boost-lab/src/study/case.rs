@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use super::draw::{Case, Event, SETTLING, STEP};
+use super::names::{ALARM, BOOST, FLOWS, Names, SHAFT};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
 use crate::mapping;
 use fmu_master::Fmu;
@@ -29,59 +30,6 @@ const CYCLE: usize = 2 * TURNING_STEPS;
 const ARRIVES_WITHIN: f64 = 100.0;
 /// Overshoot counts for this time after a step (s), or until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
-
-/// The variables recorded for each case, if the FMUs have them.
-const RECORDED: [&str; 12] = [
-    "boost_reference",
-    "boost_pressure",
-    "engine_speed",
-    "hp_wastegate_pwm",
-    "lp_wastegate",
-    "hp_bypass",
-    SHAFT,
-    FLOWS[0],
-    FLOWS[1],
-    ALARM,
-    MODEL,
-    "supply_voltage_measured",
-];
-const BOOST: &str = "boost_pressure";
-pub const SHAFT: &str = "hp_turbo_speed";
-/// Negative when a compressor surges.
-const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
-const ALARM: &str = "fault_code";
-/// The controller's target.
-pub const MODEL: &str = "reference_model_pressure";
-
-/// Which of the names the FMUs have.
-pub struct Names {
-    plant_inputs: Vec<String>,
-    inputs: Vec<String>,
-    recorded: Vec<&'static str>,
-    has_shaft: bool,
-}
-
-impl Names {
-    fn new(plant: &Fmu, controller: &Fmu) -> Self {
-        let names = |fmu: &Fmu, of| fmu.names(of).map(str::to_owned).collect::<Vec<_>>();
-        let plant_inputs = names(plant, "input");
-        let inputs = [plant_inputs.clone(), names(controller, "input")].concat();
-        let is_known =
-            |name: &&str| [plant, controller].iter().any(|fmu| fmu.description().variable(name).is_some());
-        let recorded = RECORDED.into_iter().filter(is_known).collect();
-        let has_shaft = plant.names("output").any(|name| name == SHAFT);
-        Self { plant_inputs, inputs, recorded, has_shaft }
-    }
-
-    pub fn plant_has_input(&self, name: &str) -> bool {
-        self.plant_inputs.iter().any(|known| known == name)
-    }
-
-    /// The shaft speed variable.
-    pub fn shaft(&self) -> Option<&'static str> {
-        self.has_shaft.then_some(SHAFT)
-    }
-}
 
 /// An FMU's file, and its map if it has other names.
 #[derive(Clone)]
@@ -191,8 +139,7 @@ impl Rig {
 
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
-        let has_input = |name: &str| self.names.inputs.iter().any(|known| known == name);
-        case.scenario(strategy, has_input, &self.names.recorded, self.seed)
+        case.scenario(strategy, |name| self.names.has_input(name), &self.names.recorded, self.seed)
     }
 
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {

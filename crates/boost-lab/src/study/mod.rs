@@ -1,6 +1,7 @@
 //! A pass/fail study of a controller on random plants, ambient conditions and manoeuvres.
 //!
 //! - [`draw`] draws the cases from a Latin hypercube.
+//! - [`names`] are the variables that the FMUs have.
 //! - [`reach`] finds what a case's plant can reach.
 //! - [`case`] runs a case in closed loop and measures its deviation from that.
 //! - [`criteria`] judges the measures.
@@ -12,6 +13,7 @@
 pub mod case;
 pub mod criteria;
 pub mod draw;
+mod names;
 mod optimum;
 mod reach;
 mod report;

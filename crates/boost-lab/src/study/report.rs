@@ -4,8 +4,9 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::case::{MODEL, Measures, SHAFT};
+use super::case::Measures;
 use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
+use super::names::{MODEL, SHAFT};
 use super::{Explained, Outcome, Study, outside};
 use fmu_plot::page;
 use fmu_plot::{Figure, Line, Panel, color, escaped};
