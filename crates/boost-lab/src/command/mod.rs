@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use crate::mapping;
 use anyhow::Result;
 use cargo_fmu::run::{
-    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, write,
+    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write,
 };
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;

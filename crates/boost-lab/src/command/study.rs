@@ -8,7 +8,7 @@ use crate::study::draw::{Cases, known_plants};
 use crate::study::{Report, Study, csv, outside};
 use anyhow::{Result, bail};
 use boost_interface::NameMap;
-use cargo_fmu::run::journal::{Settings, digest};
+use cargo_fmu::run::journal::{Journal, Settings, digest};
 use clap::Args;
 use fmu_package::terminal::{complain, print};
 use fmu_package::{ParameterSet, writing};
@@ -106,26 +106,24 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
         .chain(arguments.beside.clone().map(|name| Some(Some(name))));
     let study = Study { rig, cases, strategies: strategies.flatten().collect() };
     super::make_folder(out)?;
-    let (journal, finished) = Study::open_journal(&out.join(JOURNAL), &settings)?;
-    if !finished.is_empty() {
-        print(&format!("{} of {} cases are in the journal\n", finished.len(), study.cases.len()))?;
+    let journal = Journal::open(&out.join(JOURNAL), &settings)?;
+    let finished = journal.finished().len();
+    if finished > 0 {
+        print(&format!("{finished} of {} cases are in the journal\n", study.cases.len()))?;
     }
-    let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = arguments.threads.map_or(available, usize::from);
-    let bar = super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?
-        .with_position(finished.len() as u64);
-    let outcomes = study.run(&journal, finished, threads, || bar.inc(1));
+    let threads = super::threads(arguments.threads, [&*study.rig.plant, &study.rig.controller])?;
+    let bar =
+        super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?.with_position(finished as u64);
+    let outcomes = study.run(&journal, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
-    let outcomes = outcomes?;
     for outcome in &outcomes {
         if let Some(error) = &outcome.runs[0].error {
             complain(&format!("case {}: {error}", outcome.case));
         }
     }
     let bar = super::progress_bar(outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
-    let explained = study.explain(&outcomes, threads, || bar.inc(1));
+    let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
-    let explained = explained?;
 
     let report = Report { study: &study, outcomes: &outcomes, explained: &explained };
     writing::write(&out.join(CSV), |writer| csv(&report, writer))?;

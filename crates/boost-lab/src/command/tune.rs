@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::mapping;
-use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
+use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, html, json};
 use anyhow::{Context, Result};
 use cargo_fmu::run::journal::digest;
 use clap::Args;
@@ -84,15 +84,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?);
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
-    let (sweeps, points) = journal.finished();
+    let sweeps = journal.finished().filter(|part| matches!(part, TuningPart::Sweep(_))).count();
+    let points = journal.finished().len() - sweeps;
     if sweeps + points > 0 {
         print(&format!("resuming with {sweeps} sweeps and {points} points from the journal\n"))?;
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
-    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)));
+    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)))?;
     bar.finish_and_clear();
-    let tuning = tuning?;
     for note in &tuning.notes {
         complain(&format!("note: {note}"));
     }

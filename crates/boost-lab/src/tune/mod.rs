@@ -21,17 +21,17 @@ use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
 use clap::ValueEnum as _;
 use fmu_package::{Parameter, ParameterSet, Value};
-use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use cargo_fmu::run::journal::Settings;
-use fmu_master::{Fmu, ONLY_ONCE};
+use cargo_fmu::run::threads;
+use fmu_master::Fmu;
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
-pub use self::journal::TuningJournal;
+pub use self::journal::{TuningJournal, TuningPart};
 pub use self::monotone::Monotone;
 use self::procedure::Range;
 pub use self::procedure::{Procedure, Strategy};
@@ -184,21 +184,13 @@ impl Task {
     ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("cannot tune to this plant")?;
-        let is_single = self.plant.description().has_capability(ONLY_ONCE);
-        // 0: the number of cores, or RAYON_NUM_THREADS.
-        let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
-
+        let threads = threads(None, [&*self.plant])?;
         let columns = self.schedule.engine_speeds.len();
         let sweep = |column: usize| {
-            let sweep = if let Some(sweep) = journal.sweep(column) {
-                sweep.clone()
-            } else {
-                let sweep = bench
-                    .sweep(column)
-                    .with_context(|| format!("the sweep at {} rpm", self.schedule.engine_speeds[column]))?;
-                journal.write_sweep(&sweep)?;
-                sweep
-            };
+            let sweep = journal::sweep(journal, column, || {
+                let speed = self.schedule.engine_speeds[column];
+                bench.sweep(column).with_context(|| format!("the sweep at {speed} rpm"))
+            })?;
             progress(self.range(column).sweep_duration());
             Ok(sweep)
         };
@@ -211,18 +203,14 @@ impl Task {
             .collect();
         let point = |&(row, column): &(usize, usize)| {
             let (basis, duty) = self.placed(&statics[column], row, column);
-            let point = if basis != CellOrigin::Identified {
-                None
-            } else if let Some(point) = journal.point(row, column) {
-                Some(point.clone())
-            } else {
-                let point = bench.step_both_ways(row, column, duty).with_context(|| {
-                    let speed = self.schedule.engine_speeds[column];
-                    format!("the steps from {duty} % at {speed} rpm")
-                })?;
-                journal.write_point(&point)?;
-                Some(point)
+            let steps = || {
+                let speed = self.schedule.engine_speeds[column];
+                bench
+                    .step_both_ways(row, column, duty)
+                    .with_context(|| format!("the steps from {duty} % at {speed} rpm"))
             };
+            let is_identified = basis == CellOrigin::Identified;
+            let point = is_identified.then(|| journal::point(journal, (row, column), steps)).transpose()?;
             progress(self.procedure.point_duration());
             Ok(point)
         };

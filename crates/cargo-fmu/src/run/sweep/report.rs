@@ -1,7 +1,7 @@
 //! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
 //! results.parquet.
 
-use super::journal::Outcome;
+use super::outcome::Outcome;
 use super::{Loaded, written};
 use fmu_package::Value;
 use fmu_plot::page;

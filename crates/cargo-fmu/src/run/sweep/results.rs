@@ -3,8 +3,8 @@
 use anyhow::Result;
 use fmu_package::{Value, ValueType};
 
-use super::journal::Outcome;
 use super::measures::Measure;
+use super::outcome::Outcome;
 use super::{Loaded, Parameter, written};
 use fmu_record::{Cells, Table, TableColumn};
 
