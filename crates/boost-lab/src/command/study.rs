@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::mapping;
 use crate::study::case::{Rig, Source};
 use crate::study::draw::{Cases, known_plants};
-use crate::study::{Report, Study, csv, outside};
+use crate::study::{Study, StudyReport, csv, outside};
 use anyhow::{Result, bail};
 use boost_interface::NameMap;
 use cargo_fmu::run::journal::{Journal, Settings, digest};
@@ -125,7 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
 
-    let report = Report { study: &study, outcomes: &outcomes, explained: &explained };
+    let report = StudyReport { study: &study, outcomes: &outcomes, explained: &explained };
     writing::write(&out.join(CSV), |writer| csv(&report, writer))?;
     print(&format!("{}\n", out.join(CSV).display()))?;
     super::write(out, [(HTML, report.html()), (JSON, report.json()?)])?;

@@ -29,7 +29,7 @@ use self::optimum::Optimum;
 use self::reach::Reach;
 use cargo_fmu::run::journal::{Journal, Part};
 
-pub use self::report::{Report, csv};
+pub use self::report::{StudyReport, csv};
 
 /// The number of cases explained individually: more mean that something is fundamentally wrong.
 const MOST_EXPLAINED: usize = 40;
