@@ -42,7 +42,7 @@ enum Command {
     Compare(run::Compare),
     /// Run scenarios and show them on one page
     Show {
-        /// The scenarios (see docs/laboratory.md)
+        /// The scenarios (see docs/simulate.md)
         #[arg(value_name = "SCENARIO.toml", required = true)]
         scenarios: Vec<PathBuf>,
         #[command(flatten)]

@@ -15,7 +15,7 @@ use fmu_record::{Header, TableFormat};
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Sweep {
-    /// The parameter study (see docs/laboratory.md)
+    /// The parameter study (see docs/simulate.md)
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
-//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has its own instances, so
+//! A study is a TOML file ([`Study::read`]; docs/simulate.md describes every key). Each run has its own instances, so
 //! runs are independent. Each finished run is written to the [journal](super::journal) at once; an interrupted study
 //! resumes from it. A failed run is a row of the results with the FMU's message.
 
