@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use crate::mapping;
 use crate::study::case::{Rig, Source};
-use crate::study::draw::{Cases, known_plants};
+use crate::study::draw::Cases;
 use crate::study::{Study, StudyReport, csv, outside};
-use anyhow::{Result, bail};
-use boost_interface::NameMap;
+use anyhow::Result;
 use cargo_fmu::run::journal::{Journal, Settings, digest};
 use clap::Args;
 use fmu_package::terminal::{complain, print};
-use fmu_package::{ParameterSet, writing};
+use fmu_package::writing;
 
 const CSV: &str = "results.csv";
 const HTML: &str = "report.html";
@@ -63,23 +62,9 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     super::refuse_overlap(out, &outputs, &inputs)?;
     let mut sources =
         [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
-    for path in &arguments.maps {
-        let map = NameMap::read(path)?;
-        let mut is_taken = false;
-        for source in &mut sources {
-            if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {
-                source.map = Some(mapping::of(map.clone()));
-                is_taken = true;
-            }
-        }
-        if !is_taken {
-            bail!("the map {} is for the FMU {}, which is not in the study", path.display(), map.fmu);
-        }
-    }
-    let sets = match arguments.parameters.as_slice() {
-        [] => known_plants()?,
-        paths => paths.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?,
-    };
+    let fmus = sources.iter_mut().map(|source| Ok((mapping::model(&source.file)?, &mut source.map)));
+    mapping::assign(&arguments.maps, fmus.collect::<Result<_>>()?, "study")?;
+    let sets = super::plants(&arguments.parameters)?;
 
     let mut settings = Settings::new();
     for (name, source) in ["plant", "controller"].iter().zip(&sources) {
@@ -101,10 +86,8 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     for note in &cases.notes {
         complain(&format!("note: {note}"));
     }
-    let strategies = [Some(arguments.strategy.clone())]
-        .into_iter()
-        .chain(arguments.beside.clone().map(|name| Some(Some(name))));
-    let study = Study { rig, cases, strategies: strategies.flatten().collect() };
+    let strategies = [arguments.strategy.clone()].into_iter().chain(arguments.beside.clone().map(Some));
+    let study = Study { rig, cases, strategies: strategies.collect() };
     super::make_folder(out)?;
     let journal = Journal::open(&out.join(JOURNAL), &settings)?;
     let finished = journal.finished().len();

@@ -27,6 +27,7 @@ use serde::Serialize;
 use cargo_fmu::run::journal::Settings;
 use cargo_fmu::run::threads;
 use fmu_master::Fmu;
+use fmu_master::measure::{greatest, least};
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
@@ -226,11 +227,10 @@ impl Task {
     /// The largest duty of a sweep (%) below which boost pressure hardly rises.
     fn lift_off(&self, sweep: &Sweep) -> f64 {
         let pressures = || sweep.holds.iter().map(|hold| hold.boost_pressure);
-        let least = pressures().fold(f64::INFINITY, f64::min);
-        let most = pressures().fold(f64::NEG_INFINITY, f64::max);
+        let (least, most) = (least(pressures()), greatest(pressures()));
         let shut = most - self.procedure.shut_part * (most - least);
         let holds = sweep.holds.iter().filter(|hold| hold.boost_pressure >= shut);
-        holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
+        greatest(holds.map(|hold| hold.duty))
     }
 
     /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
@@ -397,6 +397,19 @@ impl Cell {
 }
 
 impl Tuning<'_> {
+    /// How many points of the grid are identified, and what the others are.
+    pub fn counts(&self) -> [String; 2] {
+        let count = |basis| self.cells.iter().filter(|cell| cell.basis == basis).count();
+        let others = format!(
+            "{} above and {} below the reachable range, {} outside the stepped duties, {} without a model",
+            count(CellOrigin::AboveReach),
+            count(CellOrigin::BelowReach),
+            count(CellOrigin::OutsideFittedDuty),
+            count(CellOrigin::NoModel)
+        );
+        [count(CellOrigin::Identified).to_string(), others]
+    }
+
     /// The responses at a point of the grid.
     pub fn point(&self, row: usize, column: usize) -> Option<&Point> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
@@ -407,7 +420,7 @@ impl Tuning<'_> {
     /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the
     /// plant near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
-        self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
+        least(self.lift_offs.iter().copied())
     }
 
     /// The origin of a value as text.

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::bench::drawn_samples;
 use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
+use fmu_master::measure::greatest;
 use fmu_plot::{Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{estimate, quantity};
 
@@ -99,10 +100,10 @@ pub fn html(tuning: &Tuning<'_>) -> String {
 
 fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
     let (task, procedure) = (tuning.task, &tuning.task.procedure);
-    let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
-    let drift = |holds: &mut dyn Iterator<Item = f64>| holds.map(f64::abs).fold(0.0, f64::max);
-    let sweep_drift = drift(&mut tuning.sweeps.iter().flat_map(|sweep| &sweep.holds).map(|hold| hold.drift));
-    let point_drift = drift(&mut tuning.points.iter().map(|point| point.hold.drift));
+    let [identified, others] = tuning.counts();
+    let holds = tuning.sweeps.iter().flat_map(|sweep| &sweep.holds);
+    let sweep_drift = greatest(holds.map(|hold| hold.drift.abs()));
+    let point_drift = greatest(tuning.points.iter().map(|point| point.hold.drift.abs()));
     let rows = [
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Plant parameters", task.plant_parameters_written()),
@@ -111,19 +112,7 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
         ("Supply voltage", quantity(task.schedule.nominal_voltage, "V")),
         ("Sample time", quantity(1e3 * task.schedule.sample_time, "ms")),
         ("Duty step", format!("\u{b1}{} %", procedure.duty_step)),
-        (
-            "Grid points",
-            format!(
-                "{}: {} identified, {} above and {} below the reachable range, {} outside the stepped duties, {} \
-                 without a model",
-                tuning.cells.len(),
-                count(CellOrigin::Identified),
-                count(CellOrigin::AboveReach),
-                count(CellOrigin::BelowReach),
-                count(CellOrigin::OutsideFittedDuty),
-                count(CellOrigin::NoModel)
-            ),
-        ),
+        ("Grid points", format!("{}: {identified} identified, {others}", tuning.cells.len())),
         ("Wastegate lift-off, used as the controller's minimum duty", quantity(tuning.least_duty(), "%")),
         (
             "Boost pressure drift in the last second of a hold",
