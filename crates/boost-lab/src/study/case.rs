@@ -99,18 +99,15 @@ impl Rig {
         let [plant_fmu, controller_fmu] =
             [&plant, &controller].map(|source| Fmu::open_with(&source.file, source.map.as_deref()));
         let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
-        for name in ["hp_wastegate_pwm", "engine_speed"] {
-            let is_input = plant_fmu.names("input").any(|known| known == name);
-            anyhow::ensure!(is_input, "{} has no input {name}", plant.file.display());
-        }
-        anyhow::ensure!(
-            plant_fmu.names("output").any(|known| known == BOOST),
-            "{} has no output {BOOST}",
-            plant.file.display()
-        );
-        for name in ["boost_reference", BOOST] {
-            let is_input = controller_fmu.names("input").any(|known| known == name);
-            anyhow::ensure!(is_input, "{} has no input {name}", controller.file.display());
+        for (fmu, source, kind, name) in [
+            (&plant_fmu, &plant, "input", "hp_wastegate_pwm"),
+            (&plant_fmu, &plant, "input", "engine_speed"),
+            (&plant_fmu, &plant, "output", BOOST),
+            (&controller_fmu, &controller, "input", "boost_reference"),
+            (&controller_fmu, &controller, "input", BOOST),
+        ] {
+            let has_it = fmu.names(kind).any(|known| known == name);
+            anyhow::ensure!(has_it, "{} has no {kind} {name}", source.file.display());
         }
         Ok(Self {
             names: Names::new(&plant_fmu, &controller_fmu),

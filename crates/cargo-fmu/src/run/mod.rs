@@ -24,7 +24,7 @@ use std::sync::Arc;
 pub use compare::Compare;
 pub use simulate::Simulate;
 pub use sweep::Sweep;
-pub use sweep::design::latin_fractions;
+pub use sweep::design::{Range, latin_fractions};
 
 /// Where `export` writes FMUs in a workspace.
 pub const FMUS: &str = "target/fmu";
