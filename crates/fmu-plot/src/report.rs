@@ -63,7 +63,9 @@ impl Report {
 
     /// Appends paragraphs.
     pub fn paragraphs(&mut self, texts: &[String]) {
-        texts.iter().for_each(|text| self.paragraph(text));
+        for text in texts {
+            self.paragraph(text);
+        }
     }
 
     /// Appends whether something holds.
@@ -179,4 +181,28 @@ impl<T: AsRef<str>> From<T> for Cell {
 
 fn verdict(text: &str, holds: bool) -> String {
     format!("<span class=\"{}\">{}</span>", if holds { "holds" } else { "fails" }, escaped(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_escaped_and_markup_is_not() {
+        let mut report = Report::new("A < B");
+        report.section_of("one", "1 & 2");
+        report.paragraph("<b>");
+        let mut table = Table::new([Cell::html("<i>T</i> (s)"), "\"".into()]).class("own").caption("1 < 2");
+        table.row([Cell::number("<5"), Cell::verdict("a & b", false)]);
+        report.table(&table);
+        report.details("S <", "x < y");
+        assert_eq!(
+            report.body(),
+            "<h1>A &lt; B</h1>\n<h2 id=\"one\">1 &amp; 2</h2>\n<p>&lt;b&gt;</p>\n\
+             <div class=\"wide\">\n<table class=\"own\">\n<caption>1 &lt; 2</caption>\n\
+             <thead><tr><th><i>T</i> (s)</th><th>&quot;</th></tr></thead>\n\
+             <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">fails</span></td></tr>\n\
+             </table>\n</div>\n<details><summary>S &lt;</summary><pre>x &lt; y</pre></details>\n"
+        );
+    }
 }

@@ -37,7 +37,9 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
     let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let mut page = Report::new(title);
-    sections.iter().for_each(|section| page.html(section.body()));
+    for section in sections {
+        page.html(section.body());
+    }
     writing::write(out, |writer| writer.write_all(page.page("").as_bytes()))?;
     Ok(print(&format!("{}\n", out.display()))?)
 }

@@ -106,8 +106,11 @@ pub struct Known {
     sought: BTreeMap<&'static str, (f64, String)>,
 }
 
+/// A parameter's place among the plant's.
+type PlaceIn = fn(&mut Parameters) -> &mut f64;
+
 /// The parameters that count as known: names in report.json and in the plant, and places.
-const KNOWN: [(&str, &str, fn(&mut Parameters) -> &mut f64); 13] = [
+const KNOWN: [(&str, &str, PlaceIn); 13] = [
     ("gas_constant", "air.gas_constant", |plant| &mut plant.air.gas_constant),
     ("heat_capacity_ratio", "air.heat_capacity_ratio", |plant| &mut plant.air.heat_capacity_ratio),
     ("linear_pressure_ratio", "valve.linear_pressure_ratio", |plant| &mut plant.valve.linear_pressure_ratio),

@@ -71,7 +71,9 @@ pub fn html(identification: &Identification) -> String {
         report
             .paragraph("These are not in the parameter set; the plant and the fits keep the plant's values.");
     }
-    fits.iter().for_each(|fit| section(&mut report, fit));
+    for fit in fits {
+        section(&mut report, fit);
+    }
     report.page(STYLE)
 }
 

@@ -75,7 +75,9 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
          a <em>construction</em> follows from the controller's structure.</p>\n",
     );
     report.verdict(&format!("{holding} of {all} claims hold."), holding == all);
-    figures.iter().for_each(|figure| section(&mut report, figure));
+    for figure in figures {
+        section(&mut report, figure);
+    }
     report.page(STYLE)
 }
 

@@ -134,7 +134,9 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
         procedure.response_duration,
     ));
     let mut table = Table::default().class("settings");
-    rows.into_iter().for_each(|(name, value)| table.row([name.into(), value.into()]));
+    for (name, value) in rows {
+        table.row([name.into(), value.into()]);
+    }
     report.table(&table);
     report.paragraphs(&tuning.notes);
 }
