@@ -26,11 +26,15 @@
 //! # }
 //! ```
 
+mod csv;
+mod format;
 pub mod numbers;
 #[cfg_attr(not(feature = "parquet"), path = "no_parquet.rs")]
 mod parquet;
 mod record;
 mod table;
 
-pub use record::{Column, Record};
-pub use table::{Cells, Header, Table, TableColumn, TableFormat, expect_seconds, name_and_unit};
+pub use csv::name_and_unit;
+pub use format::TableFormat;
+pub use record::Record;
+pub use table::{Cells, Column, Header, Table, TableColumn, expect_seconds};

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::record::Column;
-use crate::table::Table;
+use crate::table::{Column, Table};
 
 const REASON: &str = "this program is compiled without Parquet; use a file that ends with .csv";
 

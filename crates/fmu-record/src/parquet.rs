@@ -18,8 +18,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::record::Column;
-use crate::table::{Cells, Table};
+use crate::table::{Cells, Column, Table};
 
 /// The key in a Parquet file's metadata under which the columns' units are, as a JSON object.
 const UNITS: &str = "units";

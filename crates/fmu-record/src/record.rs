@@ -6,8 +6,9 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 
-use crate::parquet;
-use crate::table::{Cells, Table, TableColumn, TableFormat, expect_seconds, name_and_unit};
+use crate::format::TableFormat;
+use crate::table::{Cells, Column, Table, TableColumn, expect_seconds};
+use crate::{csv, parquet};
 
 /// The name of the first column.
 const TIME: &str = "time";
@@ -17,17 +18,6 @@ const TIME: &str = "time";
 pub struct Record {
     time: Vec<f64>,
     columns: Vec<Column>,
-}
-
-/// A recorded variable.
-#[derive(Clone, Debug)]
-pub struct Column {
-    /// The name in the CSV header.
-    pub name: String,
-    /// The unit declared by the FMU; empty if there is none.
-    pub unit: String,
-    /// One for each time, in the unit.
-    pub values: Vec<f64>,
 }
 
 impl Record {
@@ -92,7 +82,7 @@ impl Record {
     /// same name.
     pub fn read(path: &Path) -> Result<Self> {
         let columns = match TableFormat::of(path)? {
-            TableFormat::Csv => csv_columns(&reading::text(path)?),
+            TableFormat::Csv => csv::read(&reading::text(path)?),
             TableFormat::Parquet => parquet::read(path),
         };
         columns.and_then(Self::of_columns).with_context(|| format!("cannot read {}", path.display()))
@@ -122,27 +112,6 @@ impl Record {
         }
         Ok(Self { time: time.values, columns })
     }
-}
-
-fn csv_columns(text: &str) -> Result<Vec<Column>> {
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-    let named = |header: &str| {
-        let (name, unit) = name_and_unit(header);
-        Column { name: name.to_owned(), unit: unit.to_owned(), values: vec![] }
-    };
-    let mut columns: Vec<_> = reader.headers()?.iter().map(named).collect();
-    for row in reader.records() {
-        let row = row?;
-        for (column, text) in columns.iter_mut().zip(&row) {
-            let line = row.position().map_or(0, csv::Position::line);
-            let value = text.parse().with_context(|| {
-                format!("line {line}, {}: expected a number, found \"{text}\"", column.name)
-            })?;
-            column.values.push(value);
-        }
-    }
-    Ok(columns)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
 use cargo_fmu::run::{self, name_and_value};
 use clap::Args;
-use fmu_package::ParameterSet;
+use fmu_io::terminal::{complain, print};
 use fmu_record::numbers::estimate;
 
 /// The files in the folder of results.
@@ -47,7 +47,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
     super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
     let plant = run::open(&plant, None)?;
-    let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
+    let sets = super::parameter_sets(&parameters)?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
     super::make_folder(&out)?;

@@ -8,7 +8,7 @@ use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use cargo_fmu::run::latin_fractions;
+use cargo_fmu::run::{Range, latin_fractions};
 use fmu_master::scenario::Signal;
 
 /// The communication step (s): the controller's sample time.
@@ -23,24 +23,16 @@ const END: f64 = 6.0;
 /// The loop is at rest after this time without changes (s).
 pub const AT_REST_AFTER: f64 = 3.0;
 
-/// The range of a random quantity.
-struct Range {
-    name: &'static str,
-    from: f64,
-    to: f64,
-    is_logarithmic: bool,
+const fn range(name: &'static str, from: f64, to: f64) -> (&'static str, Range) {
+    (name, Range { from, to, is_logarithmic: false })
 }
 
-const fn range(name: &'static str, from: f64, to: f64) -> Range {
-    Range { name, from, to, is_logarithmic: false }
-}
-
-const fn logarithmic(name: &'static str, from: f64, to: f64) -> Range {
-    Range { name, from, to, is_logarithmic: true }
+const fn logarithmic(name: &'static str, from: f64, to: f64) -> (&'static str, Range) {
+    (name, Range { from, to, is_logarithmic: true })
 }
 
 /// All random quantities except plant parameters, in SI units and rpm, named as in the results' columns.
-const RANGES: [Range; 13] = [
+const RANGES: [(&str, Range); 13] = [
     // 0 to 3000 m of altitude.
     range("ambient_pressure", 70e3, 101_325.0),
     // -20 to 40 degrees Celsius.
@@ -180,7 +172,7 @@ impl Cases {
     /// The drawn values, by column of the results.
     pub fn columns(&self) -> Vec<String> {
         let sets = self.directions.iter().map(|direction| direction.set.clone());
-        sets.chain(RANGES.iter().map(|range| range.name.to_owned())).collect()
+        sets.chain(RANGES.iter().map(|(name, _)| (*name).to_owned())).collect()
     }
 
     pub fn case(&self, number: usize) -> Case {
@@ -193,7 +185,7 @@ impl Cases {
                 }
             }
         }
-        let values: Vec<_> = RANGES.iter().zip(places).map(|(range, place)| range.at(*place)).collect();
+        let values: Vec<_> = RANGES.iter().zip(places).map(|((_, range), place)| range.at(*place)).collect();
         let drawn = self.columns().into_iter().zip(weights.iter().copied().chain(values.iter().copied()));
         let [pressure, temperature, supply_1, supply_2, noise, speeds @ .., first, step_1, step_2] =
             values.as_slice()
@@ -243,13 +235,6 @@ impl Cases {
 /// A multiple of the communication step.
 fn whole(time: f64) -> f64 {
     (time / STEP).round() * STEP
-}
-
-impl Range {
-    fn at(&self, fraction: f64) -> f64 {
-        let Self { from, to, is_logarithmic, .. } = *self;
-        if is_logarithmic { from * (to / from).powf(fraction) } else { from + (to - from) * fraction }
-    }
 }
 
 impl Case {

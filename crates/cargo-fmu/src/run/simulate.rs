@@ -22,7 +22,6 @@ use fmu_plot::{PlotFormat, panels};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Header, Record, TableFormat};
 use fmu_terms::like;
-use fmu_terms::like;
 
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
@@ -31,7 +30,7 @@ const STEPS_PER_LOOK: u32 = 256;
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Simulate {
-    /// An FMU, a system, or a scenario, which docs/laboratory.md describes [default: the model of this folder, exported
+    /// An FMU, a system, or a scenario, which docs/simulate.md describes [default: the model of this folder, exported
     /// first]
     #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SCENARIO.toml")]
     subject: Option<PathBuf>,

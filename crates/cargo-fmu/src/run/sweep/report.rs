@@ -1,12 +1,11 @@
 //! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
 //! results.parquet.
 
-use super::journal::Outcome;
+use super::outcome::Outcome;
 use super::{Loaded, written};
 use fmu_package::Value;
-use fmu_plot::page;
 use fmu_plot::panels::shown;
-use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color};
 use fmu_record::numbers::{number, quantity};
 
 pub const HTML: &str = "report.html";
@@ -21,72 +20,60 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     let title = study.title.as_deref().unwrap_or("Parameter study");
     let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
     let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
-    let mut body = format!(
-        "<h1>{}</h1>\n<p>{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet list \
-         every run with its values.</p>\n<h2>Measures</h2>\n<table>\n<tr><th>Measure</th><th>Minimum</th><th>Median</th>\
-         <th>Maximum</th><th>Undefined</th></tr>\n",
-        escaped(title),
+    let scenario = study.scenario.title.as_deref();
+    let mut report = Report::new(title);
+    report.paragraph(&format!(
+        "{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet list every run with \
+         its values.",
         outcomes.len(),
-        study
-            .scenario
-            .title
-            .as_deref()
-            .map_or_else(String::new, |title| format!(" of the scenario “{}”", escaped(title))),
+        scenario.map_or_else(String::new, |title| format!(" of the scenario “{title}”")),
         failed.len(),
-    );
-    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
-        body += &summary(&measure.name, unit, index, outcomes);
+    ));
+    let measures = || study.measures.iter().zip(&loaded.measure_units).enumerate();
+    report.section("Measures");
+    let mut table = Table::new(["Measure", "Minimum", "Median", "Maximum", "Undefined"]);
+    for (index, (measure, unit)) in measures() {
+        table.row(summary(&measure.name, unit, index, outcomes));
     }
-    body += "</table>\n<h2>Parameters</h2>\n<table>\n<tr><th>Parameter</th><th>Values</th></tr>\n";
+    report.table(&table);
+    report.section("Parameters");
+    let mut table = Table::new(["Parameter", "Values"]);
     for (index, parameter) in study.parameters.iter().enumerate() {
         let values: Vec<_> = study.points.iter().filter_map(|point| point[index].as_ref()).collect();
-        body += &format!(
-            "<tr><td>{}</td><td>{}</td></tr>\n",
-            escaped(&parameter.name),
-            escaped(&range(&values, &loaded.variables[index].unit))
-        );
+        let range = range(&values, &loaded.variables[index].unit);
+        table.row([parameter.name.as_str().into(), range.into()]);
     }
-    body += "</table>\n";
-    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
-        body += &format!(
-            "<h2>{}</h2>\n<figure>\n{}<figcaption>{} over each parameter; one dot per run.</figcaption>\n</figure>\n",
-            escaped(&measure.name),
-            drawing(loaded, outcomes, index, unit).html(),
-            escaped(&measure.name),
-        );
+    report.table(&table);
+    for (index, (measure, unit)) in measures() {
+        report.section(&measure.name);
+        let caption = format!("{} over each parameter; one dot per run.", measure.name);
+        report.figure(&drawing(loaded, outcomes, index, unit), &caption);
     }
     if !failed.is_empty() {
-        body += "<h2>Failed runs</h2>\n<table>\n<tr><th>Run</th><th>Error</th></tr>\n";
+        report.section("Failed runs");
+        let mut table = Table::new(["Run", "Error"]);
         for outcome in failed.iter().take(MOST_FAILURES) {
-            let error = outcome.error.as_deref().unwrap_or_default();
-            body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", outcome.run, escaped(error));
+            table.row([outcome.run.to_string().into(), outcome.error.as_deref().unwrap_or_default().into()]);
         }
-        body += "</table>\n";
+        report.table(&table);
         if failed.len() > MOST_FAILURES {
-            body += &format!("<p>and {} more, in results.csv</p>\n", failed.len() - MOST_FAILURES);
+            report.paragraph(&format!("and {} more, in results.csv", failed.len() - MOST_FAILURES));
         }
     }
-    page(title, "", &body)
+    report.page("")
 }
 
 /// A measure's row: minimum, median and maximum, with their runs.
-fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> String {
+fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
     let mut found: Vec<_> =
         outcomes.iter().filter_map(|outcome| Some((outcome.measures[index]?, outcome.run))).collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let cell = |place: Option<&(f64, usize)>| match place {
-        Some((value, run)) => format!("{} (run {run})", quantity(*value, unit)),
-        None => String::new(),
+        Some((value, run)) => Cell::number(&format!("{} (run {run})", quantity(*value, unit))),
+        None => Cell::number(""),
     };
-    format!(
-        "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-         <td class=\"number\">{} runs</td></tr>\n",
-        escaped(name),
-        escaped(&cell(found.first())),
-        escaped(&cell(found.get(found.len() / 2))),
-        escaped(&cell(found.last())),
-        outcomes.len() - found.len(),
-    )
+    let undefined = Cell::number(&format!("{} runs", outcomes.len() - found.len()));
+    [name.into(), cell(found.first()), cell(found.get(found.len() / 2)), cell(found.last()), undefined]
 }
 
 /// A measure over each numeric parameter.
