@@ -48,11 +48,13 @@ class Control {
   }
 
   choice() {
-    const items = [...this.variable.items].map(([name, value]) => make("option", { value, textContent: words(name), defaultSelected: value === this.value }));
-    this.input = make("select", { id: this.name, name: this.name }, ...items);
-    this.input.addEventListener("change", () => this.take(Number(this.input.value)));
-    this.show = value => { this.input.value = value; };
-    this.enter = text => { if (items.some(item => item.value === text)) this.input.value = text; };
+    const { items } = this.variable;
+    const nameOf = value => [...items.keys()].find(name => items.get(name) === value);
+    const options = [...items.keys()].map(name => make("option", { value: name, textContent: words(name), defaultSelected: name === nameOf(this.value) }));
+    this.input = make("select", { id: this.name, name: this.name }, ...options);
+    this.input.addEventListener("change", () => this.take(items.get(this.input.value)));
+    this.show = value => { this.input.value = nameOf(value); };
+    this.enter = text => { if (items.has(text)) this.input.value = text; };
     return [this.input];
   }
 
@@ -88,21 +90,18 @@ class Control {
 // All controls, in the form's groups.
 class Controls {
   constructor(form, groups, models, plants, changed) {
-    Object.assign(this, { form, plants, all: [] });
-    const add = (described, variable) => {
-      this.all.push(new Control(described, variable, changed));
-      return this.all.at(-1).element;
-    };
-    const fieldsets = groups.map(({ name, open, controls }) => {
-      const made = controls.map(each => add(each, models[each.fmu].variables.get(each.name)));
-      return make("fieldset", { className: "group" }, make("details", { open }, make("summary", { textContent: name }), ...made));
-    });
+    Object.assign(this, { form, plants });
     // The parameter sets, as if they were an enumeration of the plant.
     const items = new Map(["as tuned for", ...plants.map(({ name }) => name)].map((name, index) => [name, index]));
     const plant = { name: "plant", type: "Enumeration", items, start: 0, description: "The plant's parameters; changing them restarts the simulation.", variability: "fixed" };
-    fieldsets[1].firstChild.append(add(plant, plant), make("button", { type: "reset", id: "defaults", textContent: "Defaults" }));
-    form.append(...fieldsets);
-    this.fieldsets = fieldsets;
+    const made = groups.map(({ controls }) => controls.map(each => new Control(each, each.fmu ? models[each.fmu].variables.get(each.name) : plant, changed)));
+    this.all = made.flat();
+    this.fieldsets = groups.map(({ name, open }, index) => {
+      const elements = made[index].map(({ element }) => element);
+      return make("fieldset", { className: "group" }, make("details", { open }, make("summary", { textContent: name }), ...elements));
+    });
+    this.fieldsets.at(-1).append(make("button", { type: "reset", id: "defaults", textContent: "Defaults" }));
+    form.append(...this.fieldsets);
     this.showAll();
     form.addEventListener("change", () => this.writeAddress());
     // The form resets its inputs only after this event.
@@ -143,7 +142,8 @@ class Controls {
     const settings = [...new FormData(this.form)].filter(([name]) => changed.includes(name));
     // A switch that is off is not in the form's data.
     const off = this.all.filter(({ input, isChanged }) => isChanged && input.type === "checkbox" && !input.checked).map(({ name }) => [name, "off"]);
-    history.replaceState(null, "", `#${new URLSearchParams([...settings, ...off])}`);
+    const text = new URLSearchParams([...settings, ...off]).toString();
+    history.replaceState(null, "", text ? `#${text}` : location.href.split("#", 1)[0]);
   }
 
   readAddress() {

@@ -38,11 +38,12 @@ const FIGURES = {
 
   // The ramp turns at half of its time.
   7([ramp]) {
-    const rows = ramp.scenario.steps / 2 + 1;
-    return lines(ramp, ["actuator_pressure", KILO], ["hp_wastegate_position", PERCENT]).flatMap(([, values]) => {
-      const duties = ramp.columns.get("hp_wastegate_pwm");
-      return [[duties.slice(0, rows), values.slice(0, rows)], [duties.slice(rows), values.slice(rows)]];
-    });
+    const turn = ramp.scenario.steps / 2;
+    const duties = ramp.columns.get("hp_wastegate_pwm");
+    return lines(ramp, ["actuator_pressure", KILO], ["hp_wastegate_position", PERCENT]).flatMap(([, values]) => [
+      [duties.slice(0, turn + 1), values.slice(0, turn + 1)],
+      [duties.slice(turn).reverse(), values.slice(turn).reverse()],
+    ]);
   },
 
   8([ramp, pumping]) {

@@ -5,8 +5,8 @@
 const VIEW = 40;
 // A line has at most this many strips of two points, their minimum and maximum.
 const STRIPS = 1200;
-// Significant digits at the cursors.
-const DIGITS = 5;
+// Significant digits at the cursors: of values and of their difference.
+const DIGITS = [5, 3];
 const HELD_OPACITY = 0.5;
 
 // A plot pauses under the pointer so that values can be read; touch leaves no pointer behind.
@@ -61,12 +61,12 @@ class Cursors {
 
   // A line's values, in a unit.
   read(time, values, factor, unit) {
-    const text = value => value.toLocaleString("en", { maximumSignificantDigits: DIGITS, useGrouping: false }).replace("-", "−");
+    const text = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: false }).replace("-", "−");
     const found = this.times.map(placed => placed >= time[0] ? factor * values[time.findLastIndex(instant => instant <= placed)] : undefined);
-    const parts = found.map((value, index) => (value === undefined ? "" : `${"AB"[index]} ${text(value)}`));
-    if (!found.includes(undefined)) parts.push(`Δ ${text(found[1] - found[0])}`);
+    const parts = found.map((value, index) => (value === undefined ? "" : `${"AB"[index]}\u00a0${text(value, DIGITS[0])}`));
+    if (!found.includes(undefined)) parts.push(`Δ\u00a0${text(found[1] - found[0], DIGITS[1])}`);
     const shown = parts.filter(Boolean).join(", ");
-    return shown && `${shown} ${unit}`.trim();
+    return shown && inUnit(shown, unit);
   }
 
   showDifference() {
@@ -161,7 +161,7 @@ class Plots {
   }
 
   next() {
-    const rests = plot => pointer.matches && plot.matches(":hover") && !this.lines;
+    const rests = plot => pointer.matches && plot.matches(":hover") && !this.lines && plot.data[0].x.length > 0;
     return [...this.stale].find(plot => plot === this.urgent || !rests(plot));
   }
 
