@@ -312,8 +312,10 @@ def test_address_has_the_settings(browser: Browser, live: Path, paused: Page) ->
         "by_speed",
         False,
     ]
-    other.evaluate("location.hash = '#engine_speed=2000'")
+    # Another address in an open page replaces the settings, and a pace that is no choice is ignored.
+    other.evaluate("location.hash = '#engine_speed=2000&pace=0'")
     other.wait_for_function("live.run.signals.get('engine_speed').constant === 2000")
+    assert [other.locator(name).input_value() for name in ("#boost_reference", "#pace")] == ["125", "1"]
     other.context.close()
     assert messages == []
 
@@ -329,7 +331,7 @@ def test_cursors_show_values_and_their_difference(paused: Page) -> None:
         field.fill(time)
         field.press("Enter")
     shown = paused.locator(".legend output").first
-    assert shown.text_content() == "A\u00a0125, B\u00a0150, Δ\u00a025 kPa"
+    assert shown.text_content() == "A\u00a0125, B\u00a0150, Δ\u00a025\u00a0kPa"
     assert paused.locator("#cursors output").text_content() == "Δ 1.5 s"
     rows = paused.evaluate(
         "[0.5, 2].map((time) => live.run.columns.get('engine_torque')[Math.round(time * 80)])"
@@ -337,7 +339,7 @@ def test_cursors_show_values_and_their_difference(paused: Page) -> None:
     torque = paused.locator(".legend label:has-text('engine_torque') output").text_content()
     numbers = [
         float(text.strip("ABΔ\u00a0 ").replace("\u2212", "-"))
-        for text in torque.removesuffix(" N·m").split(",")
+        for text in torque.removesuffix("\u00a0N·m").split(",")
     ]
     assert numbers == pytest.approx([*rows, rows[1] - rows[0]], rel=1e-3)
     # A click moves the nearer one.

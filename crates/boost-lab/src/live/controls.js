@@ -127,8 +127,9 @@ class Controls {
 
   showAll() { this.all.forEach(control => control.show(control.value)); }
 
-  // Shows a run's values.
+  // Returns what shows a run's values.
   follow(run) {
+    this.all.forEach(control => control.tell(control.variable.description));
     const of = Object.groupBy(this.all.filter(({ fmu }) => fmu), ({ fmu }) => fmu);
     const shown = Object.entries(of).map(([fmu, controls]) => [run.instance(fmu), controls]).filter(([instance]) => instance);
     const selections = shown.map(([instance, controls]) => [new Selection(instance, controls.map(({ name }) => name)), controls]);
@@ -138,7 +139,7 @@ class Controls {
   // The page's address has what differs from the defaults, as it is displayed.
   writeAddress() {
     const changed = this.all.filter(control => control.isChanged).map(({ input }) => input.name);
-    if (this.form.elements.pace.value !== "1") changed.push("pace");
+    if (this.form.elements.pace.value !== REAL_TIME) changed.push("pace");
     const settings = [...new FormData(this.form)].filter(([name]) => changed.includes(name));
     // A switch that is off is not in the form's data.
     const off = this.all.filter(({ input, isChanged }) => isChanged && input.type === "checkbox" && !input.checked).map(({ name }) => [name, "off"]);
@@ -147,8 +148,11 @@ class Controls {
   }
 
   readAddress() {
-    for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
-      if (name === "pace") this.form.elements.pace.value = text;
+    const settings = [...new URLSearchParams(location.hash.slice(1))];
+    const { pace } = this.form.elements;
+    this.form.reset();
+    for (const [name, text] of settings) {
+      if (name === "pace" && [...pace.options].some(({ value }) => value === text)) pace.value = text;
       this.get(name)?.enter(text);
     }
     this.enterAll();

@@ -13,8 +13,9 @@ const [STILL, SLOW] = [1000, 400];
 const SOON = 15;
 const REAL_TIME = "1";
 
-// A time without the round-off of sums, and runs of experiments by name.
+// A time without the round-off of sums.
 const seconds = time => `${Number(time.toFixed(6))} s`;
+// The runs so far, of an experiment all.
 const runsOf = () => [...new Set([...state.finished, state.run])].filter(Boolean);
 
 // At least three significant digits, as the laboratory writes numbers.
@@ -107,12 +108,12 @@ async function startNow(scenario, values, show) {
 const templateOf = number => document.querySelectorAll("template.plots")[number];
 
 async function startLoop() {
+  if (state.experiment) controls.showAll();
   Object.assign(state, { experiment: undefined, finished: [] });
   pace.lower();
   element("results").replaceChildren();
   element("hold").disabled = controls.disabled = false;
   document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
-  controls.showAll();
   const inputs = laboratory.loop.inputs.map(([name]) => [name, { constant: controls.get(name).value }]);
   const values = { plant: [...controls.plantValues(), ...controls.parameters("plant")], controller: controls.parameters("controller") };
   await start({ ...laboratory.loop, inputs }, values, run => plots.show(run, templateOf(0), state.held));
@@ -135,7 +136,9 @@ async function startExperiment(experiment, button) {
 async function nextRun(show) {
   const { experiment, finished } = state;
   const scenario = experiment.runs[finished.length];
-  const changes = scenario.fmus.flatMap(fmu => fmu.values.map(([name, value]) => `${name} = ${typeof value === "number" ? number(value) : value}`)).join(", ");
+  const constants = fmu => fmu.inputs.filter(([, signal]) => "constant" in signal).map(([name, { constant }]) => [name, constant]);
+  const own = scenario.fmus.flatMap(fmu => [...fmu.values, ...constants(fmu)]);
+  const changes = own.map(([name, value]) => `${name} = ${typeof value === "number" ? number(value) : value}`).join(", ");
   const which = experiment.runs.length > 1 ? `, run ${finished.length + 1} of ${experiment.runs.length}` : "";
   say(`Fig. ${experiment.number}${which}, ${seconds(scenario.steps * scenario.step)}: ${scenario.title}${changes ? ` (${changes})` : ""}. Reset returns to the loop.`);
   await start(scenario, {}, show);
@@ -169,8 +172,8 @@ function showResults(experiment, measures) {
     const verdict = make("td", {}, make("span", { className: holds ? "holds" : "fails", textContent: holds ? "holds" : "fails" }));
     const row = make(
       "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}` })),
-      cell("paper", claim.inPaper), cell("here", `${number(claim.factor * value)} ${claim.unit}`.trim()), cell("laboratory", claim.found),
-      cell("accepted", claim.asked), verdict,
+      cell("paper", claim.inPaper && inUnit(claim.inPaper, claim.unit)), cell("here", inUnit(number(claim.factor * value), claim.unit)),
+      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)), verdict,
     );
     row.dataset.claim = claim.name;
     return row;
@@ -252,12 +255,17 @@ function showMeter(now, run) {
   Object.assign(meter, { since: now, from: run.now, spent: 0, frames: 0 });
 }
 
-// A changed input or tunable parameter takes effect at the next step, another one restarts the loop.
+// A changed input or tunable parameter takes effect at the next step, another one restarts the loop. An experiment has
+// its own.
 function change({ fmu, name, value, isOf }) {
-  if (!state.run || state.failed) return;
-  if (isOf === "signal") state.run.signals.set(name, { constant: value });
-  else if (isOf === "tunable") state.run.instance(fmu).setValue(name, value);
-  else startLoop();
+  if (!state.run || state.failed || state.experiment) return;
+  try {
+    if (isOf === "signal") state.run.signals.set(name, { constant: value });
+    else if (isOf === "tunable") state.run.instance(fmu).setValue(name, value);
+    else startLoop();
+  } catch (error) {
+    fail(error);
+  }
 }
 
 // Saves the records; numbers read back as the same doubles.

@@ -8,6 +8,8 @@ const STRIPS = 1200;
 // Significant digits at the cursors: of values and of their difference.
 const DIGITS = [5, 3];
 const HELD_OPACITY = 0.5;
+// The least height of a plot, as a share of its values: less is round-off.
+const LEAST_SHARE = 0.002;
 
 // A plot pauses under the pointer so that values can be read; touch leaves no pointer behind.
 const pointer = matchMedia("(hover: hover)");
@@ -31,6 +33,15 @@ function rowsToDraw(places, values, from, to) {
   }
   if (rows.at(-1) !== end - 1) rows.push(end - 1);
   return rows;
+}
+
+// The vertical range: that of the values unless they differ by round-off alone.
+function heightOf(values) {
+  const [low, high] = [least(values), greatest(values)];
+  const share = LEAST_SHARE * Math.max(Math.abs(low), Math.abs(high));
+  if (high - low > share || values.length === 0) return { "yaxis.autorange": true };
+  const [middle, half] = [(low + high) / 2, share / 2 || 1];
+  return { "yaxis.range": [middle - half, middle + half] };
 }
 
 // Two times at which the plots show values and their difference.
@@ -66,7 +77,7 @@ class Cursors {
     const parts = found.map((value, index) => (value === undefined ? "" : `${"AB"[index]}\u00a0${text(value, DIGITS[0])}`));
     if (!found.includes(undefined)) parts.push(`Δ\u00a0${text(found[1] - found[0], DIGITS[1])}`);
     const shown = parts.filter(Boolean).join(", ");
-    return shown && inUnit(shown, unit);
+    return shown && (unit ? `${shown}\u00a0${UNITS[unit] ?? unit}` : shown);
   }
 
   showDifference() {
@@ -197,8 +208,10 @@ class Plots {
       x.push(rows.map(row => places[row]));
       y.push(rows.map(row => factor * values[row]));
     }
-    const shapes = this.lines ? {} : { shapes: this.cursors.lines() };
-    Plotly.update(plot, { x, y }, this.lines || this.zoom ? shapes : { ...shapes, "xaxis.range": [from, to] });
+    Plotly.update(plot, { x, y }, {
+      ...(this.lines ? {} : { shapes: this.cursors.lines() }),
+      ...(this.lines || this.zoom ? {} : { "xaxis.range": [from, to], ...heightOf(y.flat()) }),
+    });
   }
 
   drawAll() {
