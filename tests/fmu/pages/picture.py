@@ -21,8 +21,8 @@ END = 30
 
 SIZE = {"width": 1366, "height": 768}
 
-COLORS = 128
-"""Of the picture, which has no others but for the edges of letters."""
+COLORS = 256
+"""Of the picture: with fewer, thin lines lose theirs."""
 
 PLAY = """([steps, end]) => {
   const slider = document.getElementById("boost_reference");

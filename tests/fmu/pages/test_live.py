@@ -136,6 +136,9 @@ def test_slider_and_answer_are_in_one_view(paused: Page) -> None:
         assert {"boost_pressure", "hp_wastegate_pwm"} <= set(found[width]["plots"]), width
         assert set(DRIVES) <= set(found[width]["others"]), width
         assert width == 1100 or "engine" in found[width]["others"], width
+    ticks = [text for text in paused.locator(".xtick").all_text_contents() if text]
+    assert ticks != []
+    assert all(text.endswith(" s") for text in ticks)
     counts = [len(found[width]["plots"]) for width in [1366, 1920, 2560]]
     assert counts[0] < counts[1] < counts[2]
 

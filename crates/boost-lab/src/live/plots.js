@@ -98,7 +98,12 @@ class Plots {
   async show(run, template, held) {
     const length = run.scenario.steps * run.scenario.step;
     Object.assign(this, { run, held, lines: undefined, length: Math.min(length, 10 * VIEW), scrolls: length > 10 * VIEW });
-    await this.fill(template, data => (held ? data.concat(data.map(line => ({ ...line, zorder: -1, opacity: HELD_OPACITY, line: { ...line.line, width: 1 }, hoverinfo: "skip" }))) : data));
+    const thin = line => ({ ...line, zorder: -1, opacity: HELD_OPACITY, line: { ...line.line, width: 1 }, hoverinfo: "skip" });
+    // Each plot says the unit of time, since those below it may be out of view.
+    await this.fill(template, ({ data, layout }) => ({
+      data: held ? data.concat(data.map(thin)) : data,
+      layout: { ...layout, xaxis: { ...layout.xaxis, title: undefined, ticksuffix: " s" } },
+    }));
     for (const plot of this.panels) {
       plot.on("plotly_relayout", change => this.follow(plot, change));
       plot.on("plotly_click", ({ points: [{ x }] }) => {
@@ -114,7 +119,7 @@ class Plots {
   // Shows an experiment's figure: `lines` returns its lines.
   async showFigure(template, lines) {
     Object.assign(this, { lines });
-    await this.fill(template, data => data);
+    await this.fill(template, plot => plot);
     let count = 0;
     for (const plot of this.panels) {
       plot.first = count;
@@ -127,8 +132,7 @@ class Plots {
     this.figure.replaceChildren(template.content.cloneNode(true));
     this.figure.classList.toggle("paper", Boolean(this.lines));
     for (const script of this.figure.querySelectorAll(".panel > script")) {
-      const plot = JSON.parse(script.textContent);
-      script.textContent = JSON.stringify({ ...plot, data: change(plot.data) });
+      script.textContent = JSON.stringify(change(JSON.parse(script.textContent)));
     }
     await showFigures(this.figure);
     this.panels = [...this.figure.querySelectorAll(".plot")];
