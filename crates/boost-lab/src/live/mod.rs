@@ -84,15 +84,11 @@ pub struct Live<'a> {
 
 impl Live<'_> {
     pub fn html(&self) -> Result<String> {
-        let template = |figures: &[&Figure]| {
-            let plots: String = figures.iter().map(|figure| figure.html()).collect();
-            format!("<template class=\"plots\">\n{plots}</template>\n")
-        };
-        let mut plots = template(&[&self.closed_loop.1]);
+        let template = |plots: String| format!("<template class=\"plots\">\n{plots}</template>\n");
+        let mut plots = template(self.closed_loop.1.html());
         let mut buttons = String::new();
         for Reproduced { figure: PaperFigure { number, title, .. }, evidence, .. } in self.experiments {
-            let figures: Vec<_> = evidence.plots().map(|plot| plot.clone().without_points()).collect();
-            plots += &template(&figures.iter().collect::<Vec<_>>());
+            plots += &template(evidence.plots().map(|plot| plot.clone().without_points().html()).collect());
             buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
         }
         // Escaped so that no `<` ends the script.
@@ -119,7 +115,6 @@ impl Live<'_> {
         let experiments = self.experiments.iter().map(|experiment| {
             json!({
                 "number": experiment.figure.number,
-                "title": experiment.figure.title,
                 "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
                 "claims": experiment.evidence.claims.iter().map(claim_json).collect::<Vec<_>>(),
             })
