@@ -19,10 +19,10 @@ STEPS = {0: 125, 3: 150, 12: 170, 22: 140}
 END = 30
 """When the picture is taken (s)."""
 
-SIZE = {"width": 1460, "height": 1148}
+SIZE = {"width": 1366, "height": 768}
 
-COLORS = 128
-"""Of the picture, which has no others but for the edges of letters."""
+COLORS = 256
+"""Of the picture: with fewer, thin lines lose theirs."""
 
 PLAY = """([steps, end]) => {
   const slider = document.getElementById("boost_reference");
@@ -47,8 +47,6 @@ def take(browser: Browser, page_file: Path, out: Path) -> None:
     page.wait_for_function(
         "[...document.querySelectorAll('.plot')].every((plot) => plot.data[0].x.at(-1) > 29.9)"
     )
-    # From the controls to the first plots.
-    page.evaluate("document.querySelector('.bar').scrollIntoView()")
     page.evaluate("document.getElementById('status').textContent = ''")
     page.wait_for_timeout(1500)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")

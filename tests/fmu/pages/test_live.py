@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import ROOT, TARGET, Run
 from picture import take
 from playwright.sync_api import Browser, Page
+from report import Report
 
 SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
 
@@ -20,13 +22,22 @@ README = (ROOT / "README.md").read_text()
 LARGEST_PICTURE = 150e3
 """Bytes of the README's picture."""
 
+LARGEST_PAGE = 7.5e6
+"""Bytes."""
 
-def visit(browser: Browser, live: Path, messages: list[str], **options: object) -> Page:
-    """Opens the page; its console and errors go to a list."""
+LONGEST_FRAME = 17
+"""Milliseconds between frames on an idle machine: a screen's 60 per second."""
+
+SIZES = [(390, 844), (1100, 768), (1366, 768), (1536, 864), (1920, 1080), (2560, 1440)]
+"""Of windows: a telephone, and usual screens."""
+
+
+def visit(browser: Browser, live: Path, messages: list[str], settings: str = "", **options: object) -> Page:
+    """Opens the page, with settings in its address; its console and errors go to a list."""
     page = browser.new_context(viewport={"width": 1280, "height": 900}, **options).new_page()
     page.on("console", lambda message: messages.append(message.text))
     page.on("pageerror", lambda error: messages.append(str(error)))
-    page.goto(live.as_uri())
+    page.goto(live.as_uri() + settings)
     page.wait_for_function("globalThis.live?.run")
     return page
 
@@ -56,11 +67,18 @@ def still(browser: Browser, live: Path) -> Iterator[Page]:
 @pytest.fixture
 def paused(still: Page) -> Page:
     """The page with its defaults, its loop at the start."""
-    still.evaluate("live.run.isOld = true")
+    still.set_viewport_size({"width": 1280, "height": 900})
     still.locator("#defaults").click()
-    still.wait_for_function("live.run && !live.run.isOld")
+    restart(still)
     assert still.evaluate("live.run.now") == 0
     return still
+
+
+def restart(page: Page) -> None:
+    """Restarts the loop, and waits for it."""
+    page.evaluate("live.run.isOld = true")
+    page.locator("#reset").click()
+    page.wait_for_function("live.run && !live.run.isOld")
 
 
 def run(page: Page, steps: int) -> None:
@@ -73,11 +91,68 @@ def value(page: Page, name: str) -> float:
     return page.evaluate("(name) => live.run.columns.get(name).at(-1)", name)
 
 
+MEASURE = (Path(__file__).parent / "measure.js").read_text()
+
+DRIVES = ["boost_reference", "engine_speed", "supply_voltage", "throttle"]
+
+
+def measured(page: Page, width: int, height: int) -> dict[str, Any]:
+    """What is in the first view of a window, and what does not fit it."""
+    page.set_viewport_size({"width": width, "height": height})
+    # The plots follow the window's size a little later.
+    page.wait_for_function(
+        "[...document.querySelectorAll('.plot')].every("
+        "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+    )
+    page.evaluate("scrollTo(0, 0)")
+    found = page.evaluate(MEASURE)
+    assert found["texts"] > 150
+    return found
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_fits_its_window(paused: Page, width: int, height: int) -> None:
+    """No element is wider, and no number breaks, after some seconds with both cursors."""
+    run(paused, 400)
+    for index, time in enumerate(["1", "4.2625"]):
+        paused.locator("#cursors input").nth(index).fill(time)
+        paused.locator("#cursors input").nth(index).press("Enter")
+    paused.wait_for_timeout(1500)
+    found = measured(paused, width, height)
+    paused.screenshot(path=PICTURES / f"loop-{width}.png")
+    assert (found["wide"], found["broken"]) == ([], [])
+    for index in range(2):
+        paused.locator("#cursors input").nth(index).fill("")
+        paused.locator("#cursors input").nth(index).press("Enter")
+
+
+def test_slider_and_answer_are_in_one_view(paused: Page) -> None:
+    """On a telephone boost's slider and plot, on screens what drives and the plots of boost and duty, from
+    1366 pixels on the engine, too; wider windows show more plots."""
+    found = {size[0]: measured(paused, *size) for size in SIZES}
+    assert "boost_reference" in found[390]["others"]
+    assert "boost_pressure" in found[390]["plots"]
+    for width in [1100, 1366, 1536, 1920, 2560]:
+        assert {"boost_pressure", "hp_wastegate_pwm"} <= set(found[width]["plots"]), width
+        assert set(DRIVES) <= set(found[width]["others"]), width
+        assert width == 1100 or "engine" in found[width]["others"], width
+    ticks = [text for text in paused.locator(".xtick").all_text_contents() if text]
+    assert ticks != []
+    assert all(text.endswith(" s") for text in ticks)
+    counts = [len(found[width]["plots"]) for width in [1366, 1920, 2560]]
+    assert counts[0] < counts[1] < counts[2]
+
+
+def test_page_is_of_moderate_size(live: Path) -> None:
+    assert live.stat().st_size < LARGEST_PAGE
+
+
 SLIDERS = [
     ("boost_reference", "boost_pressure"),
     ("engine_speed", "air_mass_flow"),
     ("throttle", "engine_torque"),
     ("supply_voltage", "hp_wastegate_pwm"),
+    ("ambient_pressure", "air_mass_flow"),
 ]
 
 
@@ -128,30 +203,183 @@ def test_compensation_acts(paused: Page) -> None:
 
 def test_each_plant_starts_anew_and_differs(paused: Page) -> None:
     assert value(paused, "boost_reference") == 125e3
-    plants = paused.locator("#plant option").count()
-    assert plants == 1 + len([file for file in ROOT.glob("parameters/*.ssv") if "paper" not in file.stem])
+    plants = [option.get_attribute("value") for option in paused.locator("#plant option").all()]
+    assert len(plants) == 1 + len(
+        [file for file in ROOT.glob("parameters/*.ssv") if "paper" not in file.stem]
+    )
     begins = set()
-    for index in range(plants):
-        paused.evaluate("live.run = undefined")
-        paused.locator("#plant").select_option(str(index))
-        paused.wait_for_function("live.run?.now === 0")
+    for plant in plants:
+        if plant == plants[0]:
+            restart(paused)
+        else:
+            paused.evaluate("live.run.isOld = true")
+            paused.locator("#plant").select_option(plant)
+            paused.wait_for_function("live.run && !live.run.isOld")
         paused.locator("#boost_reference").fill("150")
         run(paused, 80)
         begins.add(paused.evaluate("live.run.columns.get('hp_turbo_speed').join()"))
         paused.locator("#boost_reference").fill("125")
-    assert len(begins) == plants
+    assert len(begins) == len(plants)
 
 
 def test_field_takes_what_the_fmu_declares(paused: Page) -> None:
-    field = paused.locator(".control:has(#supply_voltage) input[type=number]")
+    """A value outside, and a cleared field, are refused where they are typed."""
+    control = paused.locator(".control:has(#supply_voltage)")
+    field, note = control.locator("input[type=number]"), control.locator("small")
     assert [field.get_attribute(limit) for limit in ("min", "max")] == ["0", "32"]
     field.fill("5")
     field.press("Enter")
-    run(paused, 1)
-    assert value(paused, "supply_voltage") == 5
-    field.fill("50")
+    for refused in ["50", "-1", ""]:
+        field.fill(refused)
+        field.press("Enter")
+        assert (field.input_value(), field.get_attribute("aria-invalid")) == ("5", "true"), refused
+        assert "outside 0 to 32 V" in note.text_content()
+        assert note.bounding_box()["height"] > 10
+        run(paused, 1)
+        assert value(paused, "supply_voltage") == 5
+    field.fill("6")
     field.press("Enter")
-    assert field.input_value() == "32"
+    assert field.get_attribute("aria-invalid") == "false"
+    run(paused, 1)
+    assert value(paused, "supply_voltage") == 6
+
+
+def test_temperature_faults_and_strategy_act(paused: Page) -> None:
+    warm = paused.locator("#ambient_temperature").input_value()
+    paused.locator("#ambient_temperature").press("Home")
+    run(paused, 400)
+    assert value(paused, "ambient_temperature") == 248.15 != warm
+    cold = value(paused, "air_mass_flow")
+    restart(paused)
+    assert paused.evaluate("live.run.signals.get('ambient_temperature').constant") == 248.15
+    paused.locator("#ambient_temperature").fill(warm)
+    run(paused, 400)
+    assert value(paused, "air_mass_flow") < 0.98 * cold
+
+    paused.get_by_text("Faults", exact=True).click()
+    paused.locator("[id='fault.wastegate_stuck']").check()
+    paused.locator("[id='fault.wastegate_stuck_position']").press("End")
+    run(paused, 1)
+    assert value(paused, "hp_wastegate_position") == 1
+    restart(paused)
+    run(paused, 1)
+    assert value(paused, "hp_wastegate_position") == 1
+    paused.locator("[id='fault.wastegate_stuck']").uncheck()
+    run(paused, 1)
+    assert value(paused, "hp_wastegate_position") < 1
+    paused.get_by_text("Faults", exact=True).click()
+
+    # At 2800 rpm one strategy shares the stages, the other bypasses none yet.
+    openings = set()
+    paused.locator(".control:has(#engine_speed) input[type=number]").fill("2800")
+    paused.keyboard.press("Enter")
+    for strategy in ["split_range", "by_speed"]:
+        paused.evaluate("live.run.isOld = true")
+        paused.locator("#strategy").select_option(strategy)
+        if strategy == "split_range":
+            restart(paused)
+        paused.wait_for_function("live.run && !live.run.isOld")
+        run(paused, 400)
+        openings.add(value(paused, "lp_wastegate"))
+    assert len(openings) == 2
+
+
+def test_address_has_the_settings(browser: Browser, live: Path, paused: Page) -> None:
+    """What is changed, as it is displayed; a page that is opened there has them."""
+    assert paused.evaluate("location.hash") == ""
+    paused.locator("#boost_reference").fill("150")
+    paused.locator("#compensate_voltage").uncheck()
+    paused.locator("#strategy").select_option("by_speed")
+    paused.locator("#pace").select_option("10")
+    paused.locator(".control:has(#ambient_temperature) input[type=number]").fill("-10")
+    paused.keyboard.press("Enter")
+    address = paused.evaluate("location.hash")
+    names = [
+        "boost_reference=150",
+        "strategy=by_speed",
+        "ambient_temperature=-10",
+        "compensate_voltage=off",
+        "pace=10",
+    ]
+    assert sorted(address[1:].split("&")) == sorted(names)
+    messages: list[str] = []
+    other = visit(browser, live, messages, f"{address}&throttle=7&nothing=1", reduced_motion="reduce")
+    run(other, 1)
+    assert [value(other, name) for name in ("boost_reference", "ambient_temperature")] == [150e3, 263.15]
+    # A value outside, and an unknown name, change nothing.
+    assert value(other, "throttle") == 1
+    assert other.evaluate(
+        "[pace, strategy, compensate_voltage.checked].map((each) => each.value ?? each)"
+    ) == [
+        "10",
+        "by_speed",
+        False,
+    ]
+    # Another address in an open page replaces the settings, and a pace that is no choice is ignored.
+    other.evaluate("location.hash = '#engine_speed=2000&pace=0'")
+    other.wait_for_function("live.run.signals.get('engine_speed').constant === 2000")
+    assert [other.locator(name).input_value() for name in ("#boost_reference", "#pace")] == ["125", "1"]
+    other.context.close()
+    assert messages == []
+
+
+def test_cursors_show_values_and_their_difference(paused: Page) -> None:
+    """By fields and by clicks."""
+    run(paused, 80)
+    paused.locator("#boost_reference").fill("150")
+    run(paused, 240)
+    paused.wait_for_function("document.querySelector('.plot').data[0].x.at(-1) > 3.9")
+    a, b = paused.locator("#cursors input").all()
+    for field, time in [(a, "0.5"), (b, "2")]:
+        field.fill(time)
+        field.press("Enter")
+    shown = paused.locator(".legend output").first
+    assert shown.text_content() == "A\u00a0125, B\u00a0150, Δ\u00a025\u00a0kPa"
+    assert paused.locator("#cursors output").text_content() == "Δ 1.5 s"
+    rows = paused.evaluate(
+        "[0.5, 2].map((time) => live.run.columns.get('engine_torque')[Math.round(time * 80)])"
+    )
+    torque = paused.locator(".legend label:has-text('engine_torque') output").text_content()
+    numbers = [
+        float(text.strip("ABΔ\u00a0 ").replace("\u2212", "-"))
+        for text in torque.removesuffix("\u00a0N·m").split(",")
+    ]
+    assert numbers == pytest.approx([*rows, rows[1] - rows[0]], rel=1e-3)
+    # A click moves the nearer one.
+    paused.wait_for_function("document.querySelector('.plot').layout.shapes?.length === 2")
+    box = paused.locator(".plot .nsewdrag").first.bounding_box()
+    place = box["x"] + box["width"] * 3 / 40, box["y"] + box["height"] / 2
+    paused.mouse.move(*place)
+    paused.wait_for_timeout(300)
+    paused.mouse.click(*place)
+    paused.wait_for_function("document.querySelectorAll('#cursors input')[1].value > 2.5")
+    assert a.input_value() == "0.5"
+    for field in (a, b):
+        field.fill("")
+        field.press("Enter")
+    assert shown.text_content() == ""
+    paused.mouse.move(0, 0)
+
+
+def test_hold_keeps_a_run_under_the_next(paused: Page) -> None:
+    run(paused, 80)
+    held = paused.evaluate("live.run.columns.get('boost_pressure').slice(0, 81)")
+    paused.locator("#hold").click()
+    paused.locator("#boost_reference").fill("160")
+    restart(paused)
+    run(paused, 80)
+    paused.wait_for_function("document.querySelector('.plot').data[1].x.length === 81")
+    lines = paused.evaluate(
+        "document.querySelector('.plot').data.map(({ y, line, opacity }) => [y, line.width, opacity])"
+    )
+    assert len(lines) == 4
+    assert [1e3 * each for each in lines[3][0]] == pytest.approx(held)
+    assert lines[1][0] != lines[3][0]
+    assert (lines[3][1:], lines[1][1] > 1) == ([1, 0.5], True)
+    assert paused.locator("#hold").get_attribute("aria-pressed") == "true"
+    paused.locator("#hold").click()
+    restart(paused)
+    assert paused.evaluate("document.querySelector('.plot').data.length") == 2
 
 
 def test_warning_and_refusal_of_an_fmu_are_told(paused: Page) -> None:
@@ -185,23 +413,39 @@ def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     paused.locator("#step").press("Space")
     assert paused.evaluate("live.run.now") == pytest.approx(now + 0.0125)
     assert "Stepped" in paused.locator("#status").text_content()
+    assert f"{now + 0.0125:.2f} s" in paused.locator("#clock").text_content()
     paused.locator("#reset").press("Enter")
     paused.wait_for_function("live.run?.now === 0")
 
 
+FRAMES = """async (count) => {
+  const frames = [];
+  for (let before = performance.now(); frames.length < count;) {
+    await new Promise(requestAnimationFrame);
+    const now = performance.now();
+    frames.push(now - before);
+    before = now;
+  }
+  return frames.sort((a, b) => a - b)[count / 2];
+}"""
+
+
 def test_pace_is_kept(opened: Page, capsys: pytest.CaptureFixture[str]) -> None:
-    """Ten times real time; what a frame takes of the main thread is printed."""
+    """Ten times real time; the median frame, which is printed, is at most twice an idle machine's, since
+    other tests run beside it."""
     opened.locator("#pace").select_option("10")
     opened.wait_for_timeout(2500)
     before = opened.evaluate("[performance.now(), live.run.now]")
-    opened.wait_for_timeout(2500)
+    frames = opened.evaluate(FRAMES, 150)
     after = opened.evaluate("[performance.now(), live.run.now]")
     pace = (after[1] - before[1]) / (after[0] - before[0]) * 1e3
     load = opened.locator("#clock").get_attribute("data-load")
     with capsys.disabled():
         print(f"\nat {pace:.1f} times real time: {load} ms of the main thread for each frame")
+        print(f"median frame {frames:.1f} ms, on an idle machine at most {LONGEST_FRAME}")
     # Half a second may be between a frame and what is asked here.
     assert pace == pytest.approx(10, rel=0.2)
+    assert frames < 2 * LONGEST_FRAME
 
 
 def test_plots_follow_zoom_and_colours(opened: Page) -> None:
@@ -260,27 +504,79 @@ REPORTED = """() => [...document.querySelectorAll(".claims")].map((table) =>
   [...table.querySelectorAll("tbody tr")].map((row) =>
     [row.children[2].textContent, row.lastElementChild.textContent]))"""
 
+DRAWN = "[...document.querySelectorAll('.plot')].map(({ data, layout }) => ({ data, layout }))"
+
+
+def assert_same_figure(here: list[dict[str, Any]], laboratory: list[dict[str, Any]]) -> None:
+    """The same axes and lines, to what a screen shows: each line's ends, extremes and points."""
+    for plot, other in zip(here, laboratory, strict=True):
+        axes = [[part["layout"][axis].get("title") for axis in ("xaxis", "yaxis")] for part in (plot, other)]
+        texts = [[title and title["text"] for title in part] for part in axes]
+        assert texts[0] == texts[1]
+        for line, reference in zip(plot["data"], other["data"], strict=True):
+            assert line["name"] == reference["name"]
+            for axis in "xy":
+                ours, theirs = line[axis], reference[axis]
+                size = max(map(abs, theirs))
+                ends = [[each[0], each[-1], min(each), max(each)] for each in (ours, theirs)]
+                assert ends[0] == pytest.approx(ends[1], abs=2e-3 * size), (texts, line["name"], axis)
+
 
 def test_experiments_give_the_figures_of_the_laboratory(
     opened: Page, lab: Run, exported: Path, tmp_path: Path, browser: Browser
 ) -> None:
+    """The numbers of the claims, and the paper's figures with all their runs."""
     assert lab("reproduce", "--fmus", exported, "--out", tmp_path).returncode == 0
-    report = browser.new_page()
-    report.goto((tmp_path / "report.html").as_uri())
-    reported = report.evaluate(REPORTED)
-    report.close()
+    page = browser.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    reported = page.evaluate(REPORTED)
+    page.close()
     assert sum(map(len, reported)) > 30
+    plots = iter(Report(tmp_path / "report.html").plots)
 
     opened.locator("#pace").select_option("Infinity")
     for button, expected in zip(opened.locator("#choices button").all(), reported, strict=True):
         button.click()
         opened.wait_for_selector("#results table")
         assert opened.evaluate(HERE) == expected, button.text_content()
-    opened.screenshot(path=PICTURES / "experiment.png", full_page=True)
+        here = opened.evaluate(DRAWN)
+        assert_same_figure(here, [next(plots) for _ in here])
+        found = measured(opened, *SIZES[0])
+        assert (found["wide"], found["broken"]) == ([], []), button.text_content()
+        found = measured(opened, *SIZES[2])
+        opened.screenshot(path=PICTURES / f"experiment-{button.text_content().split()[1]}.png")
+        assert (found["wide"], found["broken"]) == ([], []), button.text_content()
+    assert next(plots, None) is None
+
+
+def test_an_experiment_sets_pace_and_controls(opened: Page) -> None:
+    """Fig. 11 drives from 1000 to 3000 rpm in two runs of 340 s, too long for real time."""
+    speed = opened.locator(".control:has(#engine_speed) input[type=number]")
+    figure = opened.locator("#choices button", has_text="Fig. 11")
+    figure.click()
+    opened.wait_for_function("live.run?.now > 100 && live.finished.length === 0")
+    assert opened.locator("#pace").input_value() == "50"
+    assert "run 1 of 2" in opened.locator("#status").text_content()
+    opened.wait_for_selector("#results table")
+    assert (speed.input_value(), speed.is_disabled()) == ("3000", True)
+    # The records stay until Reset.
+    assert opened.locator("#run").is_disabled()
+    with opened.expect_download() as download:
+        opened.locator("#csv").click()
+    assert download.value.suggested_filename == "figure_11_run_1.csv"
+    opened.locator("#reset").click()
+    opened.wait_for_function("live.run?.scenario.title === 'Closed loop'")
+    assert (speed.input_value(), speed.is_disabled()) == ("1500", False)
+    assert opened.locator("#pace").input_value() == "1"
+    # A pace that the user chose stays.
+    opened.locator("#pace").select_option("5")
+    figure.click()
+    opened.wait_for_function("live.run?.now > 1")
+    assert opened.locator("#pace").input_value() == "5"
 
 
 def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_path: Path) -> None:
-    """To the last bit, with the same names."""
+    """To the last bit, with the same names and units."""
     opened.locator("#pace").select_option("Infinity")
     opened.locator("#choices button").first.click()
     opened.wait_for_selector("#results table")
@@ -290,9 +586,10 @@ def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_p
     assert saved.name == "figure_1_run_1.csv"
     download.value.save_as(saved)
     scenario = SCENARIOS / "figure_1.toml"
-    assert lab("simulate", scenario, "--fmus", exported, "--out", recorded).returncode == 0
+    assert lab("simulate", scenario, "--fmus", exported, "--units", "--out", recorded).returncode == 0
     rows, others = (list(csv.reader(file.read_text().splitlines())) for file in (saved, recorded))
     assert rows[0] == others[0]
+    assert "boost_pressure (Pa)" in rows[0]
     assert [[float(cell) for cell in row] for row in rows[1:]] == [
         [float(cell) for cell in row] for row in others[1:]
     ]
@@ -316,6 +613,14 @@ def test_trap_is_told_and_reset_helps(opened: Page) -> None:
     opened.locator("#failure button").click()
     opened.wait_for_function("live.run?.now > 0.2")
     assert not opened.locator("#failure").is_visible()
+
+
+def test_missing_modules_are_told_with_their_command(lab: Run, exported: Path, tmp_path: Path) -> None:
+    missing = tmp_path / "BoostPlant.wasm"
+    done = lab("live", "--plant", missing, "--fmus", exported, "--out", tmp_path / "live.html")
+    assert done.returncode == 2
+    assert str(missing) in done.stderr
+    assert "boost-fmu export --wasm" in done.stderr
 
 
 def test_picture_of_the_readme(browser: Browser, live: Path) -> None:

@@ -44,11 +44,12 @@ class Model {
         type: type.localName,
         reference: Number(element.getAttribute("valueReference")),
         causality: element.getAttribute("causality"),
+        variability: element.getAttribute("variability"),
         description: element.getAttribute("description") ?? "",
         items: items.get(type.getAttribute("declaredType")),
         display: display.get(`${unit} ${type.getAttribute("displayUnit")}`) ?? { unit: unit === "1" ? "" : unit, factor: 1, offset: 0 },
         min: number("min"), max: number("max"),
-        start: type.getAttribute("start") === "true" ? 1 : number("start"),
+        start: type.localName === "Boolean" ? Number(type.getAttribute("start") === "true") : number("start"),
       }];
     }));
   }

@@ -79,6 +79,20 @@ function deviation(run) {
   return greatest(boost.map((value, row) => (run.time[row] > 3 ? Math.abs(value - reference[row]) : -Infinity)));
 }
 
+// Table 1, eqs. (6) and (7), from the plant's parameters; eq. (1) is choked, with the flow function of air.
+function tableOf(run) {
+  const parameter = name => run.instance("plant").variable(name).start;
+  const coefficients = (name, count) => Array.from({ length: count }, (_, index) => parameter(`${name}[${index + 1}]`));
+  const polynomial = (factors, x) => factors.reduce((sum, factor) => sum * x + factor, 0);
+  const [pressures, leakage] = [coefficients("valve.pressure_coefficient", 4), coefficients("valve.leakage_coefficient", 3)];
+  const ambient = at(run, "ambient_pressure", 0);
+  return {
+    pressure: duty => Math.min(polynomial(pressures, duty), ambient),
+    area: duty => parameter("valve.leakage_area_scale") * Math.max(polynomial(leakage, duty), 0),
+    areaOf: (flow, around, temperature) => flow * Math.sqrt(parameter("air.gas_constant") * temperature) / (around * 0.684731),
+  };
+}
+
 const MEASURES = {
   1([dip]) {
     const [begin, end] = edgesOf(dip, "supply_voltage");
@@ -87,21 +101,12 @@ const MEASURES = {
   },
 
   6([run]) {
-    // Table 1, eqs. (6) and (7), from the plant's parameters; eq. (1) is choked, with the flow function of air.
-    const parameter = name => run.instance("plant").variable(name).start;
-    const coefficients = (name, count) => Array.from({ length: count }, (_, index) => parameter(`${name}[${index + 1}]`));
-    const polynomial = (factors, x) => factors.reduce((sum, factor) => sum * x + factor, 0);
-    const [pressures, leakage] = [coefficients("valve.pressure_coefficient", 4), coefficients("valve.leakage_coefficient", 3)];
-    const ambient = at(run, "ambient_pressure", 0);
+    const table = tableOf(run);
     const ends = endsOf(run, "hp_wastegate_pwm");
     const errors = pointsOf(run.signal("hp_wastegate_pwm")).map(([, duty], index) => {
-      const [pressure, flow, around, temperature] =
+      const [pressure, flow, ...around] =
         ["actuator_pressure", "valve.leakage_mass_flow", "ambient_pressure", "ambient_temperature"].map(name => at(run, name, ends[index]));
-      const area = flow * Math.sqrt(parameter("air.gas_constant") * temperature) / (around * 0.684731);
-      return [
-        Math.abs(pressure - Math.min(polynomial(pressures, duty), ambient)),
-        Math.abs(area - parameter("valve.leakage_area_scale") * Math.max(polynomial(leakage, duty), 0)),
-      ];
+      return [Math.abs(pressure - table.pressure(duty)), Math.abs(table.areaOf(flow, ...around) - table.area(duty))];
     });
     return { pressure_deviation: greatest(errors.map(([p]) => p)), leakage_area_deviation: 1e6 * greatest(errors.map(([, area]) => area)) };
   },

@@ -1,8 +1,9 @@
 //! A page that runs plant and controller live in a browser, as embedded WebAssembly modules, with the paper's
 //! experiments as run by the laboratory for comparison.
 //!
-//! The scripts: `fmu.js` calls a module, `master.js` couples two as [`fmu_master`] does, `measures.js` computes the
-//! paper's numbers from records, `plots.js` and `engine.js` display the run, `page.js` serves the controls.
+//! The scripts: `fmu.js` calls a module, `master.js` couples two as [`fmu_master`] does, `measures.js` and `figures.js`
+//! compute the paper's numbers and lines from records, `plots.js` and `engine.js` display the run, `controls.js` makes the
+//! controls of `controls.json` from the FMUs' declarations, `page.js` runs the simulation.
 
 use std::path::Path;
 
@@ -16,8 +17,7 @@ use wasmparser::{Parser, Payload};
 
 use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
 use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
-use fmu_plot::escaped;
-use fmu_plot::page;
+use fmu_plot::{Figure, escaped, page};
 
 /// The closed loop that the page starts with; the user changes its constant inputs.
 pub const LOOP: (&str, &str) = shipped!("live.toml");
@@ -25,26 +25,20 @@ pub const LOOP: (&str, &str) = shipped!("live.toml");
 const STYLE: &str = include_str!("style.css");
 const BODY: &str = include_str!("body.html");
 const ENGINE: &str = include_str!("engine.svg");
-const SCRIPTS: [&str; 6] = [
+const CONTROLS: &str = include_str!("controls.json");
+const SCRIPTS: [&str; 8] = [
     include_str!("fmu.js"),
     include_str!("master.js"),
     include_str!("measures.js"),
+    include_str!("figures.js"),
     include_str!("plots.js"),
     include_str!("engine.js"),
+    include_str!("controls.js"),
     include_str!("page.js"),
 ];
 
 /// The module section with its description.
 const DESCRIPTION: &str = "modelDescription.xml";
-
-/// The sliders: FMU, variable and operating range; the field next to each accepts the whole declared range.
-const SLIDERS: [(&str, &str, [f64; 2]); 5] = [
-    ("controller", "boost_reference", [100e3, 240e3]),
-    ("plant", "engine_speed", [1000.0, 5500.0]),
-    ("plant", "throttle", [0.0, 1.0]),
-    ("plant", "supply_voltage", [8.0, 16.0]),
-    ("controller", "lambda", [0.1, 1.2]),
-];
 
 /// An FMU as a WebAssembly module.
 pub struct Module {
@@ -54,7 +48,7 @@ pub struct Module {
 
 impl Module {
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = reading::bytes(path)?;
+        let bytes = reading::bytes(path).context("`boost-fmu export --wasm` writes the modules")?;
         let description = Self::description(&bytes);
         let description = description
             .with_context(|| format!("{} is not a module of `boost-fmu export --wasm`", path.display()))?;
@@ -83,24 +77,19 @@ pub struct Live<'a> {
     pub modules: [(&'static str, &'a Module); 2],
     /// The plants to choose from, in addition to the default.
     pub plants: &'a [ParameterSet],
-    /// [`LOOP`].
-    pub closed_loop: &'a Run,
+    /// [`LOOP`] and its plot.
+    pub closed_loop: &'a (Run, Figure),
     /// The paper's experiments as run by the laboratory.
     pub experiments: &'a [Reproduced],
 }
 
 impl Live<'_> {
     pub fn html(&self) -> Result<String> {
-        let runs = || {
-            let all = self.experiments.iter().flat_map(|experiment| &experiment.runs);
-            std::iter::once(self.closed_loop).chain(all)
-        };
-        let mut plots = String::new();
-        for run in runs() {
-            plots += &format!("<template class=\"plots\">\n{}</template>\n", run.plot.html());
-        }
+        let template = |plots: String| format!("<template class=\"plots\">\n{plots}</template>\n");
+        let mut plots = template(self.closed_loop.1.html());
         let mut buttons = String::new();
-        for PaperFigure { number, title, .. } in self.experiments.iter().map(|experiment| experiment.figure) {
+        for Reproduced { figure: PaperFigure { number, title, .. }, evidence, .. } in self.experiments {
+            plots += &template(evidence.plots().map(|plot| plot.clone().without_points().html()).collect());
             buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
         }
         // Escaped so that no `<` ends the script.
@@ -124,20 +113,18 @@ impl Live<'_> {
         let plant = self.modules.iter().find(|(name, _)| *name == "plant").context("a plant")?.1;
         let plants =
             self.plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?;
-        let mut templates = 1..;
         let experiments = self.experiments.iter().map(|experiment| {
             json!({
                 "number": experiment.figure.number,
-                "title": experiment.figure.title,
-                "runs": experiment.runs.iter().map(|run| run_json(run, templates.next().unwrap_or_default())).collect::<Vec<_>>(),
+                "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
                 "claims": experiment.evidence.claims.iter().map(claim_json).collect::<Vec<_>>(),
             })
         });
         Ok(json!({
             "modules": modules,
-            "sliders": SLIDERS.map(|(fmu, name, range)| json!({ "fmu": fmu, "name": name, "range": range })),
+            "controls": serde_json::from_str::<Json>(CONTROLS)?,
             "plants": plants,
-            "loop": run_json(self.closed_loop, 0),
+            "loop": run_json(&self.closed_loop.0),
             "experiments": experiments.collect::<Vec<_>>(),
         }))
     }
@@ -155,12 +142,10 @@ fn plant_json(set: &ParameterSet, plant: &FmuDescription) -> Result<Json> {
     }))
 }
 
-/// A run, and the number of its plot template.
-fn run_json(run: &Run, template: usize) -> Json {
-    let Run { scenario, names, .. } = run;
+fn run_json(Run { scenario, names }: &Run) -> Json {
     let Scenario { title, step, start_time, steps, fmus, inputs, .. } = scenario;
     json!({
-        "title": title, "step": step, "start": start_time, "steps": steps, "record": names, "template": template,
+        "title": title, "step": step, "start": start_time, "steps": steps, "record": names,
         "fmus": fmus.iter().map(member_json).collect::<Vec<_>>(), "inputs": inputs_json(inputs),
     })
 }

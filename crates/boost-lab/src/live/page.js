@@ -1,4 +1,4 @@
-// The page's controls: what runs, how fast, and the user's settings.
+// What runs and how fast: the closed loop with the user's settings, or an experiment of the paper.
 
 const laboratory = JSON.parse(document.getElementById("laboratory").textContent);
 const element = id => document.getElementById(id);
@@ -7,8 +7,16 @@ const lessMotion = matchMedia("(prefers-reduced-motion: reduce)");
 const BUDGET = { paced: 10, most: 24 };
 // Rows kept of the endless loop (25 min), and by how many it may exceed them before the oldest are dropped.
 const [ROWS, MORE_ROWS] = [120_000, 12_000];
-// Update interval with reduced motion (ms).
-const STILL = 1000;
+// Update interval with reduced motion (ms), and that of an experiment's figure and controls.
+const [STILL, SLOW] = [1000, 400];
+// An experiment ends within this time (s), unless the user has chosen a pace.
+const SOON = 15;
+const REAL_TIME = "1";
+
+// A time without the round-off of sums.
+const seconds = time => `${Number(time.toFixed(6))} s`;
+// The runs so far, of an experiment all.
+const runsOf = () => [...new Set([...state.finished, state.run])].filter(Boolean);
 
 // At least three significant digits, as the laboratory writes numbers.
 function number(value) {
@@ -23,19 +31,9 @@ function number(value) {
   return minus(text.includes(".") ? text.replace(/\.?0+$/, "") : text);
 }
 
-function make(kind, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(kind), properties);
-  made.append(...children);
-  return made;
-}
-
-// The current run and the user's settings.
-const state = {
-  models: {}, run: undefined, isRunning: false, failed: false,
-  experiment: undefined, finished: [], // the experiment and its finished runs
-  inputs: new Map(laboratory.loop.inputs), parameters: new Map(), plant: [],
-};
-let plots, engine;
+// The current run, and of an experiment the finished ones.
+const state = { models: {}, run: undefined, isRunning: false, failed: false, experiment: undefined, finished: [], held: undefined };
+let plots, engine, controls;
 
 const say = text => { element("status").textContent = text; };
 
@@ -52,30 +50,45 @@ function fail(error) {
 function warn(text) {
   say(text);
   element("warnings").hidden = false;
-  element("warnings").querySelector("ul").append(make("li", { textContent: `${state.run?.now.toFixed(2) ?? 0} s: ${text}` }));
+  element("warnings").querySelector("ul").append(make("li", { textContent: `${seconds(state.run?.now ?? 0)}: ${text}` }));
 }
 
 function setRunning(isRunning) {
-  state.isRunning = isRunning && !state.failed;
+  const isDone = state.experiment && state.run?.isOver;
+  state.isRunning = isRunning && !state.failed && !isDone;
   element("run").textContent = state.isRunning ? "Pause" : "Run";
+  // An experiment's records stay until Reset.
+  element("run").disabled = element("step").disabled = Boolean(isDone) && state.finished.length === state.experiment.runs.length;
   pace.begin();
 }
 
 // The simulation time due by now.
 const pace = {
-  factor: 1,
+  get factor() { return Number(element("pace").value); },
   begin(now = performance.now()) { Object.assign(this, { since: now, from: state.run?.now ?? 0 }); },
   due(now) { return this.from + this.factor * (now - this.since) / 1000; },
+  // Takes the slowest pace at which a duration (s) ends soon, in place of real time.
+  raise(duration) {
+    this.lower();
+    const select = element("pace");
+    if (select.value !== REAL_TIME) return;
+    this.raised = [...select.options].find(({ value }) => value >= 1 && duration / value <= SOON).value;
+    select.value = this.raised;
+  },
+  lower() {
+    if (element("pace").value === this.raised) element("pace").value = REAL_TIME;
+    this.raised = undefined;
+  },
 };
 
 // Starts the closed loop or a run of an experiment; starts are serialized.
 let starting = Promise.resolve();
-function start(scenario, values) {
-  starting = starting.then(() => startNow(scenario, values));
+function start(scenario, values, show = async () => {}) {
+  starting = starting.then(() => startNow(scenario, values, show));
   return starting;
 }
 
-async function startNow(scenario, values) {
+async function startNow(scenario, values, show) {
   element("failure").hidden = true;
   element("warnings").hidden = true;
   element("warnings").querySelector("ul").replaceChildren();
@@ -83,7 +96,7 @@ async function startNow(scenario, values) {
   state.run = undefined;
   try {
     const run = await Run.start(state.models, scenario, values, warn);
-    await plots.show(run, document.querySelectorAll("template.plots")[scenario.template]);
+    await show(run);
     await engine.of(run.instance("plant"));
     state.run = run;
   } catch (error) {
@@ -92,34 +105,44 @@ async function startNow(scenario, values) {
   pace.begin();
 }
 
+const templateOf = number => document.querySelectorAll("template.plots")[number];
+
 async function startLoop() {
-  state.experiment = undefined;
-  element("sliders").disabled = false;
+  if (state.experiment) controls.showAll();
+  Object.assign(state, { experiment: undefined, finished: [] });
+  pace.lower();
+  element("results").replaceChildren();
+  element("hold").disabled = controls.disabled = false;
   document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
-  element("caption").textContent = "Closed loop. Plots pause under the cursor and while zoomed; “Reset axes” resumes them.";
-  const inputs = laboratory.loop.inputs.map(([name]) => [name, state.inputs.get(name)]);
-  await start({ ...laboratory.loop, inputs }, { plant: state.plant, controller: [...state.parameters] });
+  const inputs = laboratory.loop.inputs.map(([name]) => [name, { constant: controls.get(name).value }]);
+  const values = { plant: [...controls.plantValues(), ...controls.parameters("plant")], controller: controls.parameters("controller") };
+  await start({ ...laboratory.loop, inputs }, values, run => plots.show(run, templateOf(0), state.held));
 }
 
 async function startExperiment(experiment, button) {
   document.querySelectorAll("#choices button").forEach(other => other.removeAttribute("aria-current"));
   button.setAttribute("aria-current", "true");
   Object.assign(state, { experiment, finished: [] });
-  element("sliders").disabled = true;
+  element("hold").disabled = controls.disabled = true;
   element("results").replaceChildren();
+  const { runs, number: figure } = experiment;
+  pace.raise(runs.reduce((sum, { steps, step }) => sum + steps * step, 0));
   setRunning(false);
-  await nextRun();
+  const show = () => plots.showFigure(templateOf(1 + laboratory.experiments.indexOf(experiment)), () => FIGURES[figure](runsOf()));
+  await nextRun(show);
   setRunning(true);
 }
 
-async function nextRun() {
+async function nextRun(show) {
   const { experiment, finished } = state;
   const scenario = experiment.runs[finished.length];
-  const changes = scenario.fmus.flatMap(fmu => fmu.values.map(([name, value]) => `${name} = ${value}`)).join(", ");
+  const constants = fmu => fmu.inputs.filter(([, signal]) => "constant" in signal).map(([name, { constant }]) => [name, constant]);
+  const own = scenario.fmus.flatMap(fmu => [...fmu.values, ...constants(fmu)]);
+  const changes = own.map(([name, value]) => `${name} = ${typeof value === "number" ? number(value) : value}`).join(", ");
   const which = experiment.runs.length > 1 ? `, run ${finished.length + 1} of ${experiment.runs.length}` : "";
-  element("caption").textContent = `Fig. ${experiment.number}${which}: ${scenario.title}${changes ? ` (${changes})` : ""}.`;
-  say(`Running Fig. ${experiment.number}${which}; the experiment sets the controls. Reset returns to the loop.`);
-  await start(scenario, {});
+  say(`Fig. ${experiment.number}${which}, ${seconds(scenario.steps * scenario.step)}: ${scenario.title}${changes ? ` (${changes})` : ""}. Reset returns to the loop.`);
+  await start(scenario, {}, show);
+  if (state.run) state.follow = controls.follow(state.run);
 }
 
 // After a run of an experiment: the next run, or the results.
@@ -129,6 +152,8 @@ async function finish() {
   finished.push(run);
   if (finished.length < experiment.runs.length) return nextRun();
   setRunning(false);
+  plots.changed();
+  plots.drawAll();
   showResults(experiment, MEASURES[experiment.number](finished));
   return undefined;
 }
@@ -147,8 +172,8 @@ function showResults(experiment, measures) {
     const verdict = make("td", {}, make("span", { className: holds ? "holds" : "fails", textContent: holds ? "holds" : "fails" }));
     const row = make(
       "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}` })),
-      cell("paper", claim.inPaper), cell("here", `${number(claim.factor * value)} ${claim.unit}`.trim()), cell("laboratory", claim.found),
-      cell("accepted", claim.asked), verdict,
+      cell("paper", claim.inPaper && inUnit(claim.inPaper, claim.unit)), cell("here", inUnit(number(claim.factor * value), claim.unit)),
+      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)), verdict,
     );
     row.dataset.claim = claim.name;
     return row;
@@ -157,7 +182,7 @@ function showResults(experiment, measures) {
   const table = make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
   const title = `Fig. ${experiment.number}: ${holding} of ${rows.length} claims hold.`;
   element("results").replaceChildren(make("h3", { textContent: title }), table);
-  say(`Experiment finished. ${title}`);
+  say(`${title} Save CSV saves each run; Reset returns to the loop.`);
 }
 
 // One step; drops the oldest rows.
@@ -193,7 +218,12 @@ function frame(now) {
     }
     if (run && isDue) {
       if (frame.steps !== run.stepsDone || frame.run !== run) {
-        plots.changed();
+        if (!state.experiment) plots.changed();
+        else if (now - (frame.slow ?? 0) > SLOW) {
+          plots.changed();
+          state.follow?.();
+          frame.slow = now;
+        }
         engine.update(state.isRunning ? Math.min((now - (frame.shown ?? now)) / 1000, 0.1) : 0);
         Object.assign(frame, { steps: run.stepsDone, run });
       }
@@ -225,121 +255,61 @@ function showMeter(now, run) {
   Object.assign(meter, { since: now, from: run.now, spent: 0, frames: 0 });
 }
 
-// A changed input or parameter takes effect at the next step and survives a reset.
-function set(slider, value) {
-  const { fmu, name } = slider;
-  if (state.inputs.has(name)) {
-    state.inputs.set(name, { constant: value });
-    state.run?.signals.set(name, { constant: value });
-    return;
-  }
-  state.parameters.set(name, value);
+// A changed input or tunable parameter takes effect at the next step, another one restarts the loop. An experiment has
+// its own.
+function change({ fmu, name, value, isOf }) {
+  if (!state.run || state.failed || state.experiment) return;
   try {
-    if (state.run && !state.failed) state.run.instance(fmu).setValue(name, value);
+    if (isOf === "signal") state.run.signals.set(name, { constant: value });
+    else if (isOf === "tunable") state.run.instance(fmu).setValue(name, value);
+    else startLoop();
   } catch (error) {
     fail(error);
   }
 }
 
-const words = name => name.replaceAll("_", " ").replace(/^./, letter => letter.toUpperCase());
-// The first part of a description, without details.
-const brief = text => text.split(/[;,(]/, 1)[0].trim();
-
-function control(name, description, ...children) {
-  const note = make("small", { id: `${name}-note`, textContent: brief(description), title: description });
-  return make("div", { className: "control" }, make("label", { htmlFor: name, textContent: words(name) }), ...children, note);
-}
-
-// A slider over the operating range, and a field for the whole declared range.
-function makeSlider(slider) {
-  const variable = state.models[slider.fmu].variables.get(slider.name);
-  const { factor, offset, unit } = variable.display;
-  const show = value => Number((factor * value + offset).toPrecision(6));
-  const [low, high] = slider.range.map(show);
-  const begin = state.inputs.get(slider.name)?.constant ?? variable.start;
-  const size = 10 ** Math.floor(Math.log10((high - low) / 50));
-  const range = make("input", { type: "range", id: slider.name, min: low, max: high, step: size, defaultValue: show(begin) });
-  const field = make("input", { type: "number", min: show(variable.min), max: show(variable.max), step: "any", defaultValue: show(begin) });
-  range.setAttribute("aria-describedby", `${slider.name}-note`);
-  const read = value => range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
-  read(range.value);
-  field.setAttribute("aria-label", [words(slider.name), unit].filter(Boolean).join(", "));
-  const change = (value, other) => {
-    other.value = value;
-    read(value);
-    set(slider, (value - offset) / factor);
-  };
-  range.addEventListener("input", () => change(Number(range.value), field));
-  field.addEventListener("change", () => {
-    const value = Math.min(Math.max(Number(field.value), Number(field.min)), Number(field.max));
-    field.value = value;
-    change(value, range);
-  });
-  return control(slider.name, variable.description, make("span", { className: "field" }, field, make("span", { textContent: UNITS[unit] ?? unit })), range);
-}
-
-function makeSwitch() {
-  const [fmu, name] = ["controller", "compensate_voltage"];
-  const variable = state.models[fmu].variables.get(name);
-  const box = make("input", { type: "checkbox", id: name, defaultChecked: variable.start === 1 });
-  box.setAttribute("aria-describedby", `${name}-note`);
-  box.addEventListener("change", () => set({ fmu, name }, box.checked));
-  return control(name, variable.description, box);
-}
-
-function makePlants() {
-  const plants = [{ name: "as tuned for", description: "Changing the plant restarts the simulation.", values: [] }, ...laboratory.plants];
-  const select = make("select", { id: "plant" }, ...plants.map(({ name }, index) => make("option", { value: index, textContent: name })));
-  select.setAttribute("aria-describedby", "plant-note");
-  const made = control("plant", plants[0].description, select);
-  select.addEventListener("change", () => {
-    const { values, description } = plants[select.value];
-    state.plant = values;
-    made.querySelector("small").textContent = description;
-    startLoop();
-  });
-  return made;
-}
-
-// Saves the record; numbers read back as the same doubles.
+// Saves the records; numbers read back as the same doubles.
 function saveCsv() {
-  const { run, experiment, finished } = state;
-  if (!run) return;
-  const columns = [["time", run.time], ...run.columns];
-  const rows = [columns.map(([name]) => name), ...run.time.map((_, row) => columns.map(([, values]) => values[row]))];
-  const text = `${rows.map(row => row.join(",")).join("\n")}\n`;
-  const name = experiment ? `figure_${experiment.number}_run_${Math.min(finished.length + 1, experiment.runs.length)}.csv` : "boost.csv";
-  const link = make("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name });
-  link.click();
-  URL.revokeObjectURL(link.href);
-  say(`${name}: ${run.time.length} rows.`);
+  const { experiment } = state;
+  runsOf().forEach((run, index) => {
+    const header = run.scenario.record.map(name => [name, unitOf(name)]).map(([name, unit]) => (unit ? `${name} (${unit})` : name));
+    const columns = [run.time, ...run.scenario.record.map(name => run.columns.get(name))];
+    const rows = [["time (s)", ...header], ...run.time.map((_, row) => columns.map(values => values[row]))];
+    const text = `${rows.map(row => row.join(",")).join("\n")}\n`;
+    const name = experiment ? `figure_${experiment.number}_run_${index + 1}.csv` : "boost.csv";
+    const link = make("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name });
+    link.click();
+    URL.revokeObjectURL(link.href);
+    say(`${name}: ${run.time.length} rows.`);
+  });
+}
+
+// The unit of a recorded variable.
+function unitOf(column) {
+  const name = column.slice(column.indexOf(":") + 1);
+  const found = Object.values(state.models).map(({ variables }) => variables.get(name)).find(Boolean);
+  return found.unit;
 }
 
 function serve() {
-  const defaults = make("button", { type: "reset", id: "defaults", textContent: "Defaults" });
-  element("sliders").append(...laboratory.sliders.map(makeSlider), makeSwitch(), makePlants(), defaults);
-  // The controls are reset only after this event; then report their values as changes.
-  element("settings").addEventListener("reset", () => setTimeout(() => {
-    document.querySelectorAll("#sliders [id]:is(input, select)").forEach(input => input.dispatchEvent(new Event(input.type === "range" ? "input" : "change")));
-  }));
-  element("run").addEventListener("click", async () => {
-    if (!state.isRunning && state.run?.isOver) await reset();
+  element("run").addEventListener("click", () => {
     setRunning(!state.isRunning);
-    say(state.isRunning ? "Running." : `Paused at ${state.run?.now.toFixed(4)} s.`);
+    say(state.isRunning ? "Running." : `Paused at ${seconds(state.run?.now ?? 0)}.`);
   });
   element("step").addEventListener("click", () => {
     setRunning(false);
     if (!state.run || state.run.isOver || state.failed) return;
     try {
       stepOnce();
-      say(`Stepped to ${state.run.now.toFixed(4)} s.`);
+      showMeter(performance.now(), state.run);
+      say(`Stepped to ${seconds(state.run.now)}.`);
     } catch (error) {
       fail(error);
     }
   });
   const reset = async () => {
     await startLoop();
-    element("results").replaceChildren();
+    setRunning(state.isRunning);
     say("Closed loop restarted at rest.");
   };
   for (const button of [element("reset"), element("failure").querySelector("button")]) {
@@ -349,9 +319,11 @@ function serve() {
       if (wasFailed) setRunning(true);
     });
   }
-  element("pace").addEventListener("change", () => {
-    pace.factor = Number(element("pace").value);
-    pace.begin();
+  element("pace").addEventListener("change", () => pace.begin());
+  element("hold").addEventListener("click", () => {
+    state.held = state.held ? undefined : state.run;
+    element("hold").setAttribute("aria-pressed", Boolean(state.held));
+    say(state.held ? "Held: this run stays as a thin line under the next. Reset starts it." : "Released: the next run starts alone.");
   });
   element("csv").addEventListener("click", saveCsv);
   document.querySelectorAll("#choices button").forEach((button, index) =>
@@ -363,8 +335,11 @@ function serve() {
 async function begin() {
   const models = Object.entries(laboratory.modules).map(async ([name, module]) => [name, await Model.compile(module)]);
   state.models = Object.fromEntries(await Promise.all(models));
-  plots = new Plots(element("plots"));
+  plots = new Plots(element("plots"), new Cursors(element("cursors")));
   engine = new Engine(element("engine"), element("values"), !lessMotion.matches);
+  controls = new Controls(element("settings"), laboratory.controls, state.models, laboratory.plants, change);
+  controls.readAddress();
+  addEventListener("hashchange", () => controls.readAddress());
   serve();
   await startLoop();
   setRunning(!lessMotion.matches);

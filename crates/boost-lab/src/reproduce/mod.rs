@@ -69,6 +69,16 @@ pub enum Drawing {
     Picture(String),
 }
 
+impl Evidence {
+    /// The drawings that are plots.
+    pub fn plots(&self) -> impl Iterator<Item = &Figure> {
+        self.drawings.iter().filter_map(|(_, drawing)| match drawing {
+            Drawing::Plot(plot) => Some(plot),
+            Drawing::Picture(_) => None,
+        })
+    }
+}
+
 impl From<Figure> for Drawing {
     fn from(plot: Figure) -> Self {
         Self::Plot(plot)
@@ -226,18 +236,12 @@ pub struct Run {
     pub scenario: Scenario,
     /// The recorded variables.
     pub names: Vec<String>,
-    /// The plot of the record, without its points.
-    pub plot: Figure,
 }
 
 impl Run {
     fn new(scenario: &Scenario, record: &Record) -> Self {
-        let title = scenario.title.as_deref().unwrap_or_default();
-        Self {
-            scenario: scenario.clone(),
-            names: record.columns().iter().map(|column| column.name.clone()).collect(),
-            plot: panels::draw(record, title, scenario.panel_names().as_deref()).without_points(),
-        }
+        let names = record.columns().iter().map(|column| column.name.clone());
+        Self { scenario: scenario.clone(), names: names.collect() }
     }
 }
 
@@ -292,13 +296,19 @@ impl Laboratory {
         Ok(record)
     }
 
-    /// Runs the first seconds of a scenario, to see what it records and shows.
-    pub fn try_out(&mut self, (name, text): (&'static str, &'static str), seconds: f64) -> Result<Run> {
+    /// Runs the first seconds of a scenario, to see what it records; with the plot of it, without points.
+    pub fn try_out(
+        &mut self,
+        (name, text): (&'static str, &'static str),
+        seconds: f64,
+    ) -> Result<(Run, Figure)> {
         let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
         let mut begin = scenario.clone();
         begin.end_at(scenario.start_time + seconds)?;
         let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;
-        Ok(Run { scenario, ..Run::new(&begin, &record) })
+        let title = scenario.title.as_deref().unwrap_or_default();
+        let plot = panels::draw(&record, title, scenario.panel_names().as_deref()).without_points();
+        Ok((Run::new(&scenario, &record), plot))
     }
 }
 
