@@ -90,6 +90,8 @@ pub struct FmuVariable {
     pub initial: String,
     /// The unit, or that of its type.
     pub unit: String,
+    /// The unit to show values in, or that of its type.
+    pub display_unit: String,
     /// The start value.
     pub start: String,
     /// The smallest value.
@@ -146,6 +148,7 @@ pub enum ValueType {
 struct DeclaredType {
     name: String,
     unit: String,
+    display_unit: String,
     min: String,
     max: String,
 }
@@ -373,6 +376,13 @@ impl FmuDescription {
         declared.or_else(shown)
     }
 
+    /// The display unit that a variable's declaration names.
+    #[must_use]
+    pub fn display_unit(&self, variable: &FmuVariable) -> Option<&DisplayUnit> {
+        let unit = self.units.iter().find(|unit| unit.name == variable.unit)?;
+        unit.display_units.iter().find(|display| display.name == variable.display_unit)
+    }
+
     /// An enumeration by name.
     #[must_use]
     pub fn enumeration(&self, name: &str) -> Option<&Enumeration> {
@@ -404,6 +414,7 @@ impl FmuVariable {
             None => inherited.cloned().unwrap_or_default(),
         };
         self.unit = own_or("unit", declared.map(|declared| &declared.unit));
+        self.display_unit = own_or("displayUnit", declared.map(|declared| &declared.display_unit));
         self.min = own_or("min", declared.map(|declared| &declared.min));
         self.max = own_or("max", declared.map(|declared| &declared.max));
     }
@@ -479,6 +490,7 @@ impl FmuVariable {
 impl DeclaredType {
     fn take(&mut self, attributes: &Attributes) {
         self.unit = attributes.text("unit");
+        self.display_unit = attributes.text("displayUnit");
         self.min = attributes.text("min");
         self.max = attributes.text("max");
     }

@@ -12,7 +12,7 @@ const STYLE: &str = "
 .modebar:focus-within { opacity: 1 !important; }
 .panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
 @media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
-td.number { white-space: nowrap; } .caption { color: var(--faint); font-size: .9rem; }
+figure { max-width: none; } .caption { color: var(--faint); font-size: .9rem; }
 ";
 
 /// A self-contained HTML page, with the scripts that draw its [figures](crate::Figure::html). `title` is plain text,

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use fmu_package::reading;
+use fmu_package::{DisplayUnit, Linear, reading};
 
+use crate::numbers::{number, quantity};
 use crate::parquet;
 use crate::table::{Cells, Table, TableColumn, TableFormat, expect_seconds, name_and_unit};
 
@@ -20,22 +21,60 @@ pub struct Record {
 }
 
 /// A recorded variable.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Column {
     /// The name in the CSV header.
     pub name: String,
     /// The unit declared by the FMU; empty if there is none.
     pub unit: String,
+    /// The unit that the FMU declares for readers.
+    pub display_unit: Option<DisplayUnit>,
+    /// Whether each value holds until the next.
+    pub is_discrete: bool,
+    /// The names of the values of a Boolean or an enumeration.
+    pub items: Vec<(String, i32)>,
     /// One for each time, in the unit.
     pub values: Vec<f64>,
 }
 
+impl From<(String, String)> for Column {
+    /// A column without values, of a name and a unit.
+    fn from((name, unit): (String, String)) -> Self {
+        Self { name, unit, ..Self::default() }
+    }
+}
+
+impl Column {
+    /// The declared display unit's symbol, and the function to it.
+    #[must_use]
+    pub fn display(&self) -> Option<(String, Linear)> {
+        let DisplayUnit { name, factor, offset } = self.display_unit.as_ref()?;
+        let symbol = if name == "degC" { "\u{b0}C" } else { name };
+        Some((symbol.to_owned(), Linear { factor: *factor, offset: *offset }))
+    }
+
+    /// The name of a value that has one.
+    #[must_use]
+    pub fn item(&self, value: f64) -> Option<&str> {
+        let item = self.items.iter().find(|(_, known)| f64::from(*known) == value);
+        item.map(|(name, _)| name.as_str())
+    }
+
+    /// A value for readers: its name, or in the display unit.
+    #[must_use]
+    pub fn text(&self, value: f64) -> String {
+        match (self.item(value), self.display()) {
+            (Some(item), _) => item.to_owned(),
+            (None, Some((unit, display))) => format!("{}\u{202f}{unit}", number(display.apply(value))),
+            (None, None) => quantity(value, &self.unit),
+        }
+    }
+}
+
 impl Record {
-    /// An empty record of variables, each a name and a unit, which may be empty.
-    pub fn new(columns: impl IntoIterator<Item = (String, String)>) -> Self {
-        let columns = columns.into_iter();
-        let columns = columns.map(|(name, unit)| Column { name, unit, values: vec![] }).collect();
-        Self { time: vec![], columns }
+    /// An empty record of variables, each a column without values, or a name and a unit, which may be empty.
+    pub fn new(columns: impl IntoIterator<Item = impl Into<Column>>) -> Self {
+        Self { time: vec![], columns: columns.into_iter().map(Into::into).collect() }
     }
 
     /// Appends a row: the time (s) and one value for each column.
@@ -129,7 +168,7 @@ fn csv_columns(text: &str) -> Result<Vec<Column>> {
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let named = |header: &str| {
         let (name, unit) = name_and_unit(header);
-        Column { name: name.to_owned(), unit: unit.to_owned(), values: vec![] }
+        Column::from((name.to_owned(), unit.to_owned()))
     };
     let mut columns: Vec<_> = reader.headers()?.iter().map(named).collect();
     for row in reader.records() {

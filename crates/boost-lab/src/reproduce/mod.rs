@@ -178,7 +178,7 @@ impl Run {
         Self {
             scenario: scenario.clone(),
             names: record.columns().iter().map(|column| column.name.clone()).collect(),
-            plot: panels::draw(record, title, scenario.panel_names().as_deref()).without_points(),
+            plot: panels::template(record, title, scenario.panel_names().as_deref()),
         }
     }
 }
