@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import shlex
 import shutil
@@ -12,6 +13,7 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+import documents
 import numpy as np
 import pyarrow.parquet
 import pytest
@@ -530,15 +532,11 @@ def test_plain_build_leaves_the_laboratory_out() -> None:
     assert "libloading" not in tree
 
 
-DOCUMENT = (ROOT / "docs" / "laboratory.md").read_text()
+SIMULATE, LABORATORY = [(ROOT / "docs" / name).read_text() for name in ("simulate.md", "laboratory.md")]
 
-LINES = [
-    line
-    for block in re.findall(r"^```sh\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
-    for line in block.splitlines()
-]
+LINES = documents.lines(SIMULATE) + documents.lines(LABORATORY)
 
-LAB_LINES = [line for line in LINES if line.startswith("target/release/boost-lab ")]
+LAB_LINES = [line for line in LINES if line.startswith(("cargo fmu ", "target/release/boost-lab "))]
 
 FOREIGN_LINES = [line for line in LAB_LINES if "target/foreign/" in line]
 """Those with FMUs from other tools, which test_foreign.py runs."""
@@ -555,7 +553,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_line_of_the_document_is_run() -> None:
+def test_every_line_of_the_documents_is_run() -> None:
     others = [line for line in LINES if line not in LAB_LINES]
     # test_readme.py runs the first; tests/run builds the second to test it, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
@@ -569,11 +567,17 @@ def outputs(line: str) -> list[str]:
 
 
 @pytest.mark.parametrize("line", [line for line in LAB_LINES if line not in FOREIGN_LINES])
-def test_line_of_the_document(clone: Path, line: str) -> None:
+def test_line_of_the_documents(clone: Path, line: str) -> None:
+    # `tests/run` builds `cargo fmu` here.
+    environment = {
+        **os.environ,
+        "PATH": os.pathsep.join([str(TARGET.resolve() / "debug"), os.environ["PATH"]]),
+    }
     # Another line may write its inputs.
     makers = [other for other in LAB_LINES if set(outputs(other)) & set(line.split()) - set(outputs(line))]
     for each in [*makers, line]:
-        done = subprocess.run(shlex.split(each), cwd=clone, capture_output=True, text=True, check=False)
+        words = shlex.split(each)
+        done = subprocess.run(words, cwd=clone, env=environment, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stderr) == (0, "")
     # The command prints each file that it wrote, and the document the first.
     written = [clone / word for word in done.stdout.split() if word.startswith("target/")]
@@ -585,7 +589,7 @@ def test_line_of_the_document(clone: Path, line: str) -> None:
 
 
 def test_scenario_of_the_document(lab: Run, clone: Path) -> None:
-    text, _ = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    text, _ = documents.blocks(SIMULATE, "toml")
     folder = clone / "mine"
     folder.mkdir()
     (folder / "mine.toml").write_text(text)
@@ -600,7 +604,7 @@ def test_scenario_of_the_document(lab: Run, clone: Path) -> None:
 
 
 def test_study_of_the_document(lab: Run, clone: Path) -> None:
-    _, text = re.findall(r"^```toml\n(.*?)^```$", DOCUMENT, re.DOTALL | re.MULTILINE)
+    _, text = documents.blocks(SIMULATE, "toml")
     folder = clone / "mine"
     folder.mkdir()
     assert "runs = 200" in text
@@ -634,4 +638,4 @@ def test_document_has_every_key(sources: list[str], least: int) -> None:
     keys |= set(re.findall(r'^    \("(\w+)", (?:Statistic|Quality)::', source, re.MULTILINE))
     assert len(keys) > least
     for key in keys:
-        assert re.search(rf"\b{key}\b", DOCUMENT), key
+        assert re.search(rf"\b{key}\b", SIMULATE), key

@@ -22,19 +22,6 @@ mod tune;
 
 use std::process::ExitCode;
 
-use fmu_package::{temporary, terminal};
-
-/// The exit status of a failed command, the same as clap's.
-const FAILED: u8 = 2;
-
 fn main() -> ExitCode {
-    temporary::remove_when_interrupted();
-    match command::run() {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            terminal::complain(&format!("error: {error:#}"));
-            FAILED.into()
-        }
-    }
+    cargo_fmu::exit_with(command::run)
 }

@@ -27,13 +27,11 @@ impl fmu_master::NameMap for ToInterface {
 }
 
 /// A map, for the master.
-pub fn of(map: NameMap) -> Arc<dyn fmu_master::NameMap> {
-    Arc::new(ToInterface(map))
-}
+pub type Map = Arc<dyn fmu_master::NameMap>;
 
 /// Reads a map's file.
-pub fn read(path: &Path) -> Result<Arc<dyn fmu_master::NameMap>> {
-    NameMap::read(path).map(of)
+pub fn read(path: &Path) -> Result<Map> {
+    Ok(Arc::new(ToInterface(NameMap::read(path)?)))
 }
 
 /// Assigns each map to the scenario's FMUs that it is for.
@@ -41,21 +39,33 @@ pub fn give(scenario: &mut Scenario, maps: &[PathBuf]) -> Result<()> {
     if maps.is_empty() {
         return Ok(());
     }
-    let model = |file: &Path| Ok(FmuDescription::read(file)?.attribute("modelName").to_owned());
-    let models = scenario.fmus.iter().map(|member| member.location.locate(model(&member.file)));
-    let models: Vec<String> = models.collect::<Result<_>>()?;
+    let fmus = scenario.fmus.iter_mut().map(|member| {
+        let model = member.location.locate(model(&member.file))?;
+        Ok((model, &mut member.map))
+    });
+    assign(maps, fmus.collect::<Result<_>>()?, "scenario")
+}
+
+/// The model's name in an FMU, by which maps name it.
+pub fn model(file: &Path) -> Result<String> {
+    Ok(FmuDescription::read(file)?.attribute("modelName").to_owned())
+}
+
+/// Assigns each map to those of a task's FMUs that it is for, which are given by their models' names.
+pub fn assign(maps: &[PathBuf], mut fmus: Vec<(String, &mut Option<Map>)>, task: &str) -> Result<()> {
     for path in maps {
         let map = NameMap::read(path)?;
         let of_model = map.fmu.clone();
-        let map = of(map);
+        let map: Map = Arc::new(ToInterface(map));
         let mut is_taken = false;
-        for (member, _) in scenario.fmus.iter_mut().zip(&models).filter(|(_, model)| **model == of_model) {
-            member.map = Some(Arc::clone(&map));
+        for (_, place) in fmus.iter_mut().filter(|(model, _)| *model == of_model) {
+            **place = Some(Arc::clone(&map));
             is_taken = true;
         }
         if !is_taken {
+            let models: Vec<_> = fmus.iter().map(|(model, _)| model.as_str()).collect();
             bail!(
-                "the map {} is for the FMU {of_model}, which the scenario does not have: it has {}",
+                "the map {} is for the FMU {of_model}, which the {task} does not have: it has {}",
                 path.display(),
                 models.join(", ")
             );

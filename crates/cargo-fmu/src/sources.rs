@@ -36,8 +36,11 @@ const DATA: usize = 150_000;
 const PAGES_TO_GROW: u32 = 240;
 
 /// The files of every FMU.
-const RUNTIME: [(&str, &str); 4] = [
+const RUNTIME: [(&str, &str); 7] = [
     ("wasm.h", include_str!("../sources/wasm.h")),
+    ("wasm.c", include_str!("../sources/wasm.c")),
+    ("instance.h", include_str!("../sources/instance.h")),
+    ("arguments.h", include_str!("../sources/arguments.h")),
     ("runtime.h", include_str!("../sources/runtime.h")),
     ("states.h", include_str!("../sources/states.h")),
     ("README.txt", include_str!("../sources/README.txt")),

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::figure::{Figure, escaped};
-use crate::page::page;
+use crate::figure::Figure;
+use crate::report::Report;
 
 /// What a plot is written as.
 #[derive(Clone, Copy, Debug)]
@@ -42,9 +42,10 @@ impl PlotFormat {
             Self::Svg => Ok(figure.svg()?.into_bytes()),
             Self::Png => figure.png(),
             Self::Html => {
-                let heading = escaped(title);
-                let body = format!("<h1>{heading}</h1>\n<figure>\n{}</figure>\n{below}", figure.html());
-                Ok(page(title, "", &body).into_bytes())
+                let mut report = Report::new(title);
+                report.figure(figure, "");
+                report.html(below);
+                Ok(report.page("").into_bytes())
             }
         }
     }

@@ -35,8 +35,8 @@
 //! # }
 //! ```
 //!
-//! With the feature `html`, [`Figure::html`] draws a figure for a [`page`]: a self-contained file whose plots zoom and
-//! switch lines on and off.
+//! With the feature `html`, a [`Report`] is a self-contained page whose plots zoom and switch lines on and off;
+//! [`Figure::html`] and [`page`] draw a figure in HTML of your own.
 
 mod figure;
 #[cfg(feature = "html")]
@@ -44,9 +44,13 @@ mod format;
 #[cfg(feature = "html")]
 mod page;
 pub mod panels;
+#[cfg(feature = "html")]
+mod report;
 
 pub use figure::{Color, Figure, Line, Panel, color, escaped};
 #[cfg(feature = "html")]
 pub use format::PlotFormat;
 #[cfg(feature = "html")]
 pub use page::page;
+#[cfg(feature = "html")]
+pub use report::{Cell, Report, Table};

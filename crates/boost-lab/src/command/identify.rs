@@ -7,7 +7,6 @@ use anyhow::Result;
 use cargo_fmu::run::name_and_value;
 use clap::Args;
 use fmu_master::Fmu;
-use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
 use fmu_record::numbers::estimate;
 
@@ -49,7 +48,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
     super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
     let plant = Fmu::open(&plant)?;
-    let sets: Vec<_> = parameters.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?;
+    let sets = super::parameter_sets(&parameters)?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;
     super::make_folder(&out)?;

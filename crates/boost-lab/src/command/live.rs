@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use fmu_package::terminal::print;
-use fmu_package::{FmuDescription, ParameterSet, writing};
+use fmu_package::{FmuDescription, writing};
 
 use crate::live::{LOOP, Live, Module};
 use crate::reproduce::{FIGURES, Laboratory};
-use crate::study::draw::known_plants;
 
 /// Seconds of simulation that give the plots' quantities and their sizes.
 const TRIAL: f64 = 1.0;
@@ -45,10 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
     let [plant, controller] = [0, 1].map(|index| read(&modules[index], &fmus[index]));
     let (plant, controller) = (plant?, controller?);
-    let plants = match arguments.parameters.as_slice() {
-        [] => known_plants()?,
-        paths => paths.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?,
-    };
+    let plants = super::plants(&arguments.parameters)?;
     let mut laboratory = Laboratory::new(&arguments.fmus);
     let closed_loop = laboratory.try_out(LOOP, TRIAL)?;
     let bar = super::progress_bar(FIGURES.len() as u64, "{pos} of {len} experiments")?;

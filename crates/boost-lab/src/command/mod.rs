@@ -10,12 +10,14 @@ mod tune;
 use std::path::PathBuf;
 
 use crate::mapping;
+use crate::study::draw::known_plants;
 use anyhow::Result;
 use cargo_fmu::run::{
-    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, write,
+    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write,
 };
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
+use fmu_package::ParameterSet;
 
 const EXIT_STATUSES: &str = "\
 Exit status:
@@ -42,7 +44,7 @@ enum Command {
     Compare(run::Compare),
     /// Run scenarios and show them on one page
     Show {
-        /// The scenarios (see docs/laboratory.md)
+        /// The scenarios (see docs/simulate.md)
         #[arg(value_name = "SCENARIO.toml", required = true)]
         scenarios: Vec<PathBuf>,
         #[command(flatten)]
@@ -133,6 +135,15 @@ impl FmuArguments {
     fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
         run::inputs(scenario, &self.maps.maps())
     }
+}
+
+fn parameter_sets(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
+    Ok(files.iter().map(|file| ParameterSet::read(file)).collect::<Result<_, _>>()?)
+}
+
+/// The plants of the files, or this repository's without any.
+fn plants(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
+    if files.is_empty() { known_plants() } else { parameter_sets(files) }
 }
 
 #[derive(Subcommand)]

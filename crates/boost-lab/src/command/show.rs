@@ -8,17 +8,11 @@ use fmu_master::scenario::Scenario;
 use fmu_master::{LoadedFmus, Master, Run};
 use fmu_package::terminal::print;
 use fmu_package::writing;
-use fmu_plot::escaped;
-use fmu_plot::page;
-use fmu_plot::panels;
+use fmu_plot::{Report, escaped, panels};
 use fmu_record::Record;
 use fmu_record::numbers::quantity;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::io::Write;
-
-const STYLE: &str = "
-pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
-";
 
 /// Runs scenarios and writes the page.
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
@@ -40,29 +34,26 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
         bar.inc(1);
         section.with_context(|| path.display().to_string())
     };
-    let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>();
+    let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
-    let body = format!("<h1>{}</h1>\n{}", escaped(title), sections?.concat());
-    writing::write(out, |writer| writer.write_all(page(title, STYLE, &body).as_bytes()))?;
+    let mut page = Report::new(title);
+    sections.iter().for_each(|section| page.html(section.body()));
+    writing::write(out, |writer| writer.write_all(page.page("").as_bytes()))?;
     Ok(print(&format!("{}\n", out.display()))?)
 }
 
-fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<String> {
+fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<Report> {
     let run = Master::new(scenario, fmus)?.run(|_| ())?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let title = scenario.title.as_deref().unwrap_or(&name);
     let figure = panels::draw(&run.record, title, scenario.panel_names().as_deref());
-    let text = fmu_package::reading::text(path)?;
-    Ok(format!(
-        "<h2 id=\"{0}\">{1}</h2>\n<p>{2}</p>\n{3}<figure>\n{4}</figure>\n<details><summary>The scenario {0}</summary>\
-         <pre>{5}</pre></details>\n",
-        escaped(&name),
-        escaped(title),
-        escaped(scenario.description.as_deref().unwrap_or_default()),
-        facts(&run),
-        figure.html(),
-        escaped(&text)
-    ))
+    let mut section = Report::default();
+    section.section_of(&name, title);
+    section.paragraph(scenario.description.as_deref().unwrap_or_default());
+    section.html(&facts(&run));
+    section.figure(&figure, "");
+    section.details(&format!("The scenario {name}"), &fmu_package::reading::text(path)?);
+    Ok(section)
 }
 
 /// Boost error, shaft speed and warnings of the FMUs, as far as recorded.

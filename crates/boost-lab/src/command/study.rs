@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use crate::mapping;
 use crate::study::case::{Rig, Source};
-use crate::study::draw::{Cases, known_plants};
-use crate::study::{Report, Study, csv, outside};
-use anyhow::{Result, bail};
-use boost_interface::NameMap;
-use cargo_fmu::run::journal::{Settings, digest};
+use crate::study::draw::Cases;
+use crate::study::{Study, StudyReport, csv, outside};
+use anyhow::Result;
+use cargo_fmu::run::journal::{Journal, Settings, digest};
 use clap::Args;
 use fmu_package::terminal::{complain, print};
-use fmu_package::{ParameterSet, writing};
+use fmu_package::writing;
 
 const CSV: &str = "results.csv";
 const HTML: &str = "report.html";
@@ -63,23 +62,9 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     super::refuse_overlap(out, &outputs, &inputs)?;
     let mut sources =
         [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
-    for path in &arguments.maps {
-        let map = NameMap::read(path)?;
-        let mut is_taken = false;
-        for source in &mut sources {
-            if fmu_package::FmuDescription::read(&source.file)?.attribute("modelName") == map.fmu {
-                source.map = Some(mapping::of(map.clone()));
-                is_taken = true;
-            }
-        }
-        if !is_taken {
-            bail!("the map {} is for the FMU {}, which is not in the study", path.display(), map.fmu);
-        }
-    }
-    let sets = match arguments.parameters.as_slice() {
-        [] => known_plants()?,
-        paths => paths.iter().map(|path| ParameterSet::read(path)).collect::<Result<_, _>>()?,
-    };
+    let fmus = sources.iter_mut().map(|source| Ok((mapping::model(&source.file)?, &mut source.map)));
+    mapping::assign(&arguments.maps, fmus.collect::<Result<_>>()?, "study")?;
+    let sets = super::plants(&arguments.parameters)?;
 
     let mut settings = Settings::new();
     for (name, source) in ["plant", "controller"].iter().zip(&sources) {
@@ -101,33 +86,29 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     for note in &cases.notes {
         complain(&format!("note: {note}"));
     }
-    let strategies = [Some(arguments.strategy.clone())]
-        .into_iter()
-        .chain(arguments.beside.clone().map(|name| Some(Some(name))));
-    let study = Study { rig, cases, strategies: strategies.flatten().collect() };
+    let strategies = [arguments.strategy.clone()].into_iter().chain(arguments.beside.clone().map(Some));
+    let study = Study { rig, cases, strategies: strategies.collect() };
     super::make_folder(out)?;
-    let (journal, finished) = Study::open_journal(&out.join(JOURNAL), &settings)?;
-    if !finished.is_empty() {
-        print(&format!("{} of {} cases are in the journal\n", finished.len(), study.cases.len()))?;
+    let journal = Journal::open(&out.join(JOURNAL), &settings)?;
+    let finished = journal.finished().len();
+    if finished > 0 {
+        print(&format!("{finished} of {} cases are in the journal\n", study.cases.len()))?;
     }
-    let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = arguments.threads.map_or(available, usize::from);
-    let bar = super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?
-        .with_position(finished.len() as u64);
-    let outcomes = study.run(&journal, finished, threads, || bar.inc(1));
+    let threads = super::threads(arguments.threads, [&*study.rig.plant, &study.rig.controller])?;
+    let bar =
+        super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?.with_position(finished as u64);
+    let outcomes = study.run(&journal, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
-    let outcomes = outcomes?;
     for outcome in &outcomes {
         if let Some(error) = &outcome.runs[0].error {
             complain(&format!("case {}: {error}", outcome.case));
         }
     }
     let bar = super::progress_bar(outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
-    let explained = study.explain(&outcomes, threads, || bar.inc(1));
+    let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
-    let explained = explained?;
 
-    let report = Report { study: &study, outcomes: &outcomes, explained: &explained };
+    let report = StudyReport { study: &study, outcomes: &outcomes, explained: &explained };
     writing::write(&out.join(CSV), |writer| csv(&report, writer))?;
     print(&format!("{}\n", out.join(CSV).display()))?;
     super::write(out, [(HTML, report.html()), (JSON, report.json()?)])?;

@@ -3,12 +3,11 @@
 use std::path::PathBuf;
 
 use crate::mapping;
-use crate::tune::{CellOrigin, Procedure, Schedule, Strategy, Task, TuningJournal, html, json};
+use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, html, json};
 use anyhow::{Context, Result};
 use cargo_fmu::run::journal::digest;
 use clap::Args;
 use fmu_master::Fmu;
-use fmu_package::ParameterSet;
 use fmu_package::terminal::{complain, print};
 
 /// The name of the parameter set.
@@ -69,11 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let task = Task {
         plant: Fmu::open_with(&arguments.plant, plant_map.as_deref())?,
         plant_map,
-        plant_parameters: arguments
-            .parameters
-            .iter()
-            .map(|path| ParameterSet::read(path))
-            .collect::<Result<_, _>>()?,
+        plant_parameters: super::parameter_sets(&arguments.parameters)?,
         schedule: schedule.with(
             arguments.engine_speeds.clone(),
             arguments.boost_references.clone(),
@@ -84,15 +79,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     super::make_folder(out)?;
     let settings = task.settings(digest(&arguments.plant)?);
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
-    let (sweeps, points) = journal.finished();
+    let sweeps = journal.finished().filter(|part| matches!(part, TuningPart::Sweep(_))).count();
+    let points = journal.finished().len() - sweeps;
     if sweeps + points > 0 {
         print(&format!("resuming with {sweeps} sweeps and {points} points from the journal\n"))?;
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
-    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)));
+    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)))?;
     bar.finish_and_clear();
-    let tuning = tuning?;
     for note in &tuning.notes {
         complain(&format!("note: {note}"));
     }
@@ -100,17 +95,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let set = tuning.parameter_set(SET).to_xml();
     let texts = [(SET_FILE, set), (HTML, html(&tuning)), (JSON, json(&tuning)?)];
     super::write(out, texts)?;
-    let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
-    Ok(print(&format!(
-        "{} of {} points identified; {} above and {} below the reachable range, {} outside the stepped duties, {} \
-         without a model\n",
-        count(CellOrigin::Identified),
-        tuning.cells.len(),
-        count(CellOrigin::AboveReach),
-        count(CellOrigin::BelowReach),
-        count(CellOrigin::OutsideFittedDuty),
-        count(CellOrigin::NoModel),
-    ))?)
+    let [identified, others] = tuning.counts();
+    Ok(print(&format!("{identified} of {} points identified; {others}\n", tuning.cells.len()))?)
 }
 
 /// Whole seconds.

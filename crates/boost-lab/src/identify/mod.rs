@@ -23,7 +23,7 @@ use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::Parameters;
 use fmu_package::terminal::number;
 use fmu_package::{Parameter, ParameterSet, Value};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use self::data::Data;
 pub use self::data::{Naming, quantities};
@@ -95,29 +95,42 @@ pub struct Residuals {
 }
 
 /// Known values of the plant.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Known {
-    gas_constant: f64,
-    heat_capacity_ratio: f64,
-    linear_pressure_ratio: f64,
-    nominal_voltage: f64,
-    voltage_exponent: f64,
-    leakage_area_scale: f64,
-    tank_volume: f64,
-    membrane_area: f64,
-    chamber_volume: f64,
-    stroke: f64,
-    stop_stiffness: f64,
-    stop_damping: f64,
-    stop_damping_depth: f64,
+    plant: Parameters,
     ambient_pressure: f64,
     ambient_temperature: f64,
     /// The actuation with these parameters.
-    #[serde(skip)]
     system: System,
     /// The plant's values of the parameters that are identified, with their units.
-    #[serde(skip)]
     sought: BTreeMap<&'static str, (f64, String)>,
+}
+
+/// The parameters that count as known: names in report.json and in the plant, and places.
+const KNOWN: [(&str, &str, fn(&mut Parameters) -> &mut f64); 13] = [
+    ("gas_constant", "air.gas_constant", |plant| &mut plant.air.gas_constant),
+    ("heat_capacity_ratio", "air.heat_capacity_ratio", |plant| &mut plant.air.heat_capacity_ratio),
+    ("linear_pressure_ratio", "valve.linear_pressure_ratio", |plant| &mut plant.valve.linear_pressure_ratio),
+    ("nominal_voltage", "valve.nominal_voltage", |plant| &mut plant.valve.nominal_voltage),
+    ("voltage_exponent", "valve.voltage_exponent", |plant| &mut plant.valve.voltage_exponent),
+    ("leakage_area_scale", "valve.leakage_area_scale", |plant| &mut plant.valve.leakage_area_scale),
+    ("tank_volume", "tank.volume", |plant| &mut plant.tank.volume),
+    ("membrane_area", "actuator.membrane_area", |plant| &mut plant.actuator.membrane_area),
+    ("chamber_volume", "actuator.chamber_volume", |plant| &mut plant.actuator.chamber_volume),
+    ("stroke", "actuator.stroke", |plant| &mut plant.actuator.stroke),
+    ("stop_stiffness", "actuator.stop_stiffness", |plant| &mut plant.actuator.stop_stiffness),
+    ("stop_damping", "actuator.stop_damping", |plant| &mut plant.actuator.stop_damping),
+    ("stop_damping_depth", "actuator.stop_damping_depth", |plant| &mut plant.actuator.stop_damping_depth),
+];
+
+impl Serialize for Known {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut plant = self.plant;
+        let parameters = KNOWN.map(|(name, _, place)| (name, *place(&mut plant)));
+        let ambient =
+            [("ambient_pressure", self.ambient_pressure), ("ambient_temperature", self.ambient_temperature)];
+        serializer.collect_map(parameters.into_iter().chain(ambient))
+    }
 }
 
 impl Known {
@@ -141,27 +154,20 @@ impl Known {
             }
             sought.insert(*name, (value, plant.variable(name)?.unit.clone()));
         }
-        let mut known = Self {
-            gas_constant: get("air.gas_constant")?,
-            heat_capacity_ratio: get("air.heat_capacity_ratio")?,
-            linear_pressure_ratio: get("valve.linear_pressure_ratio")?,
-            nominal_voltage: get("valve.nominal_voltage")?,
-            voltage_exponent: get("valve.voltage_exponent")?,
-            leakage_area_scale: get("valve.leakage_area_scale")?,
-            tank_volume: get("tank.volume")?,
-            membrane_area: get("actuator.membrane_area")?,
-            chamber_volume: get("actuator.chamber_volume")?,
-            stroke: get("actuator.stroke")?,
-            stop_stiffness: get("actuator.stop_stiffness")?,
-            stop_damping: get("actuator.stop_damping")?,
-            stop_damping_depth: get("actuator.stop_damping_depth")?,
+        let mut parameters = Parameters::default();
+        for (_, name, place) in KNOWN {
+            *place(&mut parameters) = get(name)?;
+        }
+        // The friction is Dahl's with α = 1, and the exhaust does not push.
+        parameters.actuator.friction_exponent = 1.0;
+        parameters.actuator.exhaust_area = 0.0;
+        Ok(Self {
             ambient_pressure: get("ambient_pressure")?,
             ambient_temperature: get("ambient_temperature")?,
-            system: System::new(&Parameters::default()),
+            system: System::new(&parameters),
+            plant: parameters,
             sought,
-        };
-        known.system = System::new(&known.parameters());
-        Ok(known)
+        })
     }
 
     /// The plant's value of a parameter that is identified.
@@ -172,27 +178,6 @@ impl Known {
     fn estimate(&self, name: &str, value: f64, standard_error: f64) -> ParameterEstimate {
         let (plant_value, unit) = self.sought[name].clone();
         ParameterEstimate { name: name.to_owned(), value, standard_error, unit, plant_value }
-    }
-
-    /// The parameters of the plant's actuation. The friction is Dahl's with α = 1, and the exhaust does not push.
-    fn parameters(&self) -> Parameters {
-        let mut parameters = Parameters::default();
-        parameters.air.gas_constant = self.gas_constant;
-        parameters.air.heat_capacity_ratio = self.heat_capacity_ratio;
-        let valve = &mut parameters.valve;
-        valve.linear_pressure_ratio = self.linear_pressure_ratio;
-        valve.nominal_voltage = self.nominal_voltage;
-        valve.voltage_exponent = self.voltage_exponent;
-        let actuator = &mut parameters.actuator;
-        actuator.membrane_area = self.membrane_area;
-        actuator.chamber_volume = self.chamber_volume;
-        actuator.stroke = self.stroke;
-        actuator.stop_stiffness = self.stop_stiffness;
-        actuator.stop_damping = self.stop_damping;
-        actuator.stop_damping_depth = self.stop_damping_depth;
-        actuator.friction_exponent = 1.0;
-        actuator.exhaust_area = 0.0;
-        parameters
     }
 }
 
@@ -236,9 +221,9 @@ pub fn identify(
     }
     if data.position_is_relative {
         for position in &mut data.position {
-            *position *= known.stroke;
+            *position *= known.plant.actuator.stroke;
         }
-        notes.push(format!("The position is a fraction of the stroke, {} m.", known.stroke));
+        notes.push(format!("The position is a fraction of the stroke, {} m.", known.plant.actuator.stroke));
     }
     let phases = phases::phases(&data, &known, validation_share);
     let noise = phases::noise(&data, &phases);

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use anyhow::{Context, Result, bail};
 use boost_fmu::plant::system::System;
-use boost_fmu::plant::variables::{ActuationStates, ActuatorStates, Inputs};
+use boost_fmu::plant::variables::{ActuationStates, ActuatorParameters, ActuatorStates, Inputs};
 use nalgebra::{DMatrix, DVector};
 
 use super::data::Data;
@@ -73,15 +73,8 @@ impl Model<'_> {
     /// Chamber pressure and position at the rows after a transient's first.
     fn simulate(&self, data: &Data, transient: &Transient<'_>) -> Vec<(f64, f64)> {
         let Rest { duty, chamber, position, .. } = *transient.before;
-        let Known {
-            ambient_pressure,
-            ambient_temperature,
-            membrane_area,
-            stroke,
-            stop_stiffness,
-            nominal_voltage,
-            ..
-        } = *self.known;
+        let Known { ambient_pressure, ambient_temperature, .. } = *self.known;
+        let ActuatorParameters { membrane_area, stroke, stop_stiffness, .. } = self.known.plant.actuator;
         let actuator = &self.system.actuator;
         let coulomb = actuator.parameters.coulomb_friction;
         let force = (ambient_pressure - chamber) * membrane_area - actuator.spring_force(position);
@@ -100,7 +93,7 @@ impl Model<'_> {
         let longest = self.longest_step();
         let inputs = Inputs {
             hp_wastegate_pwm: commanded,
-            supply_voltage: nominal_voltage,
+            supply_voltage: self.known.plant.valve.nominal_voltage,
             vacuum_pump: 0.0,
             ambient_pressure,
             ambient_temperature,
@@ -215,7 +208,7 @@ pub fn identify(
                 problem.tuning.len(),
                 quantity(noise.chamber, "Pa"),
                 quantity(noise.position, "m"),
-                known.chamber_volume
+                known.plant.actuator.chamber_volume
             ),
             residuals,
             drawing,

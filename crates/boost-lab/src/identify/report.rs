@@ -5,9 +5,8 @@ use fmu_xml::page::unit;
 use serde::Serialize;
 
 use super::phases::MeasurementNoise;
-use super::{Fit, Identification, Known, ParameterEstimate, Unidentified};
-use fmu_plot::escaped;
-use fmu_plot::page;
+use super::{Fit, Identification, Known, ParameterEstimate, Residuals, Unidentified};
+use fmu_plot::{Cell, Report, Table};
 use fmu_record::numbers::{estimate, number, quantity};
 
 const STYLE: &str = "
@@ -49,66 +48,53 @@ pub fn json(identification: &Identification) -> Result<String> {
 pub fn html(identification: &Identification) -> String {
     let Identification { file, rows, duration, noise, phases_at_rest, fits, unidentified, notes, .. } =
         identification;
-    let mut body = format!(
-        "<h1>Identified wastegate actuator</h1>\n<p>From {}: {rows} rows over {}, with {phases_at_rest} phases in \
-         which the actuator is at rest.{} Values are given with standard errors: the larger of one for independent \
-         residuals and one that treats each phase as a unit, since residuals of a phase may be correlated. No fit has \
-         seen the validation data.</p>\n",
-        escaped(file),
+    let mut report = Report::new("Identified wastegate actuator");
+    report.paragraph(&format!(
+        "From {file}: {rows} rows over {}, with {phases_at_rest} phases in which the actuator is at rest.{} Values are \
+         given with standard errors: the larger of one for independent residuals and one that treats each phase as a \
+         unit, since residuals of a phase may be correlated. No fit has seen the validation data.",
         quantity(*duration, "s"),
         noise.map_or_else(String::new, |noise| format!(
             " At rest the chamber pressure scatters by {}, the position by {}.",
             quantity(noise.chamber, "Pa"),
             quantity(noise.position, "m")
         )),
-    );
-    for note in notes {
-        body += &format!("<p>{}</p>\n", escaped(note));
-    }
+    ));
+    report.paragraphs(notes);
     if !unidentified.is_empty() {
-        body += "<h2>Parameters not determined by the data</h2>\n<table>\n<thead><tr><th>Parameter</th><th>Why</th></tr></thead>\n";
+        report.section("Parameters not determined by the data");
+        let mut table = Table::new(["Parameter", "Why"]);
         for Unidentified { name, reason } in unidentified {
-            body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", escaped(name), escaped(reason));
+            table.row([name.into(), reason.into()]);
         }
-        body += "</table>\n<p>These are not in the parameter set; the plant and the fits keep the plant's values.</p>\n";
+        report.table(&table);
+        report
+            .paragraph("These are not in the parameter set; the plant and the fits keep the plant's values.");
     }
-    for fit in fits {
-        body += &section(fit);
-    }
-    page("Identified wastegate actuator", STYLE, &body)
+    fits.iter().for_each(|fit| section(&mut report, fit));
+    report.page(STYLE)
 }
 
-fn section(fit: &Fit) -> String {
-    let mut text = format!(
-        "<h2>{}</h2>\n<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n",
-        escaped(&fit.title),
-        fit.drawing.html(),
-        escaped(&fit.method)
-    );
-    text += "<div class=\"wide\">\n<table>\n<caption>Parameters</caption>\n<thead><tr><th>Parameter</th><th>Value and standard error</th>\
-             <th>Unit</th><th>Plant before</th></tr></thead>\n";
+fn section(report: &mut Report, fit: &Fit) {
+    report.section(&fit.title);
+    report.figure(&fit.drawing, &fit.method);
+    let mut table =
+        Table::new(["Parameter", "Value and standard error", "Unit", "Plant before"]).caption("Parameters");
     for parameter in &fit.parameters {
-        text += &format!(
-            "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td class=\"number\">{}</td></tr>\n",
-            escaped(&parameter.name),
-            estimate(parameter.value, parameter.standard_error),
-            unit(if parameter.unit == "1" { "" } else { &parameter.unit }),
-            number(parameter.plant_value)
-        );
+        table.row([
+            (&parameter.name).into(),
+            Cell::number(&estimate(parameter.value, parameter.standard_error)),
+            Cell::html(&unit(if parameter.unit == "1" { "" } else { &parameter.unit })),
+            Cell::number(&number(parameter.plant_value)),
+        ]);
     }
-    text += "</table>\n</div>\n<div class=\"wide\">\n<table>\n<caption>RMS residuals</caption>\n<thead><tr>\
-             <th>Quantity</th><th>Tuning</th><th>Validation</th><th>Noise at rest</th></tr></thead>\n";
-    for residuals in &fit.residuals {
-        let shown = |value: Option<f64>| {
-            value.map_or_else(String::new, |value| escaped(&quantity(value, &residuals.unit)))
-        };
-        text += &format!(
-            "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>\n",
-            escaped(&residuals.name),
-            shown(residuals.tuning),
-            shown(residuals.validation),
-            shown(residuals.noise)
-        );
+    report.table(&table);
+    let mut table =
+        Table::new(["Quantity", "Tuning", "Validation", "Noise at rest"]).caption("RMS residuals");
+    for Residuals { name, unit, tuning, validation, noise } in &fit.residuals {
+        let shown = [tuning, validation, noise].map(|value| value.map(|value| quantity(value, unit)));
+        let shown = shown.map(|text| Cell::number(&text.unwrap_or_default()));
+        table.row([name.into()].into_iter().chain(shown));
     }
-    text + "</table>\n</div>\n"
+    report.table(&table);
 }

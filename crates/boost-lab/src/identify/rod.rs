@@ -151,7 +151,7 @@ impl<'a> Balance<'a> {
             if let Some(before) = index.checked_sub(1) {
                 travelled += (stand.rest.position - stands[before].rest.position).abs();
             }
-            let between = STOPS * known.stroke..(1.0 - STOPS) * known.stroke;
+            let between = STOPS * known.plant.actuator.stroke..(1.0 - STOPS) * known.plant.actuator.stroke;
             if between.contains(&stand.rest.position) && travelled * rate > FORGOTTEN {
                 used.push(index);
             }
@@ -165,7 +165,8 @@ impl<'a> Balance<'a> {
 
     /// The opening force at a stand (N).
     fn force(&self, index: usize) -> f64 {
-        self.known.membrane_area * (self.known.ambient_pressure - self.stands[index].rest.chamber)
+        self.known.plant.actuator.membrane_area
+            * (self.known.ambient_pressure - self.stands[index].rest.chamber)
     }
 
     /// The forces of spring and friction at all stands (N).
@@ -271,7 +272,7 @@ fn fit(
             "Nonlinear least squares of the force balance in {count} phases at rest with the rod between its stops. \
              Friction follows Dahl along the rod's path from phase to phase. Forces are pressures times the membrane \
              area, assumed to be {} m\u{b2}.",
-            known.membrane_area
+            known.plant.actuator.membrane_area
         ),
         residuals: vec![residuals],
         drawing,

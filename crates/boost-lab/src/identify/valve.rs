@@ -72,7 +72,7 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
                 "Linear least squares of a cubic through the means of {} phases at rest in which neither tank nor \
                  ambient pressure limits the chamber. Duties are at {} V.",
                 tuning.len(),
-                known.nominal_voltage
+                known.plant.valve.nominal_voltage
             ),
             residuals: vec![residuals("chamber pressure", "Pa", &points)],
             drawing: drawing(
@@ -104,7 +104,7 @@ struct Decay<'a> {
 impl<'a> Decay<'a> {
     fn new(data: &Data, phase: &Phase, rest: &'a Rest, known: &Known) -> Self {
         // Eq. (3) for the tank.
-        let per_mass = known.gas_constant * known.ambient_temperature / known.tank_volume;
+        let per_mass = known.plant.air.gas_constant * known.ambient_temperature / known.plant.tank.volume;
         let (orifice, temperature) = (&known.system.valve.orifice, known.ambient_temperature);
         let ambient = (known.ambient_pressure, temperature);
         let rate = |row: usize| per_mass * orifice.mass_flow(1.0, ambient, (data.tank[row], temperature));
@@ -178,7 +178,7 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
             break;
         }
     }
-    let scale = known.leakage_area_scale;
+    let scale = known.plant.valve.leakage_area_scale;
     let pump = if pumps { solution.parameters[3] } else { known.value(PUMP) };
     // In 1e-9 m².
     let fitted = |duty: f64| 1e9 * scale * area(&solution, duty);
@@ -218,7 +218,7 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
              and (6) minus the flow of the running pump. Only area over tank volume is measured; the volume is assumed \
              to be {} m\u{b3} and the coefficients' unit {scale:e} m\u{b2}. The figure shows the area of each single \
              phase with the pump off.",
-            known.tank_volume
+            known.plant.tank.volume
         ),
         residuals: vec![residuals("tank pressure", "Pa", &of_tank)],
         drawing: drawing(
@@ -250,7 +250,7 @@ fn solve(decays: &[&Decay<'_>], known: &Known, pumps: bool) -> Result<Solution> 
         match column {
             0..3 => {
                 let power = decay.rest.duty.powi(2 - i32::try_from(column).unwrap_or(0));
-                known.leakage_area_scale * decay.leaked[row] * power
+                known.plant.valve.leakage_area_scale * decay.leaked[row] * power
             }
             _ if decay.pump_runs => -decay.pumped[row],
             _ => 0.0,

@@ -4,9 +4,9 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, between, greatest, range};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Claim, Evidence, Laboratory, curve, shipped};
 use fmu_master::scenario::Signal;
-use fmu_plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Panel, color};
 
 /// The voltage edges (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
@@ -15,13 +15,11 @@ const NOMINAL: f64 = 12.0;
 const POSITION: &str = "hp_wastegate_position";
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_10.toml");
-    let compensated = laboratory.scenario(name, text)?;
+    let compensated = laboratory.scenario(shipped!("figure_10.toml"))?;
     let mut without = compensated.clone();
     without.set_value("controller", "compensate_voltage", Value::Boolean(false))?;
     // The plant alone, with eq. (9) for the instantaneous voltage.
-    let (name, text) = shipped!("figure_1.toml");
-    let mut exact = laboratory.scenario(name, text)?;
+    let mut exact = laboratory.scenario(shipped!("figure_1.toml"))?;
     let duty = exact.input("hp_wastegate_pwm").map_or(f64::NAN, |signal| signal.at(0.0));
     let voltage = exact.input("supply_voltage").map_or(&[] as &[_], Signal::points);
     let duties = voltage.iter().map(|&(time, voltage)| (time, duty * NOMINAL / voltage)).collect();
@@ -41,14 +39,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     }
     let rest = 100.0 * (at(&compensated, POSITION, 5.9)? - at(&compensated, POSITION, EDGES[0])?).abs();
 
-    let position = |record: &fmu_record::Record| {
-        let values: Vec<_> = record.get(POSITION)?.iter().map(|position| 100.0 * position).collect();
-        Ok::<_, anyhow::Error>(Line::new(record.time(), values))
-    };
-    let time = compensated.time();
-    let voltage =
-        Line::new(time, compensated.get("supply_voltage")?.iter().copied()).held().color(color::INK);
-    let duty = Line::new(time, compensated.get("hp_wastegate_pwm")?.iter().copied()).held();
+    let position = |record| curve(record, POSITION, 100.0);
+    let voltage = curve(&compensated, "supply_voltage", 1.0)?.held().color(color::INK);
+    let duty = curve(&compensated, "hp_wastegate_pwm", 1.0)?.held();
     let figure = Figure::new()
         .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
         .row([Panel::new("time (s)", "wastegate (%)")
@@ -63,54 +56,37 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             figure.into(),
         )],
         claims: vec![
-            Claim {
-                name: "position_range_exact",
-                paper: "With the duty modulated by eq. (9), the position is kept constant.",
-                paper_value: None,
-                value: 100.0 * range(exact.get(POSITION)?),
-                unit: "% of stroke",
-                least: None,
-                most: Some(0.01),
-                basis: Basis::Construction,
-                how: "Range of hp_wastegate_position with the plant driven by 44 % times 12 V over the voltage. Eq. (9) \
-                      is the exact inverse of the model's valve, whose effect is proportional to the voltage. The \
-                      bound is the solver's accuracy, 0.01 % of full scale.",
-            },
-            Claim {
-                name: "position_at_rest",
-                paper: "The compensated position is unaffected by the supply voltage disturbance: at rest.",
-                paper_value: None,
-                value: rest,
-                unit: "% of stroke",
-                least: None,
-                most: Some(1.0),
-                basis: Basis::Prediction,
-                how: "The same through the controller, which samples the voltage measured with a 20 ms lag: difference \
-                      of position before the edge and 3.9 s after it, left by friction. The bound is a tenth of the \
-                      change without compensator.",
-            },
-            Claim {
-                name: "position_after_pulse",
-                paper: "The same: a tenth of a second after an edge.",
-                paper_value: None,
-                value: greatest(left),
-                unit: "% of stroke",
-                least: None,
-                most: Some(1.0),
-                basis: Basis::Prediction,
-                how: "Difference between the position 0.1 s after an edge and where it settles.",
-            },
-            Claim {
-                name: "position_range_without",
-                paper: "Without compensator the disturbance moves the wastegate.",
-                paper_value: None,
-                value: 100.0 * range(without.get(POSITION)?),
-                unit: "% of stroke",
-                least: Some(9.0),
-                most: Some(11.0),
-                basis: Basis::Calibration,
-                how: "Range of the position without compensation, as in Fig. 1.",
-            },
+            Claim::construction(
+                "position_range_exact",
+                100.0 * range(exact.get(POSITION)?),
+                "% of stroke",
+                ..=0.01,
+            )
+            .paper("With the duty modulated by eq. (9), the position is kept constant.")
+            .how(
+                "Range of hp_wastegate_position with the plant driven by 44 % times 12 V over the \
+                     voltage. Eq. (9) is the exact inverse of the model's valve, whose effect is \
+                     proportional to the voltage. The bound is the solver's accuracy, 0.01 % of full \
+                     scale.",
+            ),
+            Claim::prediction("position_at_rest", rest, "% of stroke", ..=1.0)
+                .paper("The compensated position is unaffected by the supply voltage disturbance: at rest.")
+                .how(
+                    "The same through the controller, which samples the voltage measured with a 20 ms \
+                     lag: difference of position before the edge and 3.9 s after it, left by friction. \
+                     The bound is a tenth of the change without compensator.",
+                ),
+            Claim::prediction("position_after_pulse", greatest(left), "% of stroke", ..=1.0)
+                .paper("The same: a tenth of a second after an edge.")
+                .how("Difference between the position 0.1 s after an edge and where it settles."),
+            Claim::calibration(
+                "position_range_without",
+                100.0 * range(without.get(POSITION)?),
+                "% of stroke",
+                9.0..=11.0,
+            )
+            .paper("Without compensator the disturbance moves the wastegate.")
+            .how("Range of the position without compensation, as in Fig. 1."),
         ],
         notes: vec![format!(
             "The measurement lag leaves a pulse of up to {:.1} % of stroke, shorter than 0.1 s, at each edge.",

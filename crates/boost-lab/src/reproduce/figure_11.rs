@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{at, greatest};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Claim, Evidence, Laboratory, shipped, steps};
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
@@ -19,12 +19,10 @@ struct FullLoad {
 impl FullLoad {
     /// The values at the end of each step of the speed.
     fn new(scenario: &Scenario, record: &Record) -> Result<Self> {
-        let steps = scenario.input("engine_speed").map_or(&[] as &[_], Signal::points);
-        let ends = steps.iter().skip(1).map(|step| step.0).chain([scenario.stop_time]);
-        let ends: Vec<_> = ends.collect();
-        let read = |name| ends.iter().map(|&end| at(record, name, end)).collect::<Result<Vec<_>>>();
+        let steps = steps(scenario, "engine_speed");
+        let read = |name| steps.iter().map(|&(.., end)| at(record, name, end)).collect::<Result<Vec<_>>>();
         Ok(Self {
-            speeds: steps.iter().map(|step| step.1).collect(),
+            speeds: steps.iter().map(|&(_, speed, _)| speed).collect(),
             torques: read("engine_torque")?,
             boosts: read("boost_pressure")?,
             back_pressures: read("exhaust_manifold_pressure")?,
@@ -44,8 +42,7 @@ impl FullLoad {
 }
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_11.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_11.toml"))?;
     let mut open = scenario.clone();
     open.set_own_input("plant", "lp_wastegate", Signal::Constant(1.0))?;
     let closed = FullLoad::new(&scenario, &laboratory.run(&scenario)?)?;
@@ -79,56 +76,53 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             figure.into(),
         )],
         claims: vec![
-            Claim {
-                name: "speed_of_greatest_torque",
-                paper: "The LP wastegate fully closed gives maximum torque at lower engine speed.",
-                paper_value: None,
-                value: open.best_speed() - closed.best_speed(),
-                unit: "rpm",
-                least: Some(125.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Speed of maximum engine_torque with the LP wastegate open, minus that with it shut. The bound is \
-                      one step of the speed grid, 125 rpm.",
-            },
-            Claim {
-                name: "torque_gained",
-                paper: "The same: more torque at low speed.",
-                paper_value: None,
-                value: closed.value_at(&closed.torques, 1500.0) - open.value_at(&open.torques, 1500.0),
-                unit: "N m",
-                least: Some(1.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Torque at 1500 rpm, shut minus open. The bound requires a gain.",
-            },
-            Claim {
-                name: "torque_lost_at_2000_rpm",
-                paper: "Up to 2000 rpm, where the torque begins to decrease.",
-                paper_value: None,
-                value: greatest_torque - closed.value_at(&closed.torques, 2000.0),
-                unit: "N m",
-                least: Some(1.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Maximum torque with the LP wastegate shut, minus that at 2000 rpm. The bound requires a loss.",
-            },
-            Claim {
-                name: "back_pressure_at_2000_rpm",
-                paper: "At 2000 rpm the back pressure reaches too high values.",
-                paper_value: None,
-                value: 1e-3 * closed.value_at(&closed.back_pressures, 2000.0),
-                unit: "kPa",
-                least: Some(250.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "exhaust_manifold_pressure with the LP wastegate shut. The paper prints no number; the bound puts \
-                      it above the boost limit of 240 kPa, so that the engine pumps against it.",
-            },
+            Claim::prediction(
+                "speed_of_greatest_torque",
+                open.best_speed() - closed.best_speed(),
+                "rpm",
+                125.0..,
+            )
+            .paper("The LP wastegate fully closed gives maximum torque at lower engine speed.")
+            .how(
+                "Speed of maximum engine_torque with the LP wastegate open, minus that with it \
+                     shut. The bound is one step of the speed grid, 125 rpm.",
+            ),
+            Claim::prediction(
+                "torque_gained",
+                closed.value_at(&closed.torques, 1500.0) - open.value_at(&open.torques, 1500.0),
+                "N m",
+                1.0..,
+            )
+            .paper("The same: more torque at low speed.")
+            .how("Torque at 1500 rpm, shut minus open. The bound requires a gain."),
+            Claim::prediction(
+                "torque_lost_at_2000_rpm",
+                greatest_torque - closed.value_at(&closed.torques, 2000.0),
+                "N m",
+                1.0..,
+            )
+            .paper("Up to 2000 rpm, where the torque begins to decrease.")
+            .how(
+                "Maximum torque with the LP wastegate shut, minus that at 2000 rpm. The bound \
+                     requires a loss.",
+            ),
+            Claim::prediction(
+                "back_pressure_at_2000_rpm",
+                1e-3 * closed.value_at(&closed.back_pressures, 2000.0),
+                "kPa",
+                250.0..,
+            )
+            .paper("At 2000 rpm the back pressure reaches too high values.")
+            .how(
+                "exhaust_manifold_pressure with the LP wastegate shut. The paper prints no number; \
+                     the bound puts it above the boost limit of 240 kPa, so that the engine pumps \
+                     against it.",
+            ),
         ],
         notes: vec![format!(
-            "Not reproduced: in the paper the open wastegate gives more torque above 2000 rpm. Here it gives up to \
-             {:.1} % less than the shut one, at higher back pressure; the turbocharger maps are not published.",
+            "Not reproduced: in the paper the open wastegate gives more torque above 2000 rpm. Here it \
+             gives up to {:.1} % less than the shut one, at higher back pressure; the turbocharger maps \
+             are not published.",
             greatest(behind)
         )],
     })

@@ -3,15 +3,14 @@
 use anyhow::Result;
 
 use super::measure::greatest;
-use super::{Basis, Claim, Drawing, Evidence, Laboratory, shipped};
+use super::{Claim, Drawing, Evidence, Laboratory, curve, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 
 /// The drawing in the documentation of `BoostController`.
 const STRUCTURE: &str = include_str!("../../../../modelDescription/documentation/controller_structure.svg");
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_12.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_12.toml"))?;
     let record = laboratory.run(&scenario)?;
     let get = |name| record.get(name);
     let terms = ["feedforward_pwm", "proportional_term", "integral_term", "derivative_term"];
@@ -29,10 +28,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         is_at_limit.push(at("saturated")?);
     }
 
-    let line = |name, factor: f64| {
-        let values: Vec<_> = get(name)?.iter().map(|value| factor * value).collect();
-        Ok::<_, anyhow::Error>(Line::new(record.time(), values).held())
-    };
+    let line = |name, factor| curve(&record, name, factor).map(Line::held);
     let figure = Figure::new()
         .row([Panel::new("time (s)", "boost pressure (kPa)")
             .height(130)
@@ -59,56 +55,38 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             (
-                "Controller structure. Pale: the reference model, added here; the paper's structure passes the \
-                 reference straight through. The gain schedule acts along the dashed lines."
+                "Controller structure. Pale: the reference model, added here; the paper's structure \
+                 passes the reference straight through. The gain schedule acts along the dashed lines."
                     .into(),
                 Drawing::Picture(without_links(STRUCTURE)),
             ),
-            (
-                "Block outputs in reference steps at 13 V supply.".into(),
-                figure.into(),
-            ),
+            ("Block outputs in reference steps at 13 V supply.".into(), figure.into()),
         ],
         claims: vec![
-            Claim {
-                name: "sum_of_terms",
-                paper: "The duty is the sum of feedforward and PID controller.",
-                paper_value: None,
-                value: greatest(sum_error),
-                unit: "%",
-                least: None,
-                most: Some(1e-9),
-                basis: Basis::Construction,
-                how: "Largest difference of unsaturated_pwm from the sum of feedforward_pwm, proportional_term, \
-                      integral_term and derivative_term. The bound is the rounding of doubles.",
-            },
-            Claim {
-                name: "compensated_output",
-                paper: "The compensator, 12 V over the supply, follows the duty limits.",
-                paper_value: None,
-                value: greatest(output_error),
-                unit: "%",
-                least: None,
-                most: Some(1e-9),
-                basis: Basis::Construction,
-                how: "Largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
-                      voltage_compensation.",
-            },
-            Claim {
-                name: "limits_act",
-                paper: "The duty is limited (Fig. 13: its saturation guarantees a fast response).",
-                paper_value: None,
-                value: is_at_limit.iter().sum(),
-                unit: "samples",
-                least: Some(1.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Samples at a limit, by saturated; without any, the claims above would not test the limits.",
-            },
+            Claim::construction("sum_of_terms", greatest(sum_error), "%", ..=1e-9)
+                .paper("The duty is the sum of feedforward and PID controller.")
+                .how(
+                    "Largest difference of unsaturated_pwm from the sum of feedforward_pwm, \
+                     proportional_term, integral_term and derivative_term. The bound is the rounding of \
+                     doubles.",
+                ),
+            Claim::construction("compensated_output", greatest(output_error), "%", ..=1e-9)
+                .paper("The compensator, 12 V over the supply, follows the duty limits.")
+                .how(
+                    "Largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
+                     voltage_compensation.",
+                ),
+            Claim::prediction("limits_act", is_at_limit.iter().sum(), "samples", 1.0..)
+                .paper("The duty is limited (Fig. 13: its saturation guarantees a fast response).")
+                .how(
+                    "Samples at a limit, by saturated; without any, the claims above would not test the \
+                     limits.",
+                ),
         ],
         notes: vec![
-            "In addition to the paper's blocks there is a reference model (off if the parameter structure is paper): \
-             it gives feedforward and feedback the expected pressure and removes the overshoot."
+            "In addition to the paper's blocks there is a reference model (off if the parameter structure \
+             is paper): it gives feedforward and feedback the expected pressure and removes the \
+             overshoot."
                 .into(),
         ],
     })

@@ -4,40 +4,36 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{Following, greatest, least};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Claim, Evidence, Laboratory, boost_error, curve, shipped};
 use fmu_master::scenario::Signal;
-use fmu_plot::{Figure, Line, Panel, color};
+use fmu_plot::{Figure, Panel, color};
 use fmu_record::Record;
 
 /// The error shown (kPa): larger errors, at the steps themselves, would hide the tracking.
 const SHOWN_ERROR: f64 = 7.0;
 
 fn draw(record: &Record, title: &str) -> Result<Figure> {
-    let kilo =
-        |name| Ok::<_, anyhow::Error>(record.get(name)?.iter().map(|value| 1e-3 * value).collect::<Vec<_>>());
-    let time = record.time();
-    let (reference, actual) = (kilo("boost_reference")?, kilo("boost_pressure")?);
-    let error: Vec<_> = actual.iter().zip(&reference).map(|(actual, reference)| actual - reference).collect();
+    let reference = curve(record, "boost_reference", 1e-3)?.held().color(color::INK).thin();
+    let actual = curve(record, "boost_pressure", 1e-3)?;
     Ok(Figure::new()
         .row([Panel::new("time (s)", "boost pressure (kPa)")
             .title(title)
             .height(210)
-            .line(Line::new(time, reference).held().color(color::INK).thin().label("reference"))
-            .line(Line::new(time, actual).label("actual"))])
+            .line(reference.label("reference"))
+            .line(actual.label("actual"))])
         .row([Panel::new("time (s)", "error (kPa)")
             .height(170)
             .y_range(-SHOWN_ERROR, SHOWN_ERROR)
             .band(-1.0, 5.0)
-            .line(Line::new(time, error))])
+            .line(boost_error(record)?)])
         .row([Panel::new("time (s)", "duty (%)")
             .height(120)
-            .line(Line::new(time, record.get("hp_wastegate_pwm")?.iter().copied()).held())])
+            .line(curve(record, "hp_wastegate_pwm", 1.0)?.held())])
         .shared_x())
 }
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_13.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_13.toml"))?;
     let mut paper = scenario.clone();
     paper.set_value("controller", "structure", Value::String("paper".to_owned()))?;
     let steps = scenario.input("boost_reference").map_or(&[] as &[_], Signal::points);
@@ -50,8 +46,10 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![
             (
-                "Reference and actual boost pressure, error (actual minus reference), and duty. The band is the \
-                 paper's 5 kPa above the reference after a step up and 1 kPa below it after a step down.".into(),
+                "Reference and actual boost pressure, error (actual minus reference), and duty. The band \
+                 is the paper's 5 kPa above the reference after a step up and 1 kPa below it after a step \
+                 down."
+                    .into(),
                 draw(&record, "With the reference model (the default)")?.into(),
             ),
             (
@@ -62,9 +60,9 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         claims: claims(&following, &papers, least(duty.iter().copied())),
         notes: vec![
             format!(
-                "With the paper's structure the pressure falls {:.1} kPa below the reference after a step down, where \
-                 the paper reports 1 kPa: a static feedforward with an integral term overshoots by design. The \
-                 reference model removes this.",
+                "With the paper's structure the pressure falls {:.1} kPa below the reference after a step \
+                 down, where the paper reports 1 kPa: a static feedforward with an integral term \
+                 overshoots by design. The reference model removes this.",
                 1e-3 * greatest(papers.down.iter().copied())
             ),
             "The paper prints neither the step levels nor \u{3bb} nor the controller's maps: they are chosen."
@@ -76,76 +74,48 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
 /// The claims for the steps with the reference model and with the paper's structure.
 fn claims(following: &Following, papers: &Following, least_duty: f64) -> Vec<Claim> {
     vec![
-        Claim {
-            name: "overshoot_up",
-            paper: "For a positive step of the reference, the undershoot is limited to 5 kPa.",
-            paper_value: Some(5000.0),
-            value: greatest(following.up.iter().copied()),
-            unit: "Pa",
-            least: None,
-            most: Some(5000.0),
-            basis: Basis::Prediction,
-            how: "Largest excess of boost_pressure over the new reference after a step up. The paper's undershoot \
-                      and overshoot are both read as the deviation beyond the new reference, since on this side of it \
-                      is the step itself. The bound is the paper's.",
-        },
-        Claim {
-            name: "overshoot_down",
-            paper: "For a decrease of the reference, the largest overshoot is only 1 kPa.",
-            paper_value: Some(1000.0),
-            value: greatest(following.down.iter().copied()),
-            unit: "Pa",
-            least: None,
-            most: Some(1000.0),
-            basis: Basis::Prediction,
-            how: "Largest drop of boost_pressure below the new reference after a step down. The bound is the paper's.",
-        },
-        Claim {
-            name: "rise_time",
-            paper: "Boost pressure follows the steps; the saturation of the PWM signal guarantees a fast \
-                      response.",
-            paper_value: None,
-            value: greatest(following.rise.iter().copied()),
-            unit: "s",
-            least: None,
-            most: Some(0.9),
-            basis: Basis::Prediction,
-            how: "Longest time from a step to the first sample within a tenth of it. The bound is three times the \
-                      controller's \u{3bb} of 0.3 s; a first-order lag takes 2.3 \u{3bb}.",
-        },
-        Claim {
-            name: "end_error",
-            paper: "Boost pressure follows the steps in reference value correctly.",
-            paper_value: None,
-            value: greatest(following.end_error.iter().copied()),
-            unit: "Pa",
-            least: None,
-            most: Some(22.0),
-            basis: Basis::Prediction,
-            how: "Largest error just before the next step. The bound is the reference solution's 2 Pa plus 0.01 % of a \
-                      full scale of 200 kPa.",
-        },
-        Claim {
-            name: "least_duty",
-            paper: "The PWM signal saturates, which guarantees a fast response.",
-            paper_value: None,
-            value: least_duty,
-            unit: "%",
-            least: None,
-            most: Some(25.0 + 1e-9),
-            basis: Basis::Construction,
-            how: "Minimum duty: it reaches the lower limit, 25 %.",
-        },
-        Claim {
-            name: "paper_structure_overshoot_up",
-            paper: "For a positive step, limited to 5 kPa: with the paper's structure.",
-            paper_value: Some(5000.0),
-            value: greatest(papers.up.iter().copied()),
-            unit: "Pa",
-            least: None,
-            most: Some(5000.0),
-            basis: Basis::Prediction,
-            how: "As above, with the parameter structure set to paper.",
-        },
+        Claim::prediction("overshoot_up", greatest(following.up.iter().copied()), "Pa", ..=5000.0)
+            .paper("For a positive step of the reference, the undershoot is limited to 5 kPa.")
+            .paper_value(5000.0)
+            .how(
+                "Largest excess of boost_pressure over the new reference after a step up. The \
+                     paper's undershoot and overshoot are both read as the deviation beyond the new \
+                     reference, since on this side of it is the step itself. The bound is the paper's.",
+            ),
+        Claim::prediction("overshoot_down", greatest(following.down.iter().copied()), "Pa", ..=1000.0)
+            .paper("For a decrease of the reference, the largest overshoot is only 1 kPa.")
+            .paper_value(1000.0)
+            .how(
+                "Largest drop of boost_pressure below the new reference after a step down. The \
+                     bound is the paper's.",
+            ),
+        Claim::prediction("rise_time", greatest(following.rise.iter().copied()), "s", ..=0.9)
+            .paper(
+                "Boost pressure follows the steps; the saturation of the PWM signal guarantees a \
+                     fast response.",
+            )
+            .how(
+                "Longest time from a step to the first sample within a tenth of it. The bound is \
+                     three times the controller's \u{3bb} of 0.3 s; a first-order lag takes 2.3 \
+                     \u{3bb}.",
+            ),
+        Claim::prediction("end_error", greatest(following.end_error.iter().copied()), "Pa", ..=22.0)
+            .paper("Boost pressure follows the steps in reference value correctly.")
+            .how(
+                "Largest error just before the next step. The bound is the reference solution's 2 \
+                     Pa plus 0.01 % of a full scale of 200 kPa.",
+            ),
+        Claim::construction("least_duty", least_duty, "%", ..=25.0 + 1e-9)
+            .paper("The PWM signal saturates, which guarantees a fast response.")
+            .how("Minimum duty: it reaches the lower limit, 25 %."),
+        Claim::prediction(
+            "paper_structure_overshoot_up",
+            greatest(papers.up.iter().copied()),
+            "Pa",
+            ..=5000.0,
+        )
+        .paper("For a positive step, limited to 5 kPa: with the paper's structure.")
+        .paper_value(5000.0)
+        .how("As above, with the parameter structure set to paper."),
     ]
 }

@@ -3,8 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{at, greatest};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use fmu_master::scenario::Signal;
+use super::{Claim, Evidence, Laboratory, shipped, steps};
 use fmu_plot::{Figure, Line, Panel, color};
 
 /// Table 1, leakage: effective area in 1e-9 m2 over the duty in %.
@@ -23,16 +22,12 @@ fn polynomial(coefficients: &[f64], x: f64) -> f64 {
 }
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_6.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_6.toml"))?;
     let record = laboratory.run(&scenario)?;
-    let steps = scenario.input("hp_wastegate_pwm").map_or(&[] as &[_], Signal::points);
-    let ends = steps.iter().skip(1).map(|step| step.0).chain([scenario.stop_time]);
-
     let mut duties = vec![];
     let mut pressures = vec![];
     let mut areas = vec![];
-    for (&(_, duty), end) in steps.iter().zip(ends) {
+    for (_, duty, end) in steps(&scenario, "hp_wastegate_pwm") {
         let ambient = at(&record, "ambient_pressure", end)?;
         let temperature = at(&record, "ambient_temperature", end)?;
         let flow = at(&record, "valve.leakage_mass_flow", end)?;
@@ -50,65 +45,47 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         greatest(duties.iter().zip(&areas).map(|(&duty, area)| (area - expected_area(duty)).abs()));
 
     let fine: Vec<f64> = (0..=400).map(|index| 0.25 * f64::from(index)).collect();
-    let leakage = Panel::new("duty (%)", "effective area (mm\u{b2})")
-        .title("(a) Valve leakage")
-        .height(240)
-        .line(Line::new(&fine, fine.iter().map(|&duty| 1e6 * expected_area(duty))).label("eq. (6), Table 1"))
-        .line(
-            Line::new(&duties, areas.iter().map(|area| 1e6 * area))
-                .color(color::VERMILION)
-                .dots()
-                .label("FMU at rest"),
-        );
-    let pressure = Panel::new("duty (%)", "actuator pressure (kPa)")
-        .title("(b) Actuator pressure")
-        .height(240)
-        .line(
-            Line::new(&fine, fine.iter().map(|&duty| 1e-3 * expected_pressure(duty)))
-                .label("eq. (7), Table 1"),
-        )
-        .line(
-            Line::new(&duties, pressures.iter().map(|p| 1e-3 * p))
-                .color(color::VERMILION)
-                .dots()
-                .label("FMU at rest"),
-        );
+    let panel = |title, label, factor: f64, equation, expected: &dyn Fn(f64) -> f64, found: &[f64]| {
+        let expected = Line::new(&fine, fine.iter().map(|&duty| factor * expected(duty)));
+        let found = Line::new(&duties, found.iter().map(|value| factor * value));
+        Panel::new("duty (%)", label)
+            .title(title)
+            .height(240)
+            .line(expected.label(equation))
+            .line(found.color(color::VERMILION).dots().label("FMU at rest"))
+    };
+    let leakage = "effective area (mm\u{b2})";
+    let leakage = panel("(a) Valve leakage", leakage, 1e6, "eq. (6), Table 1", &expected_area, &areas);
+    let pressure = "actuator pressure (kPa)";
+    let pressure =
+        panel("(b) Actuator pressure", pressure, 1e-3, "eq. (7), Table 1", &expected_pressure, &pressures);
     Ok(Evidence {
         drawings: vec![(
             "The plant's valve at rest, and the polynomials of Table 1.".into(),
             Figure::new().row([leakage, pressure]).into(),
         )],
         claims: vec![
-            Claim {
-                name: "pressure_deviation",
-                paper: "The actuator pressure is the cubic polynomial of the duty in eq. (7) and Table 1.",
-                paper_value: None,
-                value: pressure_error,
-                unit: "Pa",
-                least: None,
-                most: Some(10.0),
-                basis: Basis::Calibration,
-                how: "Largest deviation of actuator_pressure, 5 s after each duty step, from the polynomial (third \
-                      coefficient negative, clipped to ambient pressure below 9.6 %). The range is 0.01 % of ambient \
-                      pressure, the solver's accuracy.",
-            },
-            Claim {
-                name: "leakage_area_deviation",
-                paper: "The effective leakage area is the quadratic polynomial of the duty in eq. (6) and Table 1.",
-                paper_value: None,
-                value: 1e6 * area_error,
-                unit: "mm\u{b2}",
-                least: None,
-                most: Some(1e-7),
-                basis: Basis::Calibration,
-                how: "Largest deviation of the area computed from valve.leakage_mass_flow by eq. (1), choked. Table 1 \
-                      prints no unit; 1e-9 m\u{b2} was chosen from Fig. 8. The range is the rounding of the choked flow \
-                      function to six digits.",
-            },
+            Claim::calibration("pressure_deviation", pressure_error, "Pa", ..=10.0)
+                .paper("The actuator pressure is the cubic polynomial of the duty in eq. (7) and Table 1.")
+                .how(
+                    "Largest deviation of actuator_pressure, 5 s after each duty step, from the \
+                     polynomial (third coefficient negative, clipped to ambient pressure below 9.6 %). \
+                     The range is 0.01 % of ambient pressure, the solver's accuracy.",
+                ),
+            Claim::calibration("leakage_area_deviation", 1e6 * area_error, "mm\u{b2}", ..=1e-7)
+                .paper(
+                    "The effective leakage area is the quadratic polynomial of the duty in eq. (6) and \
+                     Table 1.",
+                )
+                .how(
+                    "Largest deviation of the area computed from valve.leakage_mass_flow by eq. (1), \
+                     choked. Table 1 prints no unit; 1e-9 m\u{b2} was chosen from Fig. 8. The range is \
+                     the rounding of the choked flow function to six digits.",
+                ),
         ],
         notes: vec![
-            "The paper compares with unpublished measurements. Here the polynomials are model parameters, and the \
-             figure shows that the plant reproduces them."
+            "The paper compares with unpublished measurements. Here the polynomials are model parameters, \
+             and the figure shows that the plant reproduces them."
                 .into(),
         ],
     })

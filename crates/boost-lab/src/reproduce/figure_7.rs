@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{greatest, interpolate};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Claim, Evidence, Laboratory, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
 
@@ -31,8 +31,7 @@ fn gap(branches: &[Vec<(f64, f64)>; 2], most: f64) -> f64 {
 }
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_7.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_7.toml"))?;
     let record = laboratory.run(&scenario)?;
     let position = branches(&record, "hp_wastegate_position", 100.0)?;
     let pressure = branches(&record, "actuator_pressure", 1e-3)?;
@@ -59,35 +58,24 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             figure.into(),
         )],
         claims: vec![
-            Claim {
-                name: "position_hysteresis",
-                paper: "The hysteresis of the actuator can be neglected: wastegate position.",
-                paper_value: None,
-                value: gap(&position, 95.01),
-                unit: "% of stroke",
-                least: None,
-                most: Some(2.0),
-                basis: Basis::Calibration,
-                how: "Largest difference of hp_wastegate_position between the branches at equal duty, 5 to 95 %. The \
-                      small Coulomb force was chosen from this figure. The bound is what can be read from a plot of the \
-                      whole stroke.",
-            },
-            Claim {
-                name: "pressure_hysteresis",
-                paper: "The hysteresis of the actuator can be neglected: actuator pressure.",
-                paper_value: None,
-                value: 1e3 * gap(&pressure, TANK_IS_FLOOR),
-                unit: "Pa",
-                least: None,
-                most: Some(500.0),
-                basis: Basis::Prediction,
-                how: "As above for actuator_pressure, 5 to 85 %; above that, tank pressure is the lower limit, and the \
-                      relay moves it between 30 and 35 kPa. The bound is half a percent of ambient pressure.",
-            },
+            Claim::calibration("position_hysteresis", gap(&position, 95.01), "% of stroke", ..=2.0)
+                .paper("The hysteresis of the actuator can be neglected: wastegate position.")
+                .how(
+                    "Largest difference of hp_wastegate_position between the branches at equal duty, 5 \
+                     to 95 %. The small Coulomb force was chosen from this figure. The bound is what \
+                     can be read from a plot of the whole stroke.",
+                ),
+            Claim::prediction("pressure_hysteresis", 1e3 * gap(&pressure, TANK_IS_FLOOR), "Pa", ..=500.0)
+                .paper("The hysteresis of the actuator can be neglected: actuator pressure.")
+                .how(
+                    "As above for actuator_pressure, 5 to 85 %; above that, tank pressure is the lower \
+                     limit, and the relay moves it between 30 and 35 kPa. The bound is half a percent \
+                     of ambient pressure.",
+                ),
         ],
         notes: vec![format!(
-            "Where tank pressure is the lower limit, the pressure branches differ by up to {:.1} kPa: the relay's \
-             band, not friction.",
+            "Where tank pressure is the lower limit, the pressure branches differ by up to {:.1} kPa: the \
+             relay's band, not friction.",
             gap(&pressure, 95.01)
         )],
     })

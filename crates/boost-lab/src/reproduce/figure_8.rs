@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 
 use super::measure::{at, greatest, least};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
+use super::{Claim, Evidence, Laboratory, curve, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 
 /// When the paper's pump runs (s).
@@ -20,8 +20,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
 
 /// Fig. 8(a).
 fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_7.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_7.toml"))?;
     let record = laboratory.run(&scenario)?;
     // Rising duty only: the spring has no hysteresis.
     let half = record.time().len() / 2;
@@ -45,26 +44,21 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
             "Spring force over rod position, from the ramp of Fig. 7.".into(),
             Figure::new().row([panel]).into(),
         )],
-        claims: vec![Claim {
-            name: "spring_stiffening",
-            paper: "The spring has a nonlinear behaviour.",
-            paper_value: None,
-            value: stiffness(8.0, 9.5) / stiffness(1.0, 4.0),
-            unit: "",
-            least: Some(1.5),
-            most: None,
-            basis: Basis::Calibration,
-            how: "Mean stiffness (actuator.spring_force over actuator.position) between 8 and 9.5 mm over that \
-                  between 1 and 4 mm. The bound requires an increase by half.",
-        }],
+        claims: vec![
+            Claim::calibration("spring_stiffening", stiffness(8.0, 9.5) / stiffness(1.0, 4.0), "", 1.5..)
+                .paper("The spring has a nonlinear behaviour.")
+                .how(
+                    "Mean stiffness (actuator.spring_force over actuator.position) between 8 and 9.5 mm \
+                     over that between 1 and 4 mm. The bound requires an increase by half.",
+                ),
+        ],
         notes: vec![],
     })
 }
 
 /// Fig. 8(b).
 fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_8.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_8.toml"))?;
     let record = laboratory.run(&scenario)?;
     let time = record.time();
     let runs = record.get("vacuum_pump")?.iter().enumerate().filter(|(_, pump)| **pump > 0.5);
@@ -79,11 +73,12 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
             values[first..=last].iter().map(|value| value - values[before]).collect::<Vec<_>>(),
         )
     };
-    let panel = |name, label, factor: f64, color| {
-        let line = Line::new(time, record.get(name)?.iter().map(|value| factor * value).collect::<Vec<_>>());
+    let panel = |name, label, factor, color| {
         let panel = Panel::new("time (s)", label).height(110).x_range(60.0, 90.0).x_band(begin, end);
-        Ok::<_, anyhow::Error>(panel.line(line.color(color)))
+        Ok::<_, anyhow::Error>(panel.line(curve(&record, name, factor)?.color(color)))
     };
+    let duration = PAPER.1 - PAPER.0;
+    let moved = change("hp_wastegate_position")?.into_iter().map(|change| 100.0 * change.abs());
     let title = "(b) 2000 rpm, 50 % duty; pump on where shaded";
     let figure = Figure::new()
         .row([panel("valve.voltage", "supply (V)", 1.0, color::INK)?.y_range(11.45, 12.15).title(title)])
@@ -94,63 +89,43 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         .shared_x();
     Ok(Evidence {
         drawings: vec![(
-            "Pump run: voltage at the valve, tank pressure, wastegate position, pressure upstream of the turbine."
+            "Pump run: voltage at the valve, tank pressure, wastegate position, pressure upstream of the \
+             turbine."
                 .into(),
             figure.into(),
         )],
         claims: vec![
-            Claim {
-                name: "pump_on",
-                paper: "The vacuum pump is switched on at 72.5 s.",
-                paper_value: Some(PAPER.0),
-                value: begin,
-                unit: "s",
-                least: Some(PAPER.0 - 1.0),
-                most: Some(PAPER.0 + 1.0),
-                basis: Basis::Calibration,
-                how: "Communication point at which the relay switches on, starting from a tank at 30 kPa. The tank \
-                      volume was chosen to match it. The range is one second around the paper's number.",
-            },
-            Claim {
-                name: "pump_duration",
-                paper: "The pump runs until 82.2 s, that is for 9.7 s.",
-                paper_value: Some(PAPER.1 - PAPER.0),
-                value: end - begin,
-                unit: "s",
-                least: Some(PAPER.1 - PAPER.0 - 0.25),
-                most: Some(PAPER.1 - PAPER.0 + 0.25),
-                basis: Basis::Calibration,
-                how: "Time from the relay switching on to switching off. The pump flow was chosen to match it. The \
-                      range is a quarter of a second, the reading accuracy of a plot.",
-            },
-            Claim {
-                name: "voltage_drop",
-                paper: "The pump generates a voltage drop.",
-                paper_value: None,
-                value: -least(change("valve.voltage")?),
-                unit: "V",
-                least: Some(0.1),
-                most: None,
-                basis: Basis::Calibration,
-                how: "Drop of valve.voltage while the pump runs: the scenario's pump.voltage_drop. The bound requires \
-                      a drop.",
-            },
-            Claim {
-                name: "position_change",
-                paper: "The voltage drop generates a change in wastegate position.",
-                paper_value: None,
-                value: greatest(change("hp_wastegate_position")?.iter().map(|change| 100.0 * change.abs())),
-                unit: "% of stroke",
-                least: Some(1.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Largest change of hp_wastegate_position while the pump runs. The bound requires a change visible \
-                      in a plot.",
-            },
+            Claim::calibration("pump_on", begin, "s", PAPER.0 - 1.0..=PAPER.0 + 1.0)
+                .paper("The vacuum pump is switched on at 72.5 s.")
+                .paper_value(PAPER.0)
+                .how(
+                    "Communication point at which the relay switches on, starting from a tank at 30 \
+                     kPa. The tank volume was chosen to match it. The range is one second around the \
+                     paper's number.",
+                ),
+            Claim::calibration("pump_duration", end - begin, "s", duration - 0.25..=duration + 0.25)
+                .paper("The pump runs until 82.2 s, that is for 9.7 s.")
+                .paper_value(duration)
+                .how(
+                    "Time from the relay switching on to switching off. The pump flow was chosen to \
+                     match it. The range is a quarter of a second, the reading accuracy of a plot.",
+                ),
+            Claim::calibration("voltage_drop", -least(change("valve.voltage")?), "V", 0.1..)
+                .paper("The pump generates a voltage drop.")
+                .how(
+                    "Drop of valve.voltage while the pump runs: the scenario's pump.voltage_drop. The \
+                     bound requires a drop.",
+                ),
+            Claim::prediction("position_change", greatest(moved), "% of stroke", 1.0..)
+                .paper("The voltage drop generates a change in wastegate position.")
+                .how(
+                    "Largest change of hp_wastegate_position while the pump runs. The bound requires a \
+                     change visible in a plot.",
+                ),
         ],
         notes: vec![format!(
-            "The exhaust force on the wastegate is neglected, as in the paper, so the pressure upstream of the \
-             turbine, {:.0} kPa, has no effect on it here.",
+            "The exhaust force on the wastegate is neglected, as in the paper, so the pressure upstream \
+             of the turbine, {:.0} kPa, has no effect on it here.",
             1e-3 * at(&record, "exhaust_manifold_pressure", begin)?
         )],
     })

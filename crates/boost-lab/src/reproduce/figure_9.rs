@@ -3,8 +3,8 @@
 use anyhow::{Context, Result};
 
 use super::measure::{at, between, greatest, row};
-use super::{Basis, Claim, Evidence, Laboratory, shipped};
-use fmu_plot::{Figure, Line, Panel, color};
+use super::{Claim, Evidence, Laboratory, curve, shipped};
+use fmu_plot::{Figure, Panel, color};
 use fmu_record::Record;
 
 /// When the duty steps up and down (s).
@@ -20,10 +20,7 @@ fn settling(record: &Record, name: &str, begin: f64, end: f64, share: f64) -> Re
 }
 
 fn panels(record: &Record, letter: &str, end: f64) -> Result<[Panel; 3]> {
-    let line = |name, factor: f64| {
-        let values: Vec<_> = record.get(name)?.iter().map(|value| factor * value).collect();
-        Ok::<_, anyhow::Error>(Line::new(record.time(), values))
-    };
+    let line = |name, factor| curve(record, name, factor);
     let panel = |label, height| Panel::new("time (s)", label).height(height).x_range(0.0, end);
     Ok([
         panel("duty (%)", 80).title(letter).line(line("hp_wastegate_pwm", 1.0)?.color(color::INK)),
@@ -36,11 +33,9 @@ fn panels(record: &Record, letter: &str, end: f64) -> Result<[Panel; 3]> {
 }
 
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let (name, text) = shipped!("figure_9_ramp.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_9_ramp.toml"))?;
     let ramp = laboratory.run(&scenario)?;
-    let (name, text) = shipped!("figure_9_step.toml");
-    let scenario = laboratory.scenario(name, text)?;
+    let scenario = laboratory.scenario(shipped!("figure_9_step.toml"))?;
     let step = laboratory.run(&scenario)?;
 
     // The chamber follows the valve down to tank pressure.
@@ -64,67 +59,44 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     Ok(Evidence {
         drawings: vec![("Model only: the paper's measurements are not published.".into(), figure.into())],
         claims: vec![
-            Claim {
-                name: "ramp_deviation",
-                paper: "The dynamic behaviour of the actuator pressure is satisfactorily reproduced: in a ramp \
-                      it follows the duty.",
-                paper_value: None,
-                value: greatest(lag),
-                unit: "Pa",
-                least: None,
-                most: Some(2000.0),
-                basis: Basis::Prediction,
-                how: "Largest difference between actuator_pressure and valve.pressure, eq. (7), or tank pressure if \
-                      higher. The bound is the error of a 0.5 s lag on the steepest part of the ramp, 4 kPa/s.",
-            },
-            Claim {
-                name: "evacuation_time",
-                paper: "The same in a step up of the duty, which evacuates the actuator: it is followed at once.",
-                paper_value: None,
-                value: evacuating(0.95)?,
-                unit: "s",
-                least: Some(0.05),
-                most: Some(0.5),
-                basis: Basis::Calibration,
-                how: "Time to 95 % of the change of actuator_pressure after the step from 20 to 80 %. The area to the \
-                      tank is printed. The paper's measurements are not published; the range requires tenths of a second.",
-            },
-            Claim {
-                name: "venting_time",
-                paper: "The same in a step down, which vents it.",
-                paper_value: None,
-                value: venting(0.95)?,
-                unit: "s",
-                least: Some(0.05),
-                most: Some(0.5),
-                basis: Basis::Calibration,
-                how: "Time to 95 % after the step from 80 to 20 %. The area to ambient was corrected from the printed \
-                      8e-9 to 8e-7 m\u{b2}; as printed, venting takes tens of seconds.",
-            },
-            Claim {
-                name: "tank_is_floor",
-                paper: "The lowest possible actuator pressure is the tank pressure.",
-                paper_value: None,
-                value: greatest(below_tank),
-                unit: "Pa",
-                least: None,
-                most: Some(10.0),
-                basis: Basis::Prediction,
-                how: "Largest excess of tank_pressure over actuator_pressure; negative if there is none. The bound is \
-                      0.01 % of ambient pressure, the solver's accuracy.",
-            },
-            Claim {
-                name: "tank_pressure_rise",
-                paper: "Evacuating the actuator raises the tank pressure.",
-                paper_value: None,
-                value: tank,
-                unit: "Pa",
-                least: Some(500.0),
-                most: None,
-                basis: Basis::Prediction,
-                how: "Change of tank_pressure from the step up to the step down 3 s later, including leakage. The \
-                      bound requires a rise visible in a plot.",
-            },
+            Claim::prediction("ramp_deviation", greatest(lag), "Pa", ..=2000.0)
+                .paper(
+                    "The dynamic behaviour of the actuator pressure is satisfactorily reproduced: in a \
+                     ramp it follows the duty.",
+                )
+                .how(
+                    "Largest difference between actuator_pressure and valve.pressure, eq. (7), or tank \
+                     pressure if higher. The bound is the error of a 0.5 s lag on the steepest part of \
+                     the ramp, 4 kPa/s.",
+                ),
+            Claim::calibration("evacuation_time", evacuating(0.95)?, "s", 0.05..=0.5)
+                .paper(
+                    "The same in a step up of the duty, which evacuates the actuator: it is followed at \
+                     once.",
+                )
+                .how(
+                    "Time to 95 % of the change of actuator_pressure after the step from 20 to 80 %. \
+                     The area to the tank is printed. The paper's measurements are not published; the \
+                     range requires tenths of a second.",
+                ),
+            Claim::calibration("venting_time", venting(0.95)?, "s", 0.05..=0.5)
+                .paper("The same in a step down, which vents it.")
+                .how(
+                    "Time to 95 % after the step from 80 to 20 %. The area to ambient was corrected \
+                     from the printed 8e-9 to 8e-7 m\u{b2}; as printed, venting takes tens of seconds.",
+                ),
+            Claim::prediction("tank_is_floor", greatest(below_tank), "Pa", ..=10.0)
+                .paper("The lowest possible actuator pressure is the tank pressure.")
+                .how(
+                    "Largest excess of tank_pressure over actuator_pressure; negative if there is none. \
+                     The bound is 0.01 % of ambient pressure, the solver's accuracy.",
+                ),
+            Claim::prediction("tank_pressure_rise", tank, "Pa", 500.0..)
+                .paper("Evacuating the actuator raises the tank pressure.")
+                .how(
+                    "Change of tank_pressure from the step up to the step down 3 s later, including \
+                     leakage. The bound requires a rise visible in a plot.",
+                ),
         ],
         notes: vec![format!(
             "Times to 63 %: actuator pressure {:.2} s evacuating and {:.2} s venting, wastegate {:.2} s.",

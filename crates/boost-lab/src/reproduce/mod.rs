@@ -14,6 +14,7 @@ mod figure_8;
 mod figure_9;
 mod report;
 
+use std::ops::{Bound, RangeBounds};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -21,10 +22,9 @@ use serde::Serialize;
 
 use fmu_master::Fmu;
 use fmu_master::measure;
-use fmu_master::scenario::Scenario;
+use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::Figure;
-use fmu_plot::panels;
+use fmu_plot::{Figure, Line, panels};
 use fmu_record::Record;
 use fmu_record::numbers::{number, shown};
 
@@ -110,6 +110,63 @@ pub enum Basis {
 }
 
 impl Claim {
+    fn new(
+        basis: Basis,
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        accepted: impl RangeBounds<f64>,
+    ) -> Self {
+        let limit = |bound: Bound<&f64>| match bound {
+            Bound::Included(&limit) | Bound::Excluded(&limit) => Some(limit),
+            Bound::Unbounded => None,
+        };
+        let (least, most) = (limit(accepted.start_bound()), limit(accepted.end_bound()));
+        Self { name, paper: "", paper_value: None, value, unit, least, most, basis, how: "" }
+    }
+
+    /// Parameters were calibrated to the result.
+    fn calibration(
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        accepted: impl RangeBounds<f64>,
+    ) -> Self {
+        Self::new(Basis::Calibration, name, value, unit, accepted)
+    }
+
+    /// The result follows from parameters chosen for other reasons.
+    fn prediction(
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        accepted: impl RangeBounds<f64>,
+    ) -> Self {
+        Self::new(Basis::Prediction, name, value, unit, accepted)
+    }
+
+    /// The result follows from the controller's structure.
+    fn construction(
+        name: &'static str,
+        value: f64,
+        unit: &'static str,
+        accepted: impl RangeBounds<f64>,
+    ) -> Self {
+        Self::new(Basis::Construction, name, value, unit, accepted)
+    }
+
+    fn paper(self, paper: &'static str) -> Self {
+        Self { paper, ..self }
+    }
+
+    fn paper_value(self, value: f64) -> Self {
+        Self { paper_value: Some(value), ..self }
+    }
+
+    fn how(self, how: &'static str) -> Self {
+        Self { how, ..self }
+    }
+
     pub fn holds(&self) -> bool {
         // False for NaN.
         self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
@@ -217,7 +274,7 @@ impl Laboratory {
     }
 
     /// A scenario of the laboratory, from its file name and text.
-    fn scenario(&mut self, name: &'static str, text: &'static str) -> Result<Scenario> {
+    fn scenario(&mut self, (name, text): (&'static str, &'static str)) -> Result<Scenario> {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));
         }
@@ -238,6 +295,24 @@ impl Laboratory {
         let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;
         Ok(Run { scenario, ..Run::new(&begin, &record) })
     }
+}
+
+/// A recorded variable over time, times a factor.
+fn curve(record: &Record, name: &str, factor: f64) -> Result<Line> {
+    Ok(Line::new(record.time(), record.get(name)?.iter().map(|value| factor * value)))
+}
+
+/// Boost pressure minus its reference over time (kPa).
+fn boost_error(record: &Record) -> Result<Line> {
+    let values = record.get("boost_pressure")?.iter().zip(record.get("boost_reference")?);
+    Ok(Line::new(record.time(), values.map(|(actual, reference)| 1e-3 * actual - 1e-3 * reference)))
+}
+
+/// The steps of an input of a scenario, with their ends: beginning, value and end.
+fn steps(scenario: &Scenario, input: &str) -> Vec<(f64, f64, f64)> {
+    let steps = scenario.input(input).map_or(&[] as &[_], Signal::points);
+    let ends = steps.iter().skip(1).map(|step| step.0).chain([scenario.stop_time]);
+    steps.iter().zip(ends).map(|(&(begin, value), end)| (begin, value, end)).collect()
 }
 
 /// A scenario in the folder `scenarios`: its name and text.

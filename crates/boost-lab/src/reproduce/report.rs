@@ -4,15 +4,16 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::{Claim, Drawing, Reproduced};
-use fmu_plot::escaped;
-use fmu_plot::page;
+use fmu_plot::{Cell, Report, Table, escaped};
 
+const TITLE: &str =
+    "Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs";
 const STYLE: &str = "
 .how { color: var(--faint); font-size: .93em; } svg :is(.third, .added) { color: var(--faint); }
-.claims { max-width: 58rem; } .holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
+.claims { max-width: 58rem; }
 @media (max-width: 48rem) {
   .claims thead { display: none; } .claims tr { display: flex; flex-wrap: wrap; gap: 0 1rem; padding: .5rem 0; border-bottom: 1px solid var(--rule); }
-  .claims td { padding: 0; border: 0; } .claims td:first-child { flex: 1 0 100%; } .claims .asked::before { content: \"accepted: \"; color: var(--faint); }
+  .claims td { padding: 0; border: 0; } .claims td:first-child { flex: 1 0 100%; } .claims td:nth-child(4)::before { content: \"accepted: \"; color: var(--faint); }
 }
 ";
 
@@ -61,60 +62,54 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
     let (all, holding) = (claims().count(), claims().filter(|claim| claim.holds()).count());
-    let mut body = format!(
-        "<h1>Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs</h1>\n\
-         <p>The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control \
-         with system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Below each figure: the paper's \
-         claims, the FMUs' results, and whether they agree.</p>\n\
-         <p>The parameters of the engine and turbochargers are not published. A <em>calibration</em> is a result that \
-         parameters were chosen to match, a <em>prediction</em> follows from parameters chosen for other reasons, and a \
-         <em>construction</em> follows from the controller's structure.</p>\n\
-         <p><span class=\"{}\">{holding} of {all} claims hold.</span></p>\n",
-        escaped(&fmus.join(" and ")),
-        if holding == all { "holds" } else { "fails" },
+    let mut report = Report::new(TITLE);
+    report.paragraph(&format!(
+        "The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control with \
+         system voltage disturbance rejection\u{201d} (IFAC 2011), run with {}. Below each figure: the paper's claims, \
+         the FMUs' results, and whether they agree.",
+        fmus.join(" and ")
+    ));
+    report.html(
+        "<p>The parameters of the engine and turbochargers are not published. A <em>calibration</em> is a result that \
+         parameters were chosen to match, a <em>prediction</em> follows from parameters chosen for other reasons, and \
+         a <em>construction</em> follows from the controller's structure.</p>\n",
     );
-    for reproduced in figures {
-        body += &section(reproduced);
-    }
-    page("The paper's figures from the FMUs", STYLE, &body)
+    report.verdict(&format!("{holding} of {all} claims hold."), holding == all);
+    figures.iter().for_each(|figure| section(&mut report, figure));
+    report.page(STYLE)
 }
 
-fn section(Reproduced { figure, evidence, scenarios, .. }: &Reproduced) -> String {
-    let mut text =
-        format!("<h2 id=\"figure-{0}\">Fig. {0}: {1}</h2>\n", figure.number, escaped(figure.title));
+fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: &Reproduced) {
+    report.section_of(
+        &format!("figure-{}", figure.number),
+        &format!("Fig. {}: {}", figure.number, figure.title),
+    );
     for (caption, drawing) in &evidence.drawings {
-        let html = match drawing {
-            Drawing::Plot(plot) => plot.html(),
-            Drawing::Picture(svg) => svg.clone(),
-        };
-        text += &format!("<figure>\n{html}<figcaption>{}</figcaption>\n</figure>\n", escaped(caption));
+        match drawing {
+            Drawing::Plot(plot) => report.figure(plot, caption),
+            Drawing::Picture(svg) => report.picture(svg, caption),
+        }
     }
-    text += "<table class=\"claims\">\n<thead><tr><th>Claim</th><th>Paper</th><th>FMUs</th><th>Accepted</th><th></th></tr></thead>\n<tbody>\n";
+    let mut table = Table::new(["Claim", "Paper", "FMUs", "Accepted", ""]).class("claims");
     for claim in &evidence.claims {
-        let (class, word) = if claim.holds() { ("holds", "holds") } else { ("fails", "fails") };
-        text += &format!(
-            "<tr><td>{}<div class=\"how\">{}: {}</div></td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-             <td class=\"number asked\">{}</td><td><span class=\"{class}\">{word}</span></td></tr>\n",
-            escaped(claim.paper),
-            capitalized(claim.basis.name()),
-            escaped(claim.how),
-            escaped(&claim.in_paper().unwrap_or_default()),
-            escaped(&claim.found()),
-            escaped(&claim.asked()),
-        );
+        table.row([
+            Cell::html(&format!(
+                "{}<div class=\"how\">{}: {}</div>",
+                escaped(claim.paper),
+                capitalized(claim.basis.name()),
+                escaped(claim.how)
+            )),
+            Cell::number(&claim.in_paper().unwrap_or_default()),
+            Cell::number(&claim.found()),
+            Cell::number(&claim.asked()),
+            Cell::verdict("", claim.holds()),
+        ]);
     }
-    text += "</tbody>\n</table>\n";
-    for note in &evidence.notes {
-        text += &format!("<p>{}</p>\n", escaped(note));
-    }
+    report.table(&table);
+    report.paragraphs(&evidence.notes);
     for (name, scenario) in scenarios {
-        text += &format!(
-            "<details><summary>The scenario {}</summary><pre>{}</pre></details>\n",
-            escaped(name),
-            escaped(scenario)
-        );
+        report.details(&format!("The scenario {name}"), scenario);
     }
-    text
 }
 
 fn capitalized(word: &str) -> String {

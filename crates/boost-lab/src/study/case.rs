@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use super::draw::{Case, Event, SETTLING, STEP};
+use super::names::{ALARM, BOOST, FLOWS, Names, SHAFT};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
 use crate::mapping;
 use fmu_master::Fmu;
@@ -29,59 +30,6 @@ const CYCLE: usize = 2 * TURNING_STEPS;
 const ARRIVES_WITHIN: f64 = 100.0;
 /// Overshoot counts for this time after a step (s), or until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
-
-/// The variables recorded for each case, if the FMUs have them.
-const RECORDED: [&str; 12] = [
-    "boost_reference",
-    "boost_pressure",
-    "engine_speed",
-    "hp_wastegate_pwm",
-    "lp_wastegate",
-    "hp_bypass",
-    SHAFT,
-    FLOWS[0],
-    FLOWS[1],
-    ALARM,
-    MODEL,
-    "supply_voltage_measured",
-];
-const BOOST: &str = "boost_pressure";
-pub const SHAFT: &str = "hp_turbo_speed";
-/// Negative when a compressor surges.
-const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
-const ALARM: &str = "fault_code";
-/// The controller's target.
-pub const MODEL: &str = "reference_model_pressure";
-
-/// Which of the names the FMUs have.
-pub struct Names {
-    plant_inputs: Vec<String>,
-    inputs: Vec<String>,
-    recorded: Vec<&'static str>,
-    has_shaft: bool,
-}
-
-impl Names {
-    fn new(plant: &Fmu, controller: &Fmu) -> Self {
-        let names = |fmu: &Fmu, of| fmu.names(of).map(str::to_owned).collect::<Vec<_>>();
-        let plant_inputs = names(plant, "input");
-        let inputs = [plant_inputs.clone(), names(controller, "input")].concat();
-        let is_known =
-            |name: &&str| [plant, controller].iter().any(|fmu| fmu.description().variable(name).is_some());
-        let recorded = RECORDED.into_iter().filter(is_known).collect();
-        let has_shaft = plant.names("output").any(|name| name == SHAFT);
-        Self { plant_inputs, inputs, recorded, has_shaft }
-    }
-
-    pub fn plant_has_input(&self, name: &str) -> bool {
-        self.plant_inputs.iter().any(|known| known == name)
-    }
-
-    /// The shaft speed variable.
-    pub fn shaft(&self) -> Option<&'static str> {
-        self.has_shaft.then_some(SHAFT)
-    }
-}
 
 /// An FMU's file, and its map if it has other names.
 #[derive(Clone)]
@@ -151,18 +99,15 @@ impl Rig {
         let [plant_fmu, controller_fmu] =
             [&plant, &controller].map(|source| Fmu::open_with(&source.file, source.map.as_deref()));
         let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
-        for name in ["hp_wastegate_pwm", "engine_speed"] {
-            let is_input = plant_fmu.names("input").any(|known| known == name);
-            anyhow::ensure!(is_input, "{} has no input {name}", plant.file.display());
-        }
-        anyhow::ensure!(
-            plant_fmu.names("output").any(|known| known == BOOST),
-            "{} has no output {BOOST}",
-            plant.file.display()
-        );
-        for name in ["boost_reference", BOOST] {
-            let is_input = controller_fmu.names("input").any(|known| known == name);
-            anyhow::ensure!(is_input, "{} has no input {name}", controller.file.display());
+        for (fmu, source, kind, name) in [
+            (&plant_fmu, &plant, "input", "hp_wastegate_pwm"),
+            (&plant_fmu, &plant, "input", "engine_speed"),
+            (&plant_fmu, &plant, "output", BOOST),
+            (&controller_fmu, &controller, "input", "boost_reference"),
+            (&controller_fmu, &controller, "input", BOOST),
+        ] {
+            let has_it = fmu.names(kind).any(|known| known == name);
+            anyhow::ensure!(has_it, "{} has no {kind} {name}", source.file.display());
         }
         Ok(Self {
             names: Names::new(&plant_fmu, &controller_fmu),
@@ -191,8 +136,7 @@ impl Rig {
 
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
-        let has_input = |name: &str| self.names.inputs.iter().any(|known| known == name);
-        case.scenario(strategy, has_input, &self.names.recorded, self.seed)
+        case.scenario(strategy, |name| self.names.has_input(name), &self.names.recorded, self.seed)
     }
 
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {

@@ -1,6 +1,7 @@
 //! A pass/fail study of a controller on random plants, ambient conditions and manoeuvres.
 //!
 //! - [`draw`] draws the cases from a Latin hypercube.
+//! - [`names`] are the variables that the FMUs have.
 //! - [`reach`] finds what a case's plant can reach.
 //! - [`case`] runs a case in closed loop and measures its deviation from that.
 //! - [`criteria`] judges the measures.
@@ -12,14 +13,13 @@
 pub mod case;
 pub mod criteria;
 pub mod draw;
+mod names;
 mod optimum;
 mod reach;
 mod report;
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use anyhow::{Context, Result};
+use anyhow::Result;
+use rayon::ThreadPool;
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
@@ -27,10 +27,9 @@ use self::case::{Measures, Rig, Simulated};
 use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
-use cargo_fmu::run::journal::{Journal, Settings};
-use fmu_master::ONLY_ONCE;
+use cargo_fmu::run::journal::{Journal, Part};
 
-pub use self::report::{Report, csv};
+pub use self::report::{StudyReport, csv};
 
 /// The number of cases explained individually: more mean that something is fundamentally wrong.
 const MOST_EXPLAINED: usize = 40;
@@ -68,39 +67,30 @@ pub struct Explained {
     pub optimum: Option<Optimum>,
 }
 
-impl Study {
-    /// Opens the journal and reads the finished cases.
-    pub fn open_journal(path: &Path, settings: &Settings) -> Result<(Journal, BTreeMap<usize, Outcome>)> {
-        let (journal, finished) = Journal::open::<Outcome>(path, settings)?;
-        Ok((journal, finished.into_iter().map(|outcome| (outcome.case, outcome)).collect()))
-    }
+impl Part for Outcome {
+    type Key = usize;
 
-    /// Runs the remaining cases on a number of threads; `progress` is called after each.
+    fn key(&self) -> usize {
+        self.case
+    }
+}
+
+impl Study {
+    /// Runs the cases that are not in the journal; `progress` is called after each.
     pub fn run(
         &self,
-        journal: &Journal,
-        mut finished: BTreeMap<usize, Outcome>,
-        threads: usize,
+        journal: &Journal<Outcome>,
+        threads: &ThreadPool,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Outcome>> {
-        let pending: Vec<_> = (0..self.cases.len()).filter(|case| !finished.contains_key(case)).collect();
-        let outcomes: Vec<Outcome> = self.pool(threads)?.install(|| {
-            let run = |number| {
+        let run = |number| {
+            journal.part(&number, || {
                 let outcome = self.run_one(number);
-                journal.write(&outcome)?;
                 progress();
-                Ok::<_, anyhow::Error>(outcome)
-            };
-            pending.into_par_iter().map(run).collect::<Result<_>>()
-        })?;
-        finished.extend(outcomes.into_iter().map(|outcome| (outcome.case, outcome)));
-        Ok(finished.into_values().collect())
-    }
-
-    fn pool(&self, threads: usize) -> Result<rayon::ThreadPool> {
-        let is_single = |fmu: &fmu_master::Fmu| fmu.description().has_capability(ONLY_ONCE);
-        let threads = if is_single(&self.rig.plant) || is_single(&self.rig.controller) { 1 } else { threads };
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("no threads")
+                Ok(outcome)
+            })
+        };
+        threads.install(|| (0..self.cases.len()).into_par_iter().map(run).collect())
     }
 
     fn run_one(&self, number: usize) -> Outcome {
@@ -121,12 +111,12 @@ impl Study {
     pub fn explain(
         &self,
         outcomes: &[Outcome],
-        threads: usize,
+        threads: &ThreadPool,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Explained>> {
         let mut outside = outside(outcomes);
         outside.truncate(MOST_EXPLAINED);
-        self.pool(threads)?.install(|| {
+        threads.install(|| {
             let explain = |(number, measures): &(usize, Measures)| {
                 let case = self.cases.case(*number);
                 let strategy = self.strategies[0].as_deref();

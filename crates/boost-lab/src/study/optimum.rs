@@ -10,9 +10,10 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::case::{Measures, Rig, SHAFT, Simulated, point};
+use super::case::{Measures, Rig, Simulated, point};
 use super::criteria::{FASTEST_AT_REST, NEAR};
 use super::draw::{Case, SETTLING, STEP};
+use super::names::SHAFT;
 use super::reach::{OpenLoop, VALVES, Valves};
 use fmu_master::measure::greatest;
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use fmu_package::Value;
 
-use super::case::Names;
 use super::draw::{Case, STEP};
+use super::names::Names;
 use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};

@@ -4,20 +4,20 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::case::{MODEL, Measures, SHAFT};
+use super::case::Measures;
 use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
+use super::draw::Case;
+use super::names::{MODEL, SHAFT};
 use super::{Explained, Outcome, Study, outside};
-use fmu_plot::page;
-use fmu_plot::{Figure, Line, Panel, color, escaped};
-use fmu_record::numbers::number;
-
-const STYLE: &str = "
-.holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 0.3em; }
-table { font-variant-numeric: tabular-nums; } pre { font-size: 0.8em; background: var(--shade); padding: 0.8em; overflow-x: auto; }
-";
+use fmu_master::measure::greatest;
+use fmu_plot::panels::shown;
+use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, escaped};
+use fmu_record::numbers::{number, quantity};
 
 /// The shares of the cases below the quantiles of the tables.
 const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
+/// Drawn values in a row of a case's table.
+const DRAWN_IN_ROW: usize = 3;
 /// Number of plotted quantities: those with the strongest correlation.
 const PLOTTED: usize = 6;
 
@@ -34,7 +34,7 @@ const DISTRIBUTIONS: [(&str, &str, f64, Get); 4] = [
 ];
 
 /// A study with its results.
-pub struct Report<'a> {
+pub struct StudyReport<'a> {
     pub study: &'a Study,
     pub outcomes: &'a [Outcome],
     pub explained: &'a [Explained],
@@ -75,7 +75,7 @@ fn quantile(ascending: &[f64], share: f64) -> f64 {
     ascending.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
-impl Report<'_> {
+impl StudyReport<'_> {
     fn strategy_name(&self, index: usize) -> String {
         self.study.strategies[index].clone().unwrap_or_else(|| "the controller's default strategy".to_owned())
     }
@@ -163,19 +163,16 @@ impl Report<'_> {
             self.study.rig.controller.description().attribute("modelName"),
             self.outcomes.len()
         );
-        let body = [
-            self.introduction(&title),
-            self.judged(),
-            self.distributions(),
-            self.influences(),
-            self.one_by_one(),
-        ];
-        page(&title, STYLE, &body.concat())
+        let mut report = Report::new(&title);
+        self.introduction(&mut report);
+        self.judged(&mut report);
+        self.distributions(&mut report);
+        self.influences(&mut report);
+        self.one_by_one(&mut report);
+        report.page("")
     }
 
-    fn introduction(&self, title: &str) -> String {
-        let notes = self.study.cases.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note)));
-        let notes = notes.collect::<Vec<_>>().concat();
+    fn introduction(&self, report: &mut Report) {
         let passes = self.passes();
         let bound = if self.study.rig.saves_states() {
             "The benchmark is a control that knows the plant: it is tried on the plant itself, from its state at each \
@@ -183,64 +180,54 @@ impl Report<'_> {
         } else {
             "The plant cannot save its state, so its fastest possible response is not considered."
         };
-        format!(
-            "<h1>{}</h1>\n<p><span class=\"{}\">{}</span></p>\n<p>Plant: {}. The cases are a Latin hypercube (seed {}) \
-             of plant parameters between the FMU's values and those of each set, ambient pressure and temperature, \
-             supply voltage, measurement noise, and a manoeuvre of engine speed and boost reference; results.csv has \
-             every drawn value. A case is judged by its largest deviation from the <em>reachable</em> reference, \
-             limited to what the plant holds at rest with its wastegates shut or its shaft at 205 krpm, and to no less \
-             than it has with all valves open. {bound} Between two references the pressure may be anywhere between \
-             them until 1.5 s after the fastest plant has arrived.</p>\n{notes}",
-            escaped(title),
-            if passes { "holds" } else { "fails" },
-            if passes { "Passed: all criteria hold." } else { "Failed: a criterion does not hold." },
+        let verdict =
+            if passes { "Passed: all criteria hold." } else { "Failed: a criterion does not hold." };
+        report.verdict(verdict, passes);
+        report.html(&format!(
+            "<p>Plant: {}. The cases are a Latin hypercube (seed {}) of plant parameters between the FMU's values and \
+             those of each set, ambient pressure and temperature, supply voltage, measurement noise, and a manoeuvre \
+             of engine speed and boost reference; results.csv has every drawn value. A case is judged by its largest \
+             deviation from the <em>reachable</em> reference, limited to what the plant holds at rest with its \
+             wastegates shut or its shaft at 205 krpm, and to no less than it has with all valves open. {bound} \
+             Between two references the pressure may be anywhere between them until 1.5 s after the fastest plant has \
+             arrived.</p>\n",
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
-        )
+        ));
+        report.paragraphs(&self.study.cases.notes);
     }
 
-    fn judged(&self) -> String {
+    fn judged(&self, report: &mut Report) {
         let strategies = 0..self.study.strategies.len();
-        let heads =
-            strategies.clone().map(|strategy| format!("<th>{}</th>", escaped(&self.strategy_name(strategy))));
-        let heads = heads.collect::<Vec<_>>().concat();
+        let names: Vec<_> = strategies.clone().map(|strategy| self.strategy_name(strategy)).collect();
         let all: Vec<_> = strategies.clone().map(|strategy| self.criteria(strategy)).collect();
-        let mut text = format!("<h2>Criteria</h2>\n<table>\n<tr><th></th><th>required</th>{heads}</tr>\n");
+        report.section("Criteria");
+        let mut table = Table::new(["", "required"].into_iter().chain(names.iter().map(String::as_str)));
         for (index, criterion) in all[0].iter().enumerate() {
             let found = all.iter().map(|criteria| {
                 let Criterion { found, holds, .. } = &criteria[index];
-                let (class, word) = if *holds { ("holds", "holds") } else { ("fails", "fails") };
-                let found = found.as_deref().unwrap_or("not available");
-                format!("<td>{} <span class=\"{class}\">{word}</span></td>", escaped(found))
+                Cell::verdict(found.as_deref().unwrap_or("not available"), *holds)
             });
-            text += &format!(
-                "<tr><td>{}</td><td>{}</td>{}</tr>\n",
-                escaped(criterion.name),
-                escaped(&criterion.asked),
-                found.collect::<Vec<_>>().concat()
-            );
+            table.row([criterion.name.into(), (&criterion.asked).into()].into_iter().chain(found));
         }
-        text += "</table>\n";
-        let shares = shares().map(|share| format!("<th>{share}</th>")).concat();
-        text += &format!("<h2>Quantiles</h2>\n<table>\n<tr><th></th><th></th>{shares}</tr>\n");
+        report.table(&table);
+        report.section("Quantiles");
+        let mut table = Table::new([String::new(), String::new()].into_iter().chain(shares()));
         for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
             for strategy in strategies.clone() {
                 let values = self.ascending(strategy, measure);
-                let cells = QUANTILES
-                    .map(|share| format!("<td class=\"number\">{:.2}</td>", quantile(&values, share)));
                 if !values.is_empty() {
-                    text += &format!(
-                        "<tr><td>{name} ({unit})</td><td>{}</td>{}</tr>\n",
-                        escaped(&self.strategy_name(strategy)),
-                        cells.concat()
-                    );
+                    let quantiles =
+                        QUANTILES.map(|share| Cell::number(&format!("{:.2}", quantile(&values, share))));
+                    let labels = [format!("{name} ({unit})").into(), (&names[strategy]).into()];
+                    table.row(labels.into_iter().chain(quantiles));
                 }
             }
         }
-        text + "</table>\n"
+        report.table(&table);
     }
 
-    fn distributions(&self) -> String {
+    fn distributions(&self, report: &mut Report) {
         let panel = |measure: usize| {
             let (name, unit, ..) = DISTRIBUTIONS[measure];
             let mut panel = Panel::new(&format!("{name} ({unit})"), "share of cases (%)").y_range(0.0, 100.0);
@@ -257,14 +244,12 @@ impl Report<'_> {
         let has_values = |measure: &usize| !self.ascending(0, *measure).is_empty();
         let figures = (0..DISTRIBUTIONS.len()).filter(has_values).map(panel);
         let figure = figures.fold(Figure::new(), |figure, panel| figure.row([panel]));
-        format!(
-            "<h2>Distributions</h2>\n<figure>\n{}<figcaption>Share of cases up to each value.</figcaption>\n</figure>\n",
-            figure.html()
-        )
+        report.section("Distributions");
+        report.figure(&figure, "Share of cases up to each value.");
     }
 
     /// The influences on the deviation.
-    fn influences(&self) -> String {
+    fn influences(&self, report: &mut Report) {
         let known: Vec<_> = self
             .outcomes
             .iter()
@@ -272,76 +257,87 @@ impl Report<'_> {
             .collect();
         let deviations: Vec<_> = known.iter().map(|(_, deviation)| 1e-3 * deviation).collect();
         let drawn: Vec<_> = known.iter().map(|(case, _)| self.study.cases.case(*case).drawn).collect();
-        let columns = self.study.cases.columns();
+        let columns = self.study.cases.columns().into_iter().zip(self.study.cases.units());
         let mut influences: Vec<_> = columns
-            .iter()
             .enumerate()
-            .map(|(column, name)| {
+            .map(|(column, (name, unit))| {
                 let values: Vec<_> = drawn.iter().map(|values| values[column].1).collect();
-                (name, rank_correlation(&values, &deviations), values)
+                let (unit, factor) = shown(unit, greatest(values.iter().map(|value| value.abs())));
+                let label = format!("{name} ({})", if unit.is_empty() { "share" } else { &unit });
+                let correlation = rank_correlation(&values, &deviations);
+                (label, correlation, values.into_iter().map(|value| factor * value).collect::<Vec<_>>())
             })
             .collect();
         influences.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let panels = influences.iter().take(PLOTTED).map(|(name, correlation, values)| {
-            let title = format!("rank correlation {correlation:.2}").replace('-', "\u{2212}");
-            Panel::new(name, "deviation (kPa)")
+        let panels = influences.iter().take(PLOTTED).map(|(label, correlation, values)| {
+            let interval = confidence(*correlation, values.len());
+            let interval = interval.map_or_else(
+                || "too few cases".to_owned(),
+                |(from, to)| {
+                    format!("95 %: {from:.2} to {to:.2}{}", if from * to > 0.0 { "" } else { ", noise" })
+                },
+            );
+            let title = format!("rank correlation {correlation:.2} ({interval})").replace('-', "\u{2212}");
+            Panel::new(label, "deviation (kPa)")
                 .title(&title)
                 .line(Line::new(values, deviations.iter().copied()).dots())
         });
         let panels: Vec<_> = panels.collect();
         let figure = panels.chunks(3).fold(Figure::new(), |figure, row| figure.row(row.to_vec()));
-        format!(
-            "<h2>Influences on the deviation</h2>\n<figure>\n{}<figcaption>Worst deviation of each case over the drawn \
-             quantities with the strongest correlation: parameter sets by their share, from 0 (the FMU's value) to 1, \
-             the others in SI units and rpm.</figcaption>\n</figure>\n",
-            figure.html()
-        )
+        report.section("Influences on the deviation");
+        report.figure(
+            &figure,
+            "Worst deviation of each case over the drawn quantities with the strongest correlation, with its 95 % \
+             confidence interval: one that includes 0 is noise. Parameter sets: share from 0 (the FMU's value) to 1.",
+        );
     }
 
-    fn one_by_one(&self) -> String {
+    fn one_by_one(&self, report: &mut Report) {
         let all = outside(self.outcomes);
-        let errors = self
-            .outcomes
-            .iter()
-            .filter_map(|outcome| Some((outcome.case, outcome.runs[0].error.as_ref()?)))
-            .map(|(case, error)| format!("<p>Case {case} failed to run: {}</p>\n", escaped(error)))
-            .collect::<Vec<_>>()
-            .concat();
-        let mut text = format!(
-            "<h2>Cases outside the bounds</h2>\n{errors}<p>{} of {} cases deviate by more than {} kPa or violate \
-             another bound; {:.0} % may deviate that much, none by more than {} kPa.</p>\n",
+        report.section("Cases outside the bounds");
+        for outcome in self.outcomes {
+            if let Some(error) = &outcome.runs[0].error {
+                report.paragraph(&format!("Case {} failed to run: {error}", outcome.case));
+            }
+        }
+        report.paragraph(&format!(
+            "{} of {} cases deviate by more than {} kPa or violate another bound; {:.0} % may deviate that much, none \
+             by more than {} kPa.",
             all.len(),
             self.outcomes.len(),
             1e-3 * NEAR,
             100.0 * (1.0 - SHARE_NEAR),
             1e-3 * FAR
-        );
+        ));
         if all.len() > self.explained.len() {
-            text += &format!("<p>Shown: the worst {}; results.csv has all.</p>\n", self.explained.len());
+            report.paragraph(&format!("Shown: the worst {}; results.csv has all.", self.explained.len()));
         }
         for explained in self.explained {
-            text += &self.explanation(explained);
+            self.explanation(report, explained);
         }
-        text
     }
 
-    fn explanation(&self, explained: &Explained) -> String {
+    fn explanation(&self, report: &mut Report, explained: &Explained) {
         let Explained { case, measures, .. } = explained;
-        let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
+        let Case { number, .. } = case;
+        report.section_of(
+            &format!("case-{number}"),
+            &format!("Case {number}: {:.2} kPa", 1e-3 * measures.deviation),
+        );
+        report.paragraph(&cause(explained));
+        report.figure(
+            &traces(explained),
+            "Closed loop, and best control found, from a second before boost left the reachable range. Shaded: from a \
+             second before the worst moment to half a second after it.",
+        );
+        let drawn = case.drawn.iter().zip(self.study.cases.units());
         let drawn: Vec<_> =
-            case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
-        format!(
-            "<h2 id=\"case-{0}\">Case {0}: {1:.2} kPa</h2>\n<p>{2}</p>\n<figure>\n{3}<figcaption>Closed loop, and \
-             best control found, from a second before boost left the reachable range. Shaded: from a second before the \
-             worst moment to half a second after it. Plant: {4}.</figcaption>\n</figure>\n<details><summary>Scenario for \
-             <code>boost-lab simulate</code></summary><pre>{5}</pre></details>\n",
-            case.number,
-            1e-3 * measures.deviation,
-            escaped(&cause(explained)),
-            traces(explained).html(),
-            drawn.join(", "),
-            escaped(&scenario)
-        )
+            drawn.map(|((name, value), unit)| [name.into(), Cell::number(&quantity(*value, unit))]).collect();
+        let mut table = Table::default();
+        drawn.chunks(DRAWN_IN_ROW).for_each(|row| table.row(row.concat()));
+        report.table(&table);
+        let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
+        report.details("Scenario for boost-lab simulate", &scenario);
     }
 }
 
@@ -479,8 +475,16 @@ fn rank_correlation(one: &[f64], other: &[f64]) -> f64 {
     1.0 - 6.0 * squares / (count * (count * count - 1.0)).max(1.0)
 }
 
+/// The 95 % confidence interval of a rank correlation (Bonett and Wright 2000); none for too few values.
+fn confidence(correlation: f64, count: usize) -> Option<(f64, f64)> {
+    let freedom = count.checked_sub(3).filter(|freedom| *freedom > 0)? as f64;
+    let error = ((1.0 + correlation * correlation / 2.0) / freedom).sqrt();
+    let [from, to] = [-1.96, 1.96].map(|quantile| (correlation.atanh() + quantile * error).tanh());
+    Some((from, to))
+}
+
 /// The table of all cases: a row for each case and strategy.
-pub fn csv(report: &Report<'_>, writer: impl Write) -> io::Result<()> {
+pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
     const MEASURES: [&str; 12] = [
         "case",
         "strategy",
@@ -541,6 +545,17 @@ mod tests {
             assert!((quantile(&values, share) - expected).abs() < 1e-12, "{share}");
         }
         assert!(quantile(&[], 0.5).is_nan());
+    }
+
+    /// With the formula of their paper, by hand: 0.5 of 103 values; a weak correlation of few is noise.
+    #[test]
+    fn the_confidence_of_a_correlation_depends_on_the_number_of_values() {
+        let (from, to) = confidence(0.5, 103).unwrap();
+        // The hyperbolic tangents of 0.5493 minus and plus 1.96 · 0.10607.
+        assert!((from - 0.3287).abs() < 1e-4 && (to - 0.6394).abs() < 1e-4, "{from} {to}");
+        let (from, to) = confidence(-0.4, 10).unwrap();
+        assert!(from < 0.0 && to > 0.0);
+        assert_eq!(confidence(0.9, 3), None);
     }
 
     #[test]

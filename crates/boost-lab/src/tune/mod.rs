@@ -21,17 +21,18 @@ use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
 use clap::ValueEnum as _;
 use fmu_package::{Parameter, ParameterSet, Value};
-use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use cargo_fmu::run::journal::Settings;
-use fmu_master::{Fmu, ONLY_ONCE};
+use cargo_fmu::run::threads;
+use fmu_master::Fmu;
+use fmu_master::measure::{greatest, least};
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
 pub use self::fit::{Estimate, FirstOrder};
-pub use self::journal::TuningJournal;
+pub use self::journal::{TuningJournal, TuningPart};
 pub use self::monotone::Monotone;
 use self::procedure::Range;
 pub use self::procedure::{Procedure, Strategy};
@@ -184,21 +185,13 @@ impl Task {
     ) -> Result<Tuning<'a>> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("cannot tune to this plant")?;
-        let is_single = self.plant.description().has_capability(ONLY_ONCE);
-        // 0: the number of cores, or RAYON_NUM_THREADS.
-        let threads = ThreadPoolBuilder::new().num_threads(usize::from(is_single)).build()?;
-
+        let threads = threads(None, [&*self.plant])?;
         let columns = self.schedule.engine_speeds.len();
         let sweep = |column: usize| {
-            let sweep = if let Some(sweep) = journal.sweep(column) {
-                sweep.clone()
-            } else {
-                let sweep = bench
-                    .sweep(column)
-                    .with_context(|| format!("the sweep at {} rpm", self.schedule.engine_speeds[column]))?;
-                journal.write_sweep(&sweep)?;
-                sweep
-            };
+            let sweep = journal::sweep(journal, column, || {
+                let speed = self.schedule.engine_speeds[column];
+                bench.sweep(column).with_context(|| format!("the sweep at {speed} rpm"))
+            })?;
             progress(self.range(column).sweep_duration());
             Ok(sweep)
         };
@@ -211,18 +204,14 @@ impl Task {
             .collect();
         let point = |&(row, column): &(usize, usize)| {
             let (basis, duty) = self.placed(&statics[column], row, column);
-            let point = if basis != CellOrigin::Identified {
-                None
-            } else if let Some(point) = journal.point(row, column) {
-                Some(point.clone())
-            } else {
-                let point = bench.step_both_ways(row, column, duty).with_context(|| {
-                    let speed = self.schedule.engine_speeds[column];
-                    format!("the steps from {duty} % at {speed} rpm")
-                })?;
-                journal.write_point(&point)?;
-                Some(point)
+            let steps = || {
+                let speed = self.schedule.engine_speeds[column];
+                bench
+                    .step_both_ways(row, column, duty)
+                    .with_context(|| format!("the steps from {duty} % at {speed} rpm"))
             };
+            let is_identified = basis == CellOrigin::Identified;
+            let point = is_identified.then(|| journal::point(journal, (row, column), steps)).transpose()?;
             progress(self.procedure.point_duration());
             Ok(point)
         };
@@ -238,11 +227,10 @@ impl Task {
     /// The largest duty of a sweep (%) below which boost pressure hardly rises.
     fn lift_off(&self, sweep: &Sweep) -> f64 {
         let pressures = || sweep.holds.iter().map(|hold| hold.boost_pressure);
-        let least = pressures().fold(f64::INFINITY, f64::min);
-        let most = pressures().fold(f64::NEG_INFINITY, f64::max);
+        let (least, most) = (least(pressures()), greatest(pressures()));
         let shut = most - self.procedure.shut_part * (most - least);
         let holds = sweep.holds.iter().filter(|hold| hold.boost_pressure >= shut);
-        holds.map(|hold| hold.duty).fold(f64::NEG_INFINITY, f64::max)
+        greatest(holds.map(|hold| hold.duty))
     }
 
     /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
@@ -409,6 +397,19 @@ impl Cell {
 }
 
 impl Tuning<'_> {
+    /// How many points of the grid are identified, and what the others are.
+    pub fn counts(&self) -> [String; 2] {
+        let count = |basis| self.cells.iter().filter(|cell| cell.basis == basis).count();
+        let others = format!(
+            "{} above and {} below the reachable range, {} outside the stepped duties, {} without a model",
+            count(CellOrigin::AboveReach),
+            count(CellOrigin::BelowReach),
+            count(CellOrigin::OutsideFittedDuty),
+            count(CellOrigin::NoModel)
+        );
+        [count(CellOrigin::Identified).to_string(), others]
+    }
+
     /// The responses at a point of the grid.
     pub fn point(&self, row: usize, column: usize) -> Option<&Point> {
         self.points.iter().find(|point| (point.row, point.column) == (row, column))
@@ -419,7 +420,7 @@ impl Tuning<'_> {
     /// The controller's reference model assumes that every duty has an effect. Below lift-off it would run ahead of the
     /// plant near the highest pressure, and the feedback would overshoot.
     pub fn least_duty(&self) -> f64 {
-        self.lift_offs.iter().copied().fold(f64::INFINITY, f64::min)
+        least(self.lift_offs.iter().copied())
     }
 
     /// The origin of a value as text.

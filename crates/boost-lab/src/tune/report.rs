@@ -5,17 +5,17 @@ use serde::Serialize;
 
 use super::bench::drawn_samples;
 use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
-use fmu_plot::page;
-use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_master::measure::greatest;
+use fmu_plot::{Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{estimate, quantity};
 
 const STYLE: &str = "
 sub { line-height: 0; }
 .map, .points { font-size: .75rem; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
-.map { min-width: 24rem; margin: 0; table-layout: fixed; } .map caption { font-size: .85rem; }
-.map td { text-align: center; padding: .16em 0; border: 1px solid var(--paper); } .map th { color: var(--faint); padding: .16em .3em; text-align: right; border: none; }
-.map thead th { text-align: center; } .map .corner { text-align: right; }
+.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
+.map { width: auto; margin: 0; } .map caption { font-size: .85rem; } .map th, .map td { padding: .16em .35em; white-space: nowrap; }
+.map td { text-align: center; border: 1px solid var(--paper); } .map th { color: var(--faint); text-align: right; border: none; }
+.map thead th { text-align: center; }
 .filled { color: var(--faint); font-style: italic; background: repeating-linear-gradient(135deg, var(--shade) 0 4px, var(--paper) 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
 .key { max-width: 46rem; } .key td { padding: .1em .7em; border: none; } .settings { max-width: 58rem; }
 .points th, .points td { padding: .2em .5em .2em 0; white-space: nowrap; }
@@ -88,23 +88,22 @@ pub fn html(tuning: &Tuning<'_>) -> String {
         tuning.task.schedule.controller,
         tuning.task.plant.description().attribute("modelName")
     );
-    let sections = [
-        introduction(tuning, &title),
-        identified_maps(tuning),
-        feedback_maps(tuning),
-        static_maps(tuning),
-        responses(tuning),
-        points(tuning),
-    ];
-    page(&title, STYLE, &sections.concat())
+    let mut report = Report::new(&title);
+    introduction(&mut report, tuning);
+    identified_maps(&mut report, tuning);
+    feedback_maps(&mut report, tuning);
+    static_maps(&mut report, tuning);
+    responses(&mut report, tuning);
+    points(&mut report, tuning);
+    report.page(STYLE)
 }
 
-fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
+fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
     let (task, procedure) = (tuning.task, &tuning.task.procedure);
-    let count = |basis| tuning.cells.iter().filter(|cell| cell.basis == basis).count();
-    let drift = |holds: &mut dyn Iterator<Item = f64>| holds.map(f64::abs).fold(0.0, f64::max);
-    let sweep_drift = drift(&mut tuning.sweeps.iter().flat_map(|sweep| &sweep.holds).map(|hold| hold.drift));
-    let point_drift = drift(&mut tuning.points.iter().map(|point| point.hold.drift));
+    let [identified, others] = tuning.counts();
+    let holds = tuning.sweeps.iter().flat_map(|sweep| &sweep.holds);
+    let sweep_drift = greatest(holds.map(|hold| hold.drift.abs()));
+    let point_drift = greatest(tuning.points.iter().map(|point| point.hold.drift.abs()));
     let rows = [
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Plant parameters", task.plant_parameters_written()),
@@ -113,48 +112,34 @@ fn introduction(tuning: &Tuning<'_>, title: &str) -> String {
         ("Supply voltage", quantity(task.schedule.nominal_voltage, "V")),
         ("Sample time", quantity(1e3 * task.schedule.sample_time, "ms")),
         ("Duty step", format!("\u{b1}{} %", procedure.duty_step)),
-        (
-            "Grid points",
-            format!(
-                "{}: {} identified, {} above and {} below the reachable range, {} outside the stepped duties, {} \
-                 without a model",
-                tuning.cells.len(),
-                count(CellOrigin::Identified),
-                count(CellOrigin::AboveReach),
-                count(CellOrigin::BelowReach),
-                count(CellOrigin::OutsideFittedDuty),
-                count(CellOrigin::NoModel)
-            ),
-        ),
+        ("Grid points", format!("{}: {identified} identified, {others}", tuning.cells.len())),
         ("Wastegate lift-off, used as the controller's minimum duty", quantity(tuning.least_duty(), "%")),
         (
             "Boost pressure drift in the last second of a hold",
             format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
         ),
     ];
-    let rows = rows.map(|(name, value)| format!("<tr><td>{name}</td><td>{}</td></tr>\n", escaped(&value)));
-    let notes = tuning.notes.iter().map(|note| format!("<p>{}</p>\n", escaped(note)));
-    format!(
-        "<h1>{}</h1>\n<p>The plant was held at each engine speed with low-pressure wastegate and bypass shut and \
-         throttle open. A downward duty sweep gives the static map; its inverse, by monotone cubic interpolation, is \
-         the feedforward. At each boost reference reached between {} % and {} % duty, the plant settled for {} s at \
-         the feedforward and was then stepped up and down from the same state for {} s. Gain <i>K<sub>p</sub></i>, \
-         time constant <i>T</i> and delay <i>L</i> are the least-squares fit of a first-order model with delay to the \
-         mean of both responses. The sum of squares has a kink wherever the delay crosses a sample, so the delay is \
-         searched on a grid that is refined around the best value; for each delay, the Levenberg-Marquardt method \
-         finds gain and time constant.</p>\n\
-         <table class=\"settings\">\n{}</table>\n{}",
-        escaped(title),
+    report.html(&format!(
+        "<p>The plant was held at each engine speed with low-pressure wastegate and bypass shut and throttle open. A \
+         downward duty sweep gives the static map; its inverse, by monotone cubic interpolation, is the feedforward. At \
+         each boost reference reached between {} % and {} % duty, the plant settled for {} s at the feedforward and was \
+         then stepped up and down from the same state for {} s. Gain <i>K<sub>p</sub></i>, time constant <i>T</i> and \
+         delay <i>L</i> are the least-squares fit of a first-order model with delay to the mean of both responses. The \
+         sum of squares has a kink wherever the delay crosses a sample, so the delay is searched on a grid that is \
+         refined around the best value; for each delay, the Levenberg-Marquardt method finds gain and time \
+         constant.</p>\n",
         procedure.fitted_duty.0,
         procedure.fitted_duty.1,
         procedure.settling_duration,
         procedure.response_duration,
-        rows.concat(),
-        notes.collect::<String>()
-    )
+    ));
+    let mut table = Table::default().class("settings");
+    rows.into_iter().for_each(|(name, value)| table.row([name.into(), value.into()]));
+    report.table(&table);
+    report.paragraphs(&tuning.notes);
 }
 
-fn identified_maps(tuning: &Tuning<'_>) -> String {
+fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
     let map = |title: &str, map: ScheduleTable, factor: f64, decimals: usize| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: factor * cell.value(map),
@@ -177,22 +162,23 @@ fn identified_maps(tuning: &Tuning<'_>) -> String {
         ScheduleTable::SpeedSensitivity => map("Engine speed sensitivity (Pa\u{2009}s/rpm)", shown, 1.0, 1),
     });
     let procedure = &tuning.task.procedure;
-    format!(
-        "<h2>Maps</h2>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
+    report.section("Maps");
+    report.html(&format!(
+        "<p class=\"caption\">Columns: engine speed (rpm); rows: boost reference (kPa). Hover over a number for its \
+         origin.</p>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
          <td>filled, not identified here: gain, time constant and delay from the nearest identified row at the same \
          speed; feedforward {} % above and {} % below the reachable range</td>\
          </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the minimum magnitude: gain {} kPa/%, delay {} ms</td>\
-         </tr></table>\n<p class=\"caption\">Hover over a number for its origin. \
-         Columns are engine speeds, rows boost references.</p>\n",
+         </tr></table>\n",
         maps.collect::<String>(),
         procedure.duty_above_reach,
         procedure.duty_below_reach,
         1e-3 * procedure.least_gain,
         1e3 * procedure.least_delay,
-    )
+    ));
 }
 
-fn feedback_maps(tuning: &Tuning<'_>) -> String {
+fn feedback_maps(report: &mut Report, tuning: &Tuning<'_>) {
     let map = |title: &str, decimals: usize, value: fn(&Cell) -> f64| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: value(cell),
@@ -217,13 +203,12 @@ fn feedback_maps(tuning: &Tuning<'_>) -> String {
         map("Derivative time <i>T<sub>d</sub></i> (ms)", 0, |cell| 1e3 * cell.feedback.derivative_time),
         quality,
     ];
-    format!(
-        "<h2>Feedback at \u{3bb} = {} s, and goodness of fit</h2>\n<p>The controller computes gain, integral and \
-         derivative time from the maps and its parameter lambda (paper, eq. (12)).</p>\n\
-         <div class=\"maps\">\n{}</div>\n",
-        tuning.task.schedule.lambda,
-        maps.concat()
-    )
+    report.section(&format!("Feedback at \u{3bb} = {} s, and goodness of fit", tuning.task.schedule.lambda));
+    report.paragraph(
+        "The controller computes gain, integral and derivative time from the maps and its parameter lambda (paper, \
+         eq. (12)).",
+    );
+    report.html(&format!("<div class=\"maps\">\n{}</div>\n", maps.concat()));
 }
 
 /// A number in a map.
@@ -249,7 +234,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     });
     let speeds = schedule.engine_speeds.iter().map(|speed| format!("<th>{speed}</th>"));
     let mut text = format!(
-        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><th class=\"corner\">kPa\u{2009}\\\u{2009}rpm</th>{}\
+        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><td></td>{}\
          </tr></thead>\n",
         speeds.collect::<String>()
     );
@@ -286,7 +271,7 @@ fn shade(strength: f64) -> String {
     )
 }
 
-fn static_maps(tuning: &Tuning<'_>) -> String {
+fn static_maps(report: &mut Report, tuning: &Tuning<'_>) {
     let schedule = &tuning.task.schedule;
     let mut panel = Panel::new("duty (%)", "boost pressure (kPa)").height(300);
     for (sweep, &color) in tuning.sweeps.iter().zip(color::CYCLE.iter().cycle()) {
@@ -297,14 +282,14 @@ fn static_maps(tuning: &Tuning<'_>) -> String {
             .line(Line::new(&duties, boost).label(&format!("{speed} rpm")).color(color).thin().markers());
     }
     let (least, most) = tuning.task.procedure.fitted_duty;
-    format!(
-        "<h2>Static map</h2>\n<figure>\n{}<figcaption>Boost pressure at the end of each hold of the sweeps. Shaded: \
-         stepped duties.</figcaption>\n</figure>\n",
-        Figure::new().row([panel.x_band(least, most)]).html()
-    )
+    report.section("Static map");
+    report.figure(
+        &Figure::new().row([panel.x_band(least, most)]),
+        "Boost pressure at the end of each hold of the sweeps. Shaded: stepped duties.",
+    );
 }
 
-fn responses(tuning: &Tuning<'_>) -> String {
+fn responses(report: &mut Report, tuning: &Tuning<'_>) {
     let mut ranked: Vec<_> =
         tuning.points.iter().filter_map(|point| Some((point, point.model.as_ref()?))).collect();
     ranked.sort_by(|(_, one), (_, other)| one.determination.total_cmp(&other.determination));
@@ -339,43 +324,52 @@ fn responses(tuning: &Tuning<'_>) -> String {
         })
         .collect();
     let rows = panels.chunks(2).map(<[Panel]>::to_vec);
-    format!(
-        "<h2>Responses and models</h2>\n<figure>\n{}<figcaption>Boost pressure change after a duty step, per %, from \
-         the worst fit to the best. The plant is of higher order, so its response bends where the model has a \
-         corner.</figcaption>\n</figure>\n",
-        rows.fold(Figure::new(), Figure::row).html()
-    )
+    report.section("Responses and models");
+    report.figure(
+        &rows.fold(Figure::new(), Figure::row),
+        "Boost pressure change after a duty step, per %, from the worst fit to the best. The plant is of higher order, \
+         so its response bends where the model has a corner.",
+    );
 }
 
-fn points(tuning: &Tuning<'_>) -> String {
+fn points(report: &mut Report, tuning: &Tuning<'_>) {
     let schedule = &tuning.task.schedule;
-    let mut text = "<h2>All identified points</h2>\n<details><summary>Models with standard errors, assuming independent \
-        residuals</summary>\n<div class=\"wide\"><table class=\"points\">\n<thead><tr><th>rpm</th>\
-        <th>reference (kPa)</th><th>duty (%)</th><th>boost there (kPa)</th><th><i>K<sub>p</sub></i> (kPa/%)</th>\
-        <th><i>T</i> (s)</th><th><i>L</i> (ms)</th><th><i>R</i>\u{b2} (%)</th><th>residual (Pa/%)</th>\
-        <th>up over down</th></tr></thead>\n"
-        .to_owned();
+    let headings = [
+        "rpm",
+        "reference (kPa)",
+        "duty (%)",
+        "boost there (kPa)",
+        "<i>K<sub>p</sub></i> (kPa/%)",
+        "<i>T</i> (s)",
+        "<i>L</i> (ms)",
+        "<i>R</i>\u{b2} (%)",
+        "residual (Pa/%)",
+        "up over down",
+    ];
+    let mut table = Table::new(headings.map(fmu_plot::Cell::html)).class("points");
     for point in &tuning.points {
         let Some(model) = &point.model else { continue };
         let in_unit = |found: super::Estimate, factor: f64| {
             estimate(factor * found.value, factor * found.standard_error)
         };
-        text += &format!(
-            "<tr><td>{}</td><td>{:.0}</td><td>{:.2}</td><td>{:.1}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3}</td>\
-             <td>{:.1}</td><td>{:.3}</td></tr>\n",
-            schedule.engine_speeds[point.column],
-            1e-3 * schedule.boost_references[point.row],
-            point.hold.duty,
-            1e-3 * point.hold.boost_pressure,
+        let cells = [
+            schedule.engine_speeds[point.column].to_string(),
+            format!("{:.0}", 1e-3 * schedule.boost_references[point.row]),
+            format!("{:.2}", point.hold.duty),
+            format!("{:.1}", 1e-3 * point.hold.boost_pressure),
             in_unit(model.gain, 1e-3),
             in_unit(model.time_constant, 1.0),
             in_unit(model.delay, 1e3),
-            100.0 * model.determination,
-            model.residual,
-            point.asymmetry,
-        );
+            format!("{:.3}", 100.0 * model.determination),
+            format!("{:.1}", model.residual),
+            format!("{:.3}", point.asymmetry),
+        ];
+        table.row(cells.map(Into::into));
     }
-    text + "</table></div></details>\n"
+    report.section("All identified points");
+    report.html("<details><summary>Models with standard errors, assuming independent residuals</summary>\n");
+    report.table(&table);
+    report.html("</details>\n");
 }
 
 #[cfg(test)]

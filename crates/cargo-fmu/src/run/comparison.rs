@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use fmu_package::like;
 
 use fmu_plot::panels::shown;
-use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Record};
 
@@ -135,24 +135,18 @@ impl<'a> Comparison<'a> {
 
     /// The differences as tables in HTML.
     pub fn html(&self) -> String {
-        let mut html = String::new();
+        let mut report = Report::default();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
-            html += &format!(
-                "<h2>{} minus {}</h2>\n<table>\n<tr><th>Variable</th><th>Largest difference</th><th>At</th><th>RMS</th></tr>\n",
-                escaped(name),
-                escaped(&self.records[0].0)
-            );
+            report.section(&format!("{name} minus {}", self.records[0].0));
+            let mut table = Table::new(["Variable", "Largest difference", "At", "RMS"]);
             for variable in &self.variables {
-                let cells =
-                    variable.row(index).map(|cell| format!("<td class=\"number\">{}</td>", escaped(&cell)));
-                html += &format!("<tr><td>{}</td>{}</tr>\n", escaped(variable.name), cells.concat());
+                let cells = variable.row(index).map(|cell| Cell::number(&cell));
+                table.row([variable.name.into()].into_iter().chain(cells));
             }
-            html += "</table>\n";
+            report.table(&table);
         }
-        for note in &self.notes {
-            html += &format!("<p>{}</p>\n", escaped(note));
-        }
-        html
+        report.paragraphs(&self.notes);
+        report.body().to_owned()
     }
 
     /// For each variable, a panel with all records next to one with the differences.

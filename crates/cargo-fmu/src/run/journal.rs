@@ -32,28 +32,33 @@ struct Header {
     settings: Settings,
 }
 
-/// An open journal. Several threads may write.
-pub struct Journal {
-    path: PathBuf,
-    file: Mutex<File>,
+/// A part of a task.
+pub trait Part: Clone + Serialize + DeserializeOwned {
+    /// What tells it from the other parts.
+    type Key: Ord;
+
+    /// Its key.
+    fn key(&self) -> Self::Key;
 }
 
-impl Journal {
-    /// Opens or creates a journal, and returns the finished parts.
+/// An open journal. Several threads may use it.
+pub struct Journal<P: Part> {
+    path: PathBuf,
+    file: Mutex<File>,
+    /// The parts that were finished when it was opened.
+    finished: BTreeMap<P::Key, P>,
+}
+
+impl<P: Part> Journal<P> {
+    /// Opens or creates a journal.
     ///
     /// # Errors
     /// When it cannot be read or written, belongs to other settings, is damaged, or another process uses it.
-    pub fn open<Finished: DeserializeOwned>(
-        path: &Path,
-        settings: &Settings,
-    ) -> Result<(Self, Vec<Finished>)> {
+    pub fn open(path: &Path, settings: &Settings) -> Result<Self> {
         Self::open_file(path, settings).with_context(|| format!("the journal {}", path.display()))
     }
 
-    fn open_file<Finished: DeserializeOwned>(
-        path: &Path,
-        settings: &Settings,
-    ) -> Result<(Self, Vec<Finished>)> {
+    fn open_file(path: &Path, settings: &Settings) -> Result<Self> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         match file.try_lock() {
             Ok(()) => {}
@@ -76,25 +81,41 @@ impl Journal {
             check(&header.settings, settings)?;
         }
         let finished = lines.map(|(line, number)| {
-            serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))
+            let part: P = serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))?;
+            Ok((part.key(), part))
         });
         let finished = finished.collect::<Result<_>>()?;
         // The truncated last line is overwritten.
         file.set_len(whole as u64)?;
         file.seek(SeekFrom::End(0))?;
-        let journal = Self { path: path.to_owned(), file: Mutex::new(file) };
+        let journal = Self { path: path.to_owned(), file: Mutex::new(file), finished };
         if header.is_none() {
             journal.write(&Header { settings: settings.clone() })?;
         }
-        Ok((journal, finished))
+        Ok(journal)
     }
 
-    /// Appends a finished part.
+    /// The parts that were finished when it was opened.
+    pub fn finished(&self) -> impl ExactSizeIterator<Item = &P> {
+        self.finished.values()
+    }
+
+    /// A part that was finished when the journal was opened; any other is finished now, and written.
     ///
     /// # Errors
-    /// When it cannot be written.
-    pub fn write(&self, finished: &impl Serialize) -> Result<()> {
-        let text = serde_json::to_string(finished)? + "\n";
+    /// When the part fails, or cannot be written.
+    pub fn part(&self, key: &P::Key, finish: impl FnOnce() -> Result<P>) -> Result<P> {
+        if let Some(part) = self.finished.get(key) {
+            return Ok(part.clone());
+        }
+        let part = finish()?;
+        self.write(&part)?;
+        Ok(part)
+    }
+
+    /// Appends a line.
+    fn write(&self, line: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string(line)? + "\n";
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         let mut write = || {
             let whole = file.stream_position()?;
@@ -155,6 +176,14 @@ mod tests {
             .into()
     }
 
+    impl Part for Vec<f64> {
+        type Key = usize;
+
+        fn key(&self) -> usize {
+            self.len()
+        }
+    }
+
     /// Numbers without a short decimal form.
     fn results() -> Vec<f64> {
         vec![125_963.1 / 3.0, -1e-17, 0.1 + 0.2]
@@ -164,17 +193,17 @@ mod tests {
     fn finished_results_are_read_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
-        assert!(finished.is_empty());
-        journal.write(&results()).unwrap();
+        let journal = Journal::open(&path, &settings("12")).unwrap();
+        assert_eq!(journal.finished().len(), 0);
+        assert_eq!(journal.part(&3, || Ok(results())).unwrap(), results());
         drop(journal);
         let whole = fs::read_to_string(&path).unwrap();
         // An interruption cut off the next line, in the second case within a character.
         for cut in [b"[4.2,1".as_slice(), b"[\"1 \xc2"] {
             fs::write(&path, [whole.as_bytes(), cut].concat()).unwrap();
-            let (journal, finished) = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
-            assert_eq!(finished, [results()]);
-            journal.write(&vec![1.0]).unwrap();
+            let journal = Journal::open(&path, &settings("12")).unwrap();
+            assert_eq!(journal.part(&3, || bail!("it is finished")).unwrap(), results());
+            journal.part(&1, || Ok(vec![1.0])).unwrap();
             drop(journal);
             assert_eq!(fs::read_to_string(&path).unwrap(), whole.clone() + "[1.0]\n");
         }
@@ -184,10 +213,10 @@ mod tests {
     fn refusal(text: &str, voltage: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        drop(Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap());
+        drop(Journal::<Vec<f64>>::open(&path, &settings("12")).unwrap());
         let text = fs::read_to_string(&path).unwrap() + text;
         fs::write(&path, &text).unwrap();
-        let error = Journal::open::<Vec<f64>>(&path, &settings(voltage)).err().unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &settings(voltage)).err().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), text);
         format!("{error:#}")
     }
@@ -208,8 +237,8 @@ mod tests {
     fn a_journal_is_locked_by_its_process() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        let _journal = Journal::open::<Vec<f64>>(&path, &settings("12")).unwrap();
-        let error = Journal::open::<Vec<f64>>(&path, &settings("12")).err().unwrap();
+        let _journal = Journal::<Vec<f64>>::open(&path, &settings("12")).unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &settings("12")).err().unwrap();
         assert!(format!("{error:#}").ends_with("another process uses it"), "{error:#}");
     }
 }

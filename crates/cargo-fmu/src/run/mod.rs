@@ -14,16 +14,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_master::scenario::Scenario;
-use fmu_master::{NameMap, ReadMap};
+use fmu_master::{Fmu, NameMap, ONLY_ONCE, ReadMap};
 use fmu_package::terminal::print;
 use fmu_package::writing;
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
 pub use compare::Compare;
 pub use simulate::Simulate;
 pub use sweep::Sweep;
-pub use sweep::design::latin_fractions;
+pub use sweep::design::{Range, latin_fractions};
 
 /// Where `export` writes FMUs in a workspace.
 pub const FMUS: &str = "target/fmu";
@@ -113,6 +114,17 @@ impl FmuArguments {
 pub fn inputs(scenario: &Scenario, maps: &Maps<'_>) -> Vec<PathBuf> {
     let members = scenario.fmus.iter().map(|member| member.file.clone());
     members.chain(scenario.files.clone()).chain(maps.files.iter().cloned()).collect()
+}
+
+/// Threads for runs: a number of them or one per core, but a single one if an FMU allows only one instance per process.
+///
+/// # Errors
+/// When the system has no more threads.
+pub fn threads<'a>(wanted: Option<u16>, fmus: impl IntoIterator<Item = &'a Fmu>) -> Result<ThreadPool> {
+    let is_single = fmus.into_iter().any(|fmu| fmu.description().has_capability(ONLY_ONCE));
+    // rayon takes 0 for the number of cores, or RAYON_NUM_THREADS.
+    let number = if is_single { 1 } else { wanted.map_or(0, usize::from) };
+    ThreadPoolBuilder::new().num_threads(number).build().context("no threads")
 }
 
 /// Creates a folder for results.

@@ -26,7 +26,7 @@ const STEPS_PER_LOOK: u32 = 256;
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Simulate {
-    /// An FMU, a system, or a scenario, which docs/laboratory.md describes [default: the model of this folder, exported
+    /// An FMU, a system, or a scenario, which docs/simulate.md describes [default: the model of this folder, exported
     /// first]
     #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SCENARIO.toml")]
     subject: Option<PathBuf>,

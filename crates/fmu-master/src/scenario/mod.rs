@@ -1,4 +1,4 @@
-//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/laboratory.md in the
+//! Scenarios: TOML files of coupled FMUs, their start, their inputs and what is recorded. docs/simulate.md in the
 //! repository describes every key.
 //!
 //! ```

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::journal::StudyJournal;
-use super::{Study, report, results};
-use crate::run::{FmuArguments, Maps, inputs, progress_bar, refuse_overlap, write};
+use super::{JOURNAL, Study, report, results};
+use crate::run::journal::Journal;
+use crate::run::{FmuArguments, Maps, inputs, make_folder, progress_bar, refuse_overlap, threads, write};
 use anyhow::Result;
 use clap::Args;
 use fmu_package::terminal::{complain, print};
@@ -15,7 +15,7 @@ use fmu_record::{Header, TableFormat};
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Sweep {
-    /// The parameter study (see docs/laboratory.md)
+    /// The parameter study (see docs/simulate.md)
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
     #[command(flatten)]
@@ -37,7 +37,7 @@ impl Sweep {
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
     pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
-        let Self { study, fmus, out, units, threads } = self;
+        let Self { study, fmus, out, units, threads: wanted } = self;
         let mut study = Study::read(study, &fmus.folder, maps)?;
         fmus.give(&mut study.scenario, maps)?;
         refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario, maps))?;
@@ -45,22 +45,21 @@ impl Sweep {
         for note in &study.notes {
             complain(&format!("note: {note}"));
         }
-        let journal = StudyJournal::open(out, &study.settings()?)?;
-        let taken_up = journal.len();
+        make_folder(out)?;
+        let journal = Journal::open(&out.join(JOURNAL), &study.settings()?)?;
+        let taken_up = journal.finished().len();
         if taken_up > 0 {
             print(&format!("{taken_up} of {} runs are in the journal\n", study.runs()))?;
         }
-        let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        let threads = threads.map_or(available, usize::from);
+        let threads = threads(*wanted, study.fmus())?;
         let bar = progress_bar(study.runs() as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
-        let outcomes = study.run(journal, threads, |outcome| {
+        let outcomes = study.run(out, &journal, &threads, |outcome| {
             if let Some(error) = &outcome.error {
                 bar.suspend(|| complain(&format!("run {}: {error}", outcome.run)));
             }
             bar.inc(1);
-        });
+        })?;
         bar.finish_and_clear();
-        let outcomes = outcomes?;
 
         let table = results::table(&study, &outcomes);
         let header = if *units { Header::NamesAndUnits } else { Header::Names };

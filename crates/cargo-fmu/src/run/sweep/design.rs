@@ -21,10 +21,14 @@ pub struct Design {
 }
 
 /// The range of a parameter.
-struct Range {
-    from: f64,
-    to: f64,
-    is_logarithmic: bool,
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    /// The least value.
+    pub from: f64,
+    /// The greatest value.
+    pub to: f64,
+    /// Whether values are spread evenly by their logarithms.
+    pub is_logarithmic: bool,
 }
 
 impl Range {
@@ -50,7 +54,8 @@ impl Range {
     }
 
     /// The value at a fraction of the range; both ends are exactly as given.
-    fn at(&self, fraction: f64) -> f64 {
+    #[must_use]
+    pub fn at(&self, fraction: f64) -> f64 {
         let Self { from, to, is_logarithmic } = *self;
         let between =
             if is_logarithmic { from * (to / from).powf(fraction) } else { from + (to - from) * fraction };

@@ -1,38 +1,38 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
-//! A study is a TOML file ([`Study::read`]; docs/laboratory.md describes every key). Each run has its own instances, so
-//! runs are independent. Each finished run is written to the [journal] at once; an interrupted study resumes from it. A
-//! failed run is a row of the results with the FMU's message.
+//! A study is a TOML file ([`Study::read`]; docs/simulate.md describes every key). Each run has its own instances, so
+//! runs are independent. Each finished run is written to the [journal](super::journal) at once; an interrupted study
+//! resumes from it. A failed run is a row of the results with the FMU's message.
 
 mod command;
 pub mod design;
-pub mod journal;
 mod measures;
+pub mod outcome;
 pub mod report;
 pub mod results;
 
 pub use self::command::Sweep;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use fmu_package::temporary::remove_unfinished;
 use fmu_package::{FmuVariable, Value, reading, writing};
+use rayon::ThreadPool;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use self::design::Design;
-use self::journal::{Outcome, StudyJournal};
 use self::measures::Measure;
-use crate::run::Maps;
-use crate::run::journal::digest;
-use fmu_master::ONLY_ONCE;
+use self::outcome::Outcome;
+use crate::run::journal::{Journal, digest};
+use crate::run::{Maps, make_folder};
 use fmu_master::scenario::document::Document;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
-use fmu_master::{LoadedFmus, Master};
+use fmu_master::{Fmu, LoadedFmus, Master};
 use fmu_record::{Header, TableFormat};
 
+/// The journal in the folder of the results.
+const JOURNAL: &str = "journal.jsonl";
 /// The folder of the runs' records, below that of the results.
 const RECORDS: &str = "records";
 
@@ -72,7 +72,6 @@ pub struct Loaded {
     measure_units: Vec<String>,
     /// Notes on what the scenario names and the FMUs lack.
     pub notes: Vec<String>,
-    is_single: bool,
 }
 
 impl Study {
@@ -112,7 +111,7 @@ impl Study {
 
     /// The files and folders of the results.
     pub fn outputs(&self, folder: &Path) -> Vec<PathBuf> {
-        let names = [journal::NAME, results::CSV, results::PARQUET, report::HTML].into_iter();
+        let names = [JOURNAL, results::CSV, results::PARQUET, report::HTML].into_iter();
         names.chain(self.keeps_records.then_some(RECORDS)).map(|name| folder.join(name)).collect()
     }
 
@@ -150,8 +149,7 @@ impl Study {
             }
             variables.push(variable.clone());
         }
-        let is_single = fmus.iter().any(|fmu| fmu.description().has_capability(ONLY_ONCE));
-        Ok(Loaded { study: self, fmus, variables, measure_units, notes, is_single })
+        Ok(Loaded { study: self, fmus, variables, measure_units, notes })
     }
 }
 
@@ -195,9 +193,8 @@ impl Loaded {
         self.study.points.len()
     }
 
-    /// The maximum number of parallel runs: one, if an FMU can have only one instance per process.
-    pub fn most_threads(&self) -> usize {
-        if self.is_single { 1 } else { usize::MAX }
+    pub fn fmus(&self) -> impl Iterator<Item = &Fmu> {
+        self.fmus.iter()
     }
 
     /// Everything the results depend on, by name.
@@ -264,32 +261,28 @@ impl Loaded {
         Ok(settings)
     }
 
-    /// Runs what is not in the journal on a number of threads; `progress` is called for each finished run.
+    /// Runs what is not in the journal of a folder; `progress` is called for each finished run.
     pub fn run(
         &self,
-        journal: StudyJournal,
-        threads: usize,
+        folder: &Path,
+        journal: &Journal<Outcome>,
+        threads: &ThreadPool,
         progress: impl Fn(&Outcome) + Sync,
     ) -> Result<Vec<Outcome>> {
-        let pending: Vec<_> = (0..self.runs()).filter(|&run| !journal.has(run)).collect();
-        let records = journal.folder().join(RECORDS);
+        let records = folder.join(RECORDS);
         if self.study.keeps_records {
             // The journal's lock keeps others from writing there.
-            fs::create_dir_all(&records)
-                .and_then(|()| remove_unfinished(&records))
-                .with_context(|| format!("cannot make the folder {}", records.display()))?;
+            make_folder(&records)?;
+            remove_unfinished(&records)?;
         }
-        let journal = Mutex::new(journal);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(self.most_threads())).build()?;
-        pool.install(|| {
-            // One at a time, so that long runs spread over the threads.
-            pending.into_par_iter().try_for_each(|run| {
+        let run = |run| {
+            journal.part(&run, || {
                 let outcome = self.run_one(run, &records)?;
                 progress(&outcome);
-                journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner).write(outcome)
+                Ok(outcome)
             })
-        })?;
-        Ok(journal.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_outcomes())
+        };
+        threads.install(|| (0..self.runs()).into_par_iter().map(run).collect())
     }
 
     fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {

@@ -1,12 +1,13 @@
 //! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
 //! results.parquet.
 
-use super::journal::Outcome;
+use std::cmp::Ordering;
+
+use super::outcome::Outcome;
 use super::{Loaded, written};
 use fmu_package::Value;
-use fmu_plot::page;
 use fmu_plot::panels::shown;
-use fmu_plot::{Figure, Line, Panel, color, escaped};
+use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color};
 use fmu_record::numbers::{number, quantity};
 
 pub const HTML: &str = "report.html";
@@ -21,102 +22,140 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     let title = study.title.as_deref().unwrap_or("Parameter study");
     let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
     let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
-    let mut body = format!(
-        "<h1>{}</h1>\n<p>{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet list \
-         every run with its values.</p>\n<h2>Measures</h2>\n<table>\n<tr><th>Measure</th><th>Minimum</th><th>Median</th>\
-         <th>Maximum</th><th>Undefined</th></tr>\n",
-        escaped(title),
+    let scenario = study.scenario.title.as_deref();
+    let mut report = Report::new(title);
+    report.paragraph(&format!(
+        "{} runs{}, of which {} failed and {warned} have warnings. results.csv and results.parquet list every run with \
+         its values.",
         outcomes.len(),
-        study
-            .scenario
-            .title
-            .as_deref()
-            .map_or_else(String::new, |title| format!(" of the scenario “{}”", escaped(title))),
+        scenario.map_or_else(String::new, |title| format!(" of the scenario “{title}”")),
         failed.len(),
-    );
-    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
-        body += &summary(&measure.name, unit, index, outcomes);
+    ));
+    let measures = || study.measures.iter().zip(&loaded.measure_units).enumerate();
+    report.section("Measures");
+    let mut table = Table::new(["Measure", "Minimum", "Median", "Maximum", "Undefined"]);
+    for (index, (measure, unit)) in measures() {
+        table.row(summary(&measure.name, unit, index, outcomes));
     }
-    body += "</table>\n<h2>Parameters</h2>\n<table>\n<tr><th>Parameter</th><th>Values</th></tr>\n";
+    report.table(&table);
+    report.section("Parameters");
+    let mut table = Table::new(["Parameter", "Values"]);
     for (index, parameter) in study.parameters.iter().enumerate() {
         let values: Vec<_> = study.points.iter().filter_map(|point| point[index].as_ref()).collect();
-        body += &format!(
-            "<tr><td>{}</td><td>{}</td></tr>\n",
-            escaped(&parameter.name),
-            escaped(&range(&values, &loaded.variables[index].unit))
-        );
+        let range = range(&values, &loaded.variables[index].unit);
+        table.row([parameter.name.as_str().into(), range.into()]);
     }
-    body += "</table>\n";
-    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
-        body += &format!(
-            "<h2>{}</h2>\n<figure>\n{}<figcaption>{} over each parameter; one dot per run.</figcaption>\n</figure>\n",
-            escaped(&measure.name),
-            drawing(loaded, outcomes, index, unit).html(),
-            escaped(&measure.name),
-        );
+    report.table(&table);
+    for (index, (measure, unit)) in measures() {
+        report.section(&measure.name);
+        let caption = format!("{} over each parameter; one dot per run.", measure.name);
+        report.figure(&drawing(loaded, outcomes, index, unit), &caption);
     }
     if !failed.is_empty() {
-        body += "<h2>Failed runs</h2>\n<table>\n<tr><th>Run</th><th>Error</th></tr>\n";
+        report.section("Failed runs");
+        let mut table = Table::new(["Run", "Error"]);
         for outcome in failed.iter().take(MOST_FAILURES) {
-            let error = outcome.error.as_deref().unwrap_or_default();
-            body += &format!("<tr><td>{}</td><td>{}</td></tr>\n", outcome.run, escaped(error));
+            table.row([outcome.run.to_string().into(), outcome.error.as_deref().unwrap_or_default().into()]);
         }
-        body += "</table>\n";
+        report.table(&table);
         if failed.len() > MOST_FAILURES {
-            body += &format!("<p>and {} more, in results.csv</p>\n", failed.len() - MOST_FAILURES);
+            report.paragraph(&format!("and {} more, in results.csv", failed.len() - MOST_FAILURES));
         }
     }
-    page(title, "", &body)
+    report.page("")
 }
 
 /// A measure's row: minimum, median and maximum, with their runs.
-fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> String {
+fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
     let mut found: Vec<_> =
         outcomes.iter().filter_map(|outcome| Some((outcome.measures[index]?, outcome.run))).collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let cell = |place: Option<&(f64, usize)>| match place {
-        Some((value, run)) => format!("{} (run {run})", quantity(*value, unit)),
-        None => String::new(),
+        Some((value, run)) => Cell::number(&format!("{} (run {run})", quantity(*value, unit))),
+        None => Cell::number(""),
     };
-    format!(
-        "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-         <td class=\"number\">{} runs</td></tr>\n",
-        escaped(name),
-        escaped(&cell(found.first())),
-        escaped(&cell(found.get(found.len() / 2))),
-        escaped(&cell(found.last())),
-        outcomes.len() - found.len(),
-    )
+    let undefined = Cell::number(&format!("{} runs", outcomes.len() - found.len()));
+    [name.into(), cell(found.first()), cell(found.get(found.len() / 2)), cell(found.last()), undefined]
 }
 
-/// A measure over each numeric parameter.
+/// A measure over each numeric parameter. Of two parameters, the other one's values have colours.
 fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) -> Figure {
     let study = loaded.study();
     let size =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
     let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
     let (unit, factor) = shown(unit, most);
+    let y_label = labelled(&study.measures[measure].name, &unit);
     let mut panels = vec![];
     for (index, parameter) in study.parameters.iter().enumerate() {
-        let points = outcomes.iter().filter_map(|outcome| {
-            let value = study.points[outcome.run][index].as_ref().and_then(Value::number)?;
-            Some((value, outcome.measures[measure]?))
-        });
-        let (x, y): (Vec<_>, Vec<_>) = points.unzip();
-        if x.is_empty() {
+        let value = |outcome: &Outcome| study.points[outcome.run][index].as_ref().and_then(Value::number);
+        let drawn = outcomes.iter().filter(|outcome| outcome.measures[measure].is_some());
+        let drawn: Vec<_> = drawn.filter(|outcome| value(outcome).is_some()).collect();
+        if drawn.is_empty() {
             continue;
         }
-        let x_unit = &loaded.variables[index].unit;
-        let (x_unit, x_factor) = shown(x_unit, size(&mut x.iter().copied()));
-        let x: Vec<_> = x.into_iter().map(|value| x_factor * value).collect();
-        let label = match x_unit.as_str() {
-            "" => parameter.name.clone(),
-            unit => format!("{} ({unit})", parameter.name),
+        let most = size(&mut drawn.iter().filter_map(|outcome| value(outcome)));
+        let (x_unit, x_factor) = shown(&loaded.variables[index].unit, most);
+        let groups = match study.parameters.len() {
+            2 => groups(loaded, &drawn, 1 - index),
+            _ => vec![(None, drawn)],
         };
-        let dots = Line::new(&x, y.into_iter().map(|value| factor * value)).color(color::BLUE).dots();
-        panels.push(Panel::new(&label, &unit).line(dots));
+        let lines = groups.into_iter().zip(color::CYCLE).map(|((label, group), color)| {
+            let points = group.into_iter().filter_map(|outcome| {
+                Some((x_factor * value(outcome)?, factor * outcome.measures[measure]?))
+            });
+            let mut points: Vec<_> = points.collect();
+            points.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let is_function = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            let (x, y): (Vec<_>, Vec<_>) = points.into_iter().unzip();
+            let line = Line::new(&x, y).color(color);
+            match label {
+                Some((label, true)) if is_function => line.label(&label).markers(),
+                Some((label, _)) => line.label(&label).dots(),
+                None => line.dots(),
+            }
+        });
+        panels.push(lines.fold(Panel::new(&labelled(&parameter.name, &x_unit), &y_label), Panel::line));
     }
     panels.chunks(MOST_IN_ROW).fold(Figure::new(), |figure, row| figure.row(row.iter().cloned()))
+}
+
+/// A group's name, and whether it is of one value.
+type GroupLabel = Option<(String, bool)>;
+
+/// The runs by a parameter's values, or in thirds if there are more than colours.
+fn groups<'a>(
+    loaded: &Loaded,
+    drawn: &[&'a Outcome],
+    parameter: usize,
+) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
+    let study = loaded.study();
+    let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
+    let name = |outcome: &Outcome| match value(outcome) {
+        None => "default".to_owned(),
+        Some(value) => value
+            .number()
+            .map_or_else(|| written(value), |number| quantity(number, &loaded.variables[parameter].unit)),
+    };
+    let mut sorted = drawn.to_vec();
+    sorted.sort_by(|one, other| {
+        let [one, other] =
+            [one, other].map(|outcome| (value(outcome).and_then(Value::number), name(outcome)));
+        one.0.partial_cmp(&other.0).unwrap_or(Ordering::Equal).then(one.1.cmp(&other.1))
+    });
+    let label = |names: &str| format!("{} {names}", study.parameters[parameter].name);
+    let by_value: Vec<_> = sorted.chunk_by(|one, other| name(one) == name(other)).collect();
+    if by_value.len() <= color::CYCLE.len() {
+        let groups = by_value.into_iter();
+        return groups.map(|group| (Some((label(&name(group[0])), true)), group.to_vec())).collect();
+    }
+    let thirds = sorted.chunks(sorted.len().div_ceil(3));
+    let range = |group: &[&Outcome]| format!("{} to {}", name(group[0]), name(group[group.len() - 1]));
+    thirds.map(|group| (Some((label(&range(group)), false)), group.to_vec())).collect()
+}
+
+fn labelled(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
 }
 
 /// A summary of a parameter's values.

@@ -3,8 +3,8 @@
 use anyhow::Result;
 use fmu_package::{Value, ValueType};
 
-use super::journal::Outcome;
 use super::measures::Measure;
+use super::outcome::Outcome;
 use super::{Loaded, Parameter, written};
 use fmu_record::{Cells, Table, TableColumn};
 
@@ -42,15 +42,7 @@ pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
     for (index, (parameter, variable)) in study.parameters.iter().zip(&loaded.variables).enumerate() {
         let values = study.points.iter().map(|point| point[index].as_ref());
         let cells = match variable.value_type() {
-            ValueType::Real => Cells::Number(
-                values
-                    .map(|value| match value? {
-                        Value::Real(value, _) => Some(*value),
-                        Value::Integer(value) => Some(f64::from(*value)),
-                        _ => None,
-                    })
-                    .collect(),
-            ),
+            ValueType::Real => Cells::Number(values.map(|value| value?.number()).collect()),
             ValueType::Integer => Cells::Whole(
                 values
                     .map(|value| if let Value::Integer(value) = value? { Some(*value) } else { None })
