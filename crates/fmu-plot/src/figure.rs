@@ -393,9 +393,9 @@ impl Lane {
 }
 
 /// The height of a lane, in CSS pixels.
-const LANE: u32 = 40;
+const LANE: u32 = 44;
 /// Where the states are drawn, as shares of a lane's height; above is its name.
-const STATE: [f64; 2] = [0.1, 0.55];
+const STATE: [f64; 2] = [0.07, 0.6];
 /// The pixel columns that tell the states of a lane apart.
 const LANE_COLUMNS: usize = 1600;
 

@@ -29,6 +29,7 @@ const BOTTOM: [u32; 2] = [20, 38];
 /// The length of a line's sample in the legend.
 const SAMPLE: u32 = 26;
 const DASH: u32 = 6;
+const TICK: u32 = 4;
 /// The gap between a line's sample and its label, and at the left edge.
 const GAP: u32 = 10;
 /// PNG pixels per CSS pixel, for dense screens and print.
@@ -187,7 +188,9 @@ impl Panel {
             chart.draw_series([Rectangle::new(corners, rgb(color::SHADE).filled())])?;
         }
         let mut mesh = chart.configure_mesh();
-        mesh.axis_style(rgb(color::FAINT)).bold_line_style(rgb(color::RULE)).light_line_style(TRANSPARENT);
+        let thin = |color| rgb(color).stroke_width(density);
+        mesh.axis_style(thin(color::FAINT)).bold_line_style(thin(color::RULE)).light_line_style(TRANSPARENT);
+        mesh.set_all_tick_mark_size(density * TICK);
         mesh.label_style(text(FONT_SIZE, density)).y_desc(&self.y.label);
         mesh.x_label_formatter(&|value| number(*value)).y_label_formatter(&|value| number(*value));
         mesh.y_labels(if self.height < 130 { 4 } else { 6 });
@@ -204,11 +207,11 @@ impl Panel {
             let name = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Top));
             chart.draw_series([Text::new(format!(" {}", lane.name), (x.0, place + 0.95), name)])?;
             for state in &lane.states {
-                let corners = [(state.from, base), (state.to, if state.is_low { base } else { top })];
-                chart.draw_series([
-                    Rectangle::new(corners, rgb(color::LOW).filled()),
-                    Rectangle::new(corners, rgb(color::BLUE).stroke_width(density)),
-                ])?;
+                let top = if state.is_low { base } else { top };
+                let corners = [(state.from, base), (state.to, top)];
+                let outline = [corners[0], (state.from, top), corners[1], (state.to, base), corners[0]];
+                chart.draw_series([Rectangle::new(corners, rgb(color::LOW).filled())])?;
+                chart.draw_series([PathElement::new(outline, thin(color::BLUE))])?;
                 let font = text(STATE_FONT, density).pos(Pos::new(HPos::Center, VPos::Center));
                 let width = area.estimate_text_size(&state.text, &font)?.0 + density * GAP;
                 let [from, to] = [state.from, state.to].map(|time| chart.backend_coord(&(time, base)).0);

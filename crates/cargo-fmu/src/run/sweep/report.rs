@@ -96,9 +96,14 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
         }
         let most = size(&mut drawn.iter().filter_map(|outcome| value(outcome)));
         let (x_unit, x_factor) = shown(&loaded.variables[index].unit, most);
-        let groups = match study.parameters.len() {
-            2 => groups(loaded, &drawn, 1 - index),
-            _ => vec![(None, drawn)],
+        let panel = Panel::new(&labelled(&parameter.name, &x_unit), &y_label);
+        let (panel, groups) = match study.parameters.len() {
+            2 => {
+                let other = 1 - index;
+                let title = format!("by {}", study.parameters[other].name);
+                (panel.title(&title), groups(loaded, &drawn, other))
+            }
+            _ => (panel, vec![(None, drawn)]),
         };
         let lines = groups.into_iter().zip(color::CYCLE).map(|((label, group), color)| {
             let points = group.into_iter().filter_map(|outcome| {
@@ -115,7 +120,7 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
                 None => line.dots(),
             }
         });
-        panels.push(lines.fold(Panel::new(&labelled(&parameter.name, &x_unit), &y_label), Panel::line));
+        panels.push(lines.fold(panel, Panel::line));
     }
     panels.chunks(MOST_IN_ROW).fold(Figure::new(), |figure, row| figure.row(row.iter().cloned()))
 }
@@ -131,11 +136,15 @@ fn groups<'a>(
 ) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
     let study = loaded.study();
     let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
+    let numbers = drawn.iter().filter_map(|outcome| value(outcome).and_then(Value::number));
+    let most = numbers.fold(0.0, |most: f64, value| most.max(value.abs()));
+    let (unit, factor) = shown(&loaded.variables[parameter].unit, most);
     let name = |outcome: &Outcome| match value(outcome) {
         None => "default".to_owned(),
-        Some(value) => value
-            .number()
-            .map_or_else(|| written(value), |number| quantity(number, &loaded.variables[parameter].unit)),
+        Some(value) => match value.number() {
+            Some(value) => format!("{} {unit}", number(factor * value)).trim_end().to_owned(),
+            None => written(value),
+        },
     };
     let mut sorted = drawn.to_vec();
     sorted.sort_by(|one, other| {
@@ -143,15 +152,14 @@ fn groups<'a>(
             [one, other].map(|outcome| (value(outcome).and_then(Value::number), name(outcome)));
         one.0.partial_cmp(&other.0).unwrap_or(Ordering::Equal).then(one.1.cmp(&other.1))
     });
-    let label = |names: &str| format!("{} {names}", study.parameters[parameter].name);
     let by_value: Vec<_> = sorted.chunk_by(|one, other| name(one) == name(other)).collect();
     if by_value.len() <= color::CYCLE.len() {
         let groups = by_value.into_iter();
-        return groups.map(|group| (Some((label(&name(group[0])), true)), group.to_vec())).collect();
+        return groups.map(|group| (Some((name(group[0]), true)), group.to_vec())).collect();
     }
     let thirds = sorted.chunks(sorted.len().div_ceil(3));
     let range = |group: &[&Outcome]| format!("{} to {}", name(group[0]), name(group[group.len() - 1]));
-    thirds.map(|group| (Some((label(&range(group)), false)), group.to_vec())).collect()
+    thirds.map(|group| (Some((range(group), false)), group.to_vec())).collect()
 }
 
 fn labelled(name: &str, unit: &str) -> String {
