@@ -79,8 +79,8 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
     run("tune", *both, "--out", folder / "tuning")
     run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", plot)
     system = folder / "system.html"
-    warm = ["--set", "boost_reference=150 kPa", "--stop-time", "20"]
-    run("simulate", exported / "Boost.ssp", *warm, "--out", folder, "--plot", system)
+    pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60"]
+    run("simulate", exported / "Boost.ssp", *pumping, "--out", folder, "--plot", system)
     # This strategy fails, so that the report explains cases.
     run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
     sweep = folder / "sweep.toml"
