@@ -119,7 +119,7 @@ fn has_states(column: &Column) -> bool {
 fn lanes(time: &[f64], columns: &[&Column]) -> Panel {
     let lane = |column: &&Column| {
         let texts: Vec<_> = column.values.iter().map(|value| column.text(*value)).collect();
-        let is_switch = column.values.iter().all(|value| *value == 0.0 || *value == 1.0);
+        let is_switch = column.values.iter().all(|value| [0.0, 1.0].contains(value));
         let states = time.iter().zip(&column.values).zip(&texts);
         let states = states.map(|((&time, &value), text)| (time, text.as_str(), is_switch && value == 0.0));
         Lane::new(&column.name, states)

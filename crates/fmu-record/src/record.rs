@@ -55,6 +55,7 @@ impl Column {
 
     /// The name of a value that has one.
     #[must_use]
+    #[allow(clippy::float_cmp)] // whole numbers
     pub fn item(&self, value: f64) -> Option<&str> {
         let item = self.items.iter().find(|(_, known)| f64::from(*known) == value);
         item.map(|(name, _)| name.as_str())

@@ -74,8 +74,8 @@
       const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top)));
       if (lines.size > 1) broken.add(node.data);
     }
-    // In texts and tables no number is on two lines.
-    for (const { 0: number, index } of node.data.matchAll(/[-\u2212]?\d[\d.e\u2212-]*\d/g)) {
+    // No number is on two lines.
+    for (const { 0: number, index } of node.data.matchAll(/(?<![\w-])[-\u2212]?\d+(\.\d+)?(e-?\d+)?(?![\w-])/g)) {
       const range = document.createRange();
       range.setStart(node, index);
       range.setEnd(node, index + number.length);
