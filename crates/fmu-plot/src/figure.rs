@@ -528,7 +528,7 @@ mod tests {
         let lines = data(&html, 0);
         let values: Vec<_> =
             lines[0]["y"].as_array().unwrap().iter().map(serde_json::Value::as_f64).collect();
-        assert!((1600..=6404).contains(&values.len()), "{}", values.len());
+        assert!((800..=3204).contains(&values.len()), "{}", values.len());
         let finite = || values.iter().flatten().copied();
         assert_eq!((finite().fold(0.0, f64::min), finite().fold(0.0, f64::max)), (-9.0, 7.0));
         // The gap.

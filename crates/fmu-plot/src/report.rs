@@ -63,7 +63,9 @@ impl Report {
 
     /// Appends paragraphs.
     pub fn paragraphs(&mut self, texts: &[String]) {
-        texts.iter().for_each(|text| self.paragraph(text));
+        for text in texts {
+            self.paragraph(text);
+        }
     }
 
     /// Appends whether something holds.

@@ -15,7 +15,7 @@ use super::{Axis, Band, Figure, Lane, Line, Marks, Panel, STATE, State, color, e
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
 /// The total pixel columns of a row's frames, to which lines are thinned.
-const COLUMNS: usize = 1600;
+const COLUMNS: usize = 800;
 /// The maximum total columns of a figure's lines: 60 bytes each, to keep the page below 6 MB.
 const MOST_COLUMNS: usize = 20_000;
 /// A panel has this many significant steps on each axis: ten times its pixels.
