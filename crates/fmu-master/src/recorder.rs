@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use fmu_package::{FmuVariable, ValueType};
-use fmu_record::Record;
+use fmu_record::{Column, Record};
 use fmu_terms::like;
 
 use crate::importer::{Fmu, Instance, Selection};
@@ -34,7 +34,7 @@ impl Recorder {
         let mut sources = vec![];
         let mut columns = vec![];
         let mut add = |name: &str, found: Found| {
-            let unit = found.unit(name, fmus);
+            let column = found.column(name, fmus);
             let source = match found {
                 Found::Signal(signal) => Source::Signal(signal),
                 Found::Variable { member, name } => {
@@ -43,7 +43,7 @@ impl Recorder {
                 }
             };
             sources.push(source);
-            columns.push((name.to_owned(), unit));
+            columns.push(column);
         };
         if let Some(record) = &scenario.record {
             let mut seen = BTreeSet::new();
@@ -74,7 +74,7 @@ impl Recorder {
             }
         }
         for panel in scenario.panels.iter().flatten().flatten() {
-            let mut known = columns.iter().map(|(name, _)| name.as_str());
+            let mut known = columns.iter().map(|column| column.name.as_str());
             if !known.clone().any(|name| name == panel.name) {
                 let message = format!("{} is not recorded{}", panel.name, like(&panel.name, &mut known));
                 return Err(panel.location.error(message));
@@ -82,8 +82,8 @@ impl Recorder {
         }
         let mut noise = vec![];
         for measured in &scenario.measurement_noise {
-            let Some(column) = columns.iter().position(|(name, _)| *name == measured.name) else {
-                let known = columns.iter().map(|(name, _)| name.as_str());
+            let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
+                let known = columns.iter().map(|column| column.name.as_str());
                 let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
                 return Err(measured.location.error(message));
             };
@@ -155,14 +155,30 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
 }
 
 impl Found {
-    /// The unit declared by the FMU, or for a signal by the first FMU that declares one.
-    fn unit(&self, name: &str, fmus: &[Arc<Fmu>]) -> String {
-        let (of, name) = match self {
+    /// The column, as declared by the FMU, or for a signal by the first FMU that has it, with a unit if any does.
+    fn column(&self, name: &str, fmus: &[Arc<Fmu>]) -> Column {
+        let (of, variable) = match self {
             Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),
             Self::Signal(_) => (fmus, name),
         };
-        let variables = of.iter().filter_map(|fmu| fmu.description().variable(name));
-        let mut units = variables.map(|variable| &variable.unit).filter(|unit| !unit.is_empty());
-        units.next().cloned().unwrap_or_default()
+        let declared = || {
+            let found = of.iter().map(|fmu| fmu.description());
+            found.filter_map(|description| Some((description, description.variable(variable)?)))
+        };
+        let with_unit = declared().find(|(_, variable)| !variable.unit.is_empty());
+        let Some((description, variable)) = with_unit.or_else(|| declared().next()) else {
+            return Column::from((name.to_owned(), String::new()));
+        };
+        let enumeration = || description.enumeration(&variable.declared_type);
+        Column {
+            display_unit: description.display_unit(variable).cloned(),
+            is_discrete: variable.variability == "discrete" || variable.value_type() != ValueType::Real,
+            items: match variable.value_type() {
+                ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
+                ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),
+                _ => vec![],
+            },
+            ..Column::from((name.to_owned(), variable.unit.clone()))
+        }
     }
 }

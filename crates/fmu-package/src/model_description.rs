@@ -8,7 +8,7 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading::{self, broken};
-use fmu_terms::Unit;
+use fmu_terms::{DisplayUnit, Unit};
 
 use crate::archive;
 use crate::identifier::{IDENTIFIER, refuse_no_identifier};
@@ -280,6 +280,13 @@ impl FmuDescription {
         let declared = self.units.iter().find(|unit| unit.name == name).cloned();
         let shown = || self.units.iter().flat_map(Unit::with_display_units).find(|unit| unit.name == name);
         declared.or_else(shown)
+    }
+
+    /// The display unit that a variable's declaration names.
+    #[must_use]
+    pub fn display_unit(&self, variable: &FmuVariable) -> Option<&DisplayUnit> {
+        let unit = self.units.iter().find(|unit| unit.name == variable.unit)?;
+        unit.display_units.iter().find(|display| display.name == variable.display_unit)
     }
 
     /// An enumeration by name.

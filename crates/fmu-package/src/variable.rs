@@ -26,6 +26,8 @@ pub struct FmuVariable {
     pub initial: String,
     /// The unit, or that of its type.
     pub unit: String,
+    /// The unit to show values in, or that of its type.
+    pub display_unit: String,
     /// The start value.
     pub start: String,
     /// The smallest value.
@@ -114,6 +116,7 @@ impl FmuVariable {
             derivative: text(typed, "derivative"),
             interval_variability: text(typed, "intervalVariability"),
             unit: inherited("unit").to_owned(),
+            display_unit: inherited("displayUnit").to_owned(),
             start: typed.attribute("start").map_or_else(|| texts.join("\n"), str::to_owned),
             min: inherited("min").to_owned(),
             max: inherited("max").to_owned(),

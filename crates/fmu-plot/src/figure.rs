@@ -12,6 +12,7 @@ use std::collections::HashSet;
 #[cfg(feature = "html")]
 pub(crate) use self::interactive::script;
 use fmu_io::terminal::printable;
+use fmu_terms::Linear;
 use fmu_xml::page::STYLE;
 
 /// A colour, named in the style sheet for the light and the dark scheme.
@@ -90,6 +91,7 @@ pub struct Figure {
     title: String,
     rows: Vec<Vec<Panel>>,
     shares_x: bool,
+    note: String,
 }
 
 /// A frame with linear axes and what is drawn in it.
@@ -100,8 +102,27 @@ pub struct Panel {
     x: Axis,
     y: Axis,
     lines: Vec<Line>,
+    lanes: Vec<Lane>,
     bands: Vec<Band>,
     height: u32,
+}
+
+/// The states of a signal over time, as a logic analyser draws them.
+#[derive(Clone, Debug)]
+#[must_use]
+pub struct Lane {
+    name: String,
+    states: Vec<State>,
+}
+
+/// A state and how long it lasts.
+#[derive(Clone, Debug, PartialEq)]
+struct State {
+    from: f64,
+    to: f64,
+    text: String,
+    /// Drawn as a line rather than a box.
+    is_low: bool,
 }
 
 /// The label and range of an axis.
@@ -124,7 +145,7 @@ pub struct Line {
     marks: Marks,
     /// Whose values these are, and the factor to them, where the page that shows the plot draws further points.
     #[cfg_attr(not(feature = "html"), allow(dead_code))]
-    source: Option<(String, f64)>,
+    source: Option<(String, Linear)>,
 }
 
 /// How a line's points are drawn.
@@ -152,6 +173,12 @@ impl Figure {
     /// A picture's title; on a page it is the heading.
     pub fn title(mut self, title: &str) -> Self {
         title.clone_into(&mut self.title);
+        self
+    }
+
+    /// A text below the panels.
+    pub fn note(mut self, note: &str) -> Self {
+        note.clone_into(&mut self.note);
         self
     }
 
@@ -191,9 +218,17 @@ impl Panel {
             x: Axis { label: x_label.to_owned(), range: None },
             y: Axis { label: y_label.to_owned(), range: None },
             lines: vec![],
+            lanes: vec![],
             bands: vec![],
             height: 170,
         }
+    }
+
+    /// A panel of lanes, the first at the top, over a range of the horizontal axis.
+    pub fn of_lanes(x_label: &str, (from, to): (f64, f64), lanes: Vec<Lane>) -> Self {
+        let panel = Self { lanes, ..Self::new(x_label, "") };
+        let count = u32::try_from(panel.lanes.len()).unwrap_or(u32::MAX / LANE);
+        panel.x_range(from, to).y_range(0.0, f64::from(count)).height(LANE * count)
     }
 
     /// The title above the frame.
@@ -275,10 +310,11 @@ impl Line {
         }
     }
 
-    /// The variable whose values these are, and the factor from its unit to the axis'. A page's script finds the line
-    /// by plotly's `meta`: `0.001 boost_pressure`. Pictures ignore it.
-    pub fn source(mut self, name: &str, factor: f64) -> Self {
-        self.source = Some((name.to_owned(), factor));
+    /// The variable whose values these are, and the function from its unit to the axis'. A page's script finds the line
+    /// by plotly's `meta`: `0.001 boost_pressure`, or with an offset `1.0-273.15 charge_temperature`. Pictures ignore
+    /// it.
+    pub fn source(mut self, name: &str, function: Linear) -> Self {
+        self.source = Some((name.to_owned(), function));
         self
     }
 
@@ -324,6 +360,44 @@ impl Line {
         self
     }
 }
+
+impl Lane {
+    /// A signal of this name, with the text of its value at each time; a low one is drawn as a line. What changes
+    /// within a pixel is one state, without a text.
+    pub fn new<'a>(name: &str, values: impl IntoIterator<Item = (f64, &'a str, bool)>) -> Self {
+        let mut states: Vec<State> = vec![];
+        for (time, text, is_low) in values {
+            if let Some(last) = states.last_mut() {
+                last.to = time;
+                if (last.text.as_str(), last.is_low) == (text, is_low) {
+                    continue;
+                }
+            }
+            states.push(State { from: time, to: time, text: text.to_owned(), is_low });
+        }
+        let ends =
+            [states.first().map_or(0.0, |state| state.from), states.last().map_or(0.0, |state| state.to)];
+        let place = |state: &State| pixel(state.from, ((ends[0], ends[1]), LANE_COLUMNS));
+        let strips = states.chunk_by(|one, other| place(one) == place(other));
+        let joined = strips.map(|strip| match strip {
+            [state] => state.clone(),
+            _ => State {
+                from: strip[0].from,
+                to: strip[strip.len() - 1].to,
+                text: String::new(),
+                is_low: false,
+            },
+        });
+        Self { name: name.to_owned(), states: joined.collect() }
+    }
+}
+
+/// The height of a lane, in CSS pixels.
+const LANE: u32 = 44;
+/// Where the states are drawn, as shares of a lane's height; above is its name.
+const STATE: [f64; 2] = [0.07, 0.6];
+/// The pixel columns that tell the states of a lane apart.
+const LANE_COLUMNS: usize = 1600;
 
 /// The column of pixels, or the row, of a value.
 #[allow(clippy::cast_possible_truncation)] // saturates outside of the axis

@@ -12,9 +12,11 @@ const STYLE: &str = "
 .modebar:focus-within { opacity: 1 !important; }
 .panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
 @media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
-td.number { white-space: nowrap; font-variant-numeric: tabular-nums; } .caption { color: var(--faint); font-size: .9rem; }
+body, figure { max-width: none; } table { max-width: 90rem; }
+td.number { font-variant-numeric: tabular-nums; } .caption { max-width: none; color: var(--faint); font-size: .9rem; }
 .holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
 details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow-x: auto; }
+@media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }
 ";
 
 /// A self-contained HTML page, with the scripts that draw its [figures](crate::Figure::html). `title` is plain text,

@@ -2,46 +2,130 @@
 
 use fmu_record::numbers;
 use fmu_record::{Column, Record};
+use fmu_terms::Linear;
 
-use crate::figure::{Figure, Line, Panel, color};
+use crate::figure::{Figure, Lane, Line, Panel, color};
 
-/// Quantities of one unit share a panel up to this ratio of their largest values.
-const LIKE_SIZE: f64 = 10.0;
+/// Lines share a panel if each uses at least this part of its scale.
+const LEAST_SHARE: f64 = 1.0 / 3.0;
 /// A panel has at most one line of each colour.
 const MOST_LINES: usize = color::CYCLE.len();
+/// A number with more values is drawn as a line.
+const MOST_STATES: usize = 16;
 /// Words that mark a variable as the reference of those whose names begin with the preceding words.
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
 /// The record over time. `panels` are the names in each panel; names that are not recorded are ignored. By default,
-/// quantities of one unit and of like size are together, and a reference is with what follows it.
+/// quantities of one unit and of like range are together, a reference is with what follows it, and what is constant is
+/// in a text below. Booleans, enumerations and codes are lanes.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
-    let panels = match panels {
-        Some(panels) => {
-            let column = |name: &String| record.columns().iter().find(|column| column.name == *name);
-            panels.iter().map(|names| names.iter().filter_map(column).collect()).collect()
-        }
-        None => together(record.columns()),
+    let (panels, constants) = grouped(record, panels);
+    let constants = constants.iter().map(|column| {
+        let value = column.values.iter().find(|value| value.is_finite());
+        format!("{} {}", column.name, value.map_or_else(String::new, |value| column.text(*value)))
+    });
+    let constants = constants.collect::<Vec<_>>().join(", ");
+    let note = if constants.is_empty() { constants } else { format!("Constant: {constants}") };
+    let panel = |columns: &Vec<&Column>| {
+        let has_states = columns.iter().all(|column| has_states(column));
+        [if has_states { lanes(record.time(), columns) } else { panel(record.time(), columns) }]
     };
-    let panel = |columns: &Vec<&Column>| [panel(record.time(), columns)];
-    panels.iter().map(panel).fold(Figure::new().title(title), Figure::row).shared_x()
+    panels.iter().map(panel).fold(Figure::new().title(title).note(&note), Figure::row).shared_x()
 }
 
-fn together(columns: &[Column]) -> Vec<Vec<&Column>> {
+/// The panels of a record without its points, for a page whose script adds them; see [`Line::source`].
+pub fn template(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
+    let panel = |columns: &Vec<&Column>| [panel(record.time(), columns)];
+    let figure = Figure::new().title(title).shared_x();
+    grouped(record, panels).0.iter().map(panel).fold(figure, Figure::row).without_points()
+}
+
+/// The columns of each panel, and the constant ones that are in none.
+fn grouped<'a>(
+    record: &'a Record,
+    panels: Option<&[Vec<String>]>,
+) -> (Vec<Vec<&'a Column>>, Vec<&'a Column>) {
+    let Some(panels) = panels else { return together(record.columns()) };
+    let column = |name: &String| record.columns().iter().find(|column| column.name == *name);
+    (panels.iter().map(|names| names.iter().filter_map(column).collect()).collect(), vec![])
+}
+
+/// By default: the lanes are last.
+fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
+    let changes = |column: &&Column| {
+        let (least, most) = range([*column]);
+        most - least > SAME * least.abs().max(most.abs())
+    };
+    let of_pair = |column: &&Column| {
+        let is_pair = |other: &&Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
+        columns.iter().filter(changes).any(|other| is_pair(&other))
+    };
+    let (drawn, constants): (Vec<_>, Vec<_>) =
+        columns.iter().partition(|column| changes(column) || of_pair(column));
+    let (lanes, lines): (Vec<_>, Vec<_>) = drawn.into_iter().partition(|column| has_states(column));
     let mut panels: Vec<Vec<&Column>> = vec![];
-    for column in columns {
-        let has_room = |panel: &Vec<&Column>| panel[0].unit == column.unit && panel.len() < MOST_LINES;
+    for column in lines {
+        let has_room = |panel: &Vec<&Column>| {
+            let [one, other] = [panel[0], column].map(|column| (&column.unit, &column.display_unit));
+            one == other && panel.len() < MOST_LINES
+        };
         let is_pair = |other: &&Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
         let pair = panels.iter().position(|panel| has_room(panel) && panel.iter().any(is_pair));
         let home = pair.or_else(|| {
-            let is_like = |other: &&Column| are_like(size(column), size(other));
-            panels.iter().position(|panel| has_room(panel) && panel.iter().all(is_like))
+            let is_like = |panel: &&Column, (least, most): (f64, f64)| {
+                let own = range([*panel]);
+                own.1 - own.0 >= LEAST_SHARE * (most - least)
+            };
+            panels.iter().position(|panel| {
+                let all = || panel.iter().copied().chain([column]);
+                has_room(panel) && all().all(|line| is_like(&line, range(all())))
+            })
         });
         match home {
             Some(index) => panels[index].push(column),
             None => panels.push(vec![column]),
         }
     }
-    panels
+    panels.extend((!lanes.is_empty()).then_some(lanes));
+    (panels, constants)
+}
+
+/// A change below this part of the size is rounding.
+const SAME: f64 = 1e-6;
+
+/// The smallest and the largest finite value.
+fn range<'a>(columns: impl IntoIterator<Item = &'a Column>) -> (f64, f64) {
+    let values = columns.into_iter().flat_map(|column| &column.values).filter(|value| value.is_finite());
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
+        (least.min(*value), most.max(*value))
+    })
+}
+
+/// Whether a variable has states rather than amounts: a Boolean, an enumeration, or a code of a few whole numbers.
+fn has_states(column: &Column) -> bool {
+    let is_code = || {
+        let mut states = column.values.clone();
+        states.sort_by(f64::total_cmp);
+        states.dedup();
+        let has_unit = !matches!(column.unit.as_str(), "" | "1") || column.display_unit.is_some();
+        column.is_discrete
+            && !has_unit
+            && states.len() <= MOST_STATES
+            && states.iter().all(|value| value.fract() == 0.0)
+    };
+    !column.items.is_empty() || is_code()
+}
+
+fn lanes(time: &[f64], columns: &[&Column]) -> Panel {
+    let lane = |column: &&Column| {
+        let texts: Vec<_> = column.values.iter().map(|value| column.text(*value)).collect();
+        let is_switch = column.values.iter().all(|value| [0.0, 1.0].contains(value));
+        let states = time.iter().zip(&column.values).zip(&texts);
+        let states = states.map(|((&time, &value), text)| (time, text.as_str(), is_switch && value == 0.0));
+        Lane::new(&column.name, states)
+    };
+    let range = (time.first().copied().unwrap_or(0.0), time.last().copied().unwrap_or(1.0));
+    Panel::of_lanes("time (s)", range, columns.iter().map(lane).collect())
 }
 
 /// The words before the one that makes a name a reference.
@@ -58,28 +142,40 @@ fn leads(reference: &str, name: &str) -> bool {
 }
 
 /// The greatest finite magnitude.
-fn size(column: &Column) -> f64 {
-    column.values.iter().map(|value| value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max)
+fn size(columns: &[&Column]) -> f64 {
+    let (least, most) = range(columns.iter().copied());
+    if least <= most { least.abs().max(most.abs()) } else { 0.0 }
 }
 
-fn are_like(one: f64, other: f64) -> bool {
-    one.min(other) == 0.0 || one.max(other) <= LIKE_SIZE * one.min(other)
+/// The unit in which a column is plotted, and the function to it.
+fn scale(column: &Column, size: f64) -> (String, Linear) {
+    column.display().unwrap_or_else(|| {
+        let (unit, factor) = shown(&column.unit, size);
+        (unit, Linear { factor, offset: 0.0 })
+    })
 }
 
 fn panel(time: &[f64], columns: &[&Column]) -> Panel {
-    let shown: Vec<_> = columns.iter().map(|column| shown(&column.unit, size(column))).collect();
-    let has_one_unit = shown.windows(2).all(|pair| pair[0] == pair[1]);
-    let label = shown.first().filter(|_| has_one_unit).map_or("", |(unit, _)| unit);
+    let of_one_unit: Vec<_> = columns.iter().map(|column| scale(column, size(columns))).collect();
+    let has_one_unit = columns.windows(2).all(|pair| pair[0].unit == pair[1].unit)
+        && of_one_unit.windows(2).all(|pair| pair[0] == pair[1]);
+    let scales = if has_one_unit {
+        of_one_unit
+    } else {
+        columns.iter().map(|column| scale(column, size(&[column]))).collect()
+    };
+    let label = scales.first().filter(|_| has_one_unit).map_or("", |(unit, _)| unit);
     let mut colors = color::CYCLE.iter().cycle();
     let mut lines = vec![];
-    for (column, (unit, factor)) in columns.iter().zip(&shown) {
+    for (column, (unit, function)) in columns.iter().zip(&scales) {
         let is_reference = columns.iter().any(|other| leads(&column.name, &other.name));
         let label = match unit.as_str() {
             unit if !has_one_unit && !unit.is_empty() => format!("{} ({unit})", column.name),
             _ => column.name.clone(),
         };
-        let line = Line::new(time, column.values.iter().map(|value| factor * value));
-        let line = line.label(&label).source(&column.name, *factor);
+        let line = Line::new(time, column.values.iter().map(|value| function.apply(*value)));
+        let line = line.label(&label).source(&column.name, *function);
+        let line = if column.is_discrete { line.held() } else { line };
         if is_reference {
             lines.insert(0, line.color(color::INK).thin());
         } else if let Some(&color) = colors.next() {
@@ -103,51 +199,67 @@ pub fn shown(unit: &str, size: f64) -> (String, f64) {
 
 #[cfg(test)]
 mod tests {
+    use fmu_terms::DisplayUnit;
+
     use super::*;
 
-    fn record(columns: &[(&str, &str, f64)]) -> Record {
+    /// Columns with a first and a last value.
+    fn record(columns: &[(&str, &str, [f64; 2])]) -> Record {
         let mut record = Record::new(columns.iter().map(|(name, unit, _)| ((*name).into(), (*unit).into())));
-        record.push(0.0, &columns.iter().map(|(_, _, value)| *value).collect::<Vec<_>>());
+        for row in 0..2_u8 {
+            let values: Vec<_> = columns.iter().map(|(_, _, values)| values[usize::from(row)]).collect();
+            record.push(f64::from(row), &values);
+        }
         record
     }
 
-    fn names(columns: &[(&str, &str, f64)]) -> Vec<Vec<String>> {
-        let record = record(columns);
-        let panels = together(record.columns());
-        panels.iter().map(|panel| panel.iter().map(|column| column.name.clone()).collect()).collect()
+    fn names(record: &Record) -> (Vec<Vec<&str>>, Vec<&str>) {
+        fn names<'a>(columns: &[&'a Column]) -> Vec<&'a str> {
+            columns.iter().map(|column| column.name.as_str()).collect()
+        }
+        let (panels, constants) = together(record.columns());
+        (panels.iter().map(|panel| names(panel)).collect(), names(&constants))
     }
 
     #[test]
-    fn quantities_of_one_unit_and_like_size_are_together() {
-        let columns = [
-            ("boost_pressure", "Pa", 150e3),
-            ("hp_wastegate_pwm", "%", 40.0),
-            ("actuator_pressure", "Pa", -60e3),
-            ("pressure_noise", "Pa", 10.0),
-            ("pulse", "%", 0.0),
-        ];
+    fn lines_share_a_panel_if_each_uses_a_third_of_it() {
+        let record = record(&[
+            ("boost_pressure", "Pa", [120e3, 210e3]),
+            ("hp_wastegate_pwm", "%", [40.0, 60.0]),
+            ("manifold_pressure", "Pa", [118e3, 160e3]),
+            ("tank_pressure", "Pa", [32e3, 35e3]),
+            // 29 of 90 and 120 kPa.
+            ("outlet_pressure", "Pa", [101e3, 130e3]),
+            ("ambient_pressure", "Pa", [101e3, 101e3]),
+            ("pulse", "%", [0.0, f64::NAN]),
+        ]);
+        let (panels, constants) = names(&record);
         assert_eq!(
-            names(&columns),
+            panels,
             [
-                ["boost_pressure", "actuator_pressure"].as_slice(),
-                &["hp_wastegate_pwm", "pulse"],
-                &["pressure_noise"]
+                ["boost_pressure", "manifold_pressure"].as_slice(),
+                &["hp_wastegate_pwm"],
+                &["tank_pressure"],
+                &["outlet_pressure"],
             ]
         );
+        assert_eq!(constants, ["ambient_pressure", "pulse"]);
     }
 
     #[test]
-    fn a_reference_is_with_what_follows_it_whatever_its_size() {
-        let columns = [
-            ("level", "m", 100.0),
-            ("boost_reference", "Pa", 1.0),
-            ("tank_pressure", "Pa", 150e3),
-            ("boost_pressure", "Pa", 150e3),
-        ];
+    fn a_reference_is_with_what_follows_it_whatever_its_range() {
+        let record = record(&[
+            ("level", "m", [0.0, 100.0]),
+            ("boost_reference", "Pa", [1.0, 1.0]),
+            ("tank_pressure", "Pa", [0.0, 150e3]),
+            ("boost_pressure", "Pa", [0.0, 150e3]),
+        ]);
+        let (panels, constants) = names(&record);
         assert_eq!(
-            names(&columns),
+            panels,
             [["level"].as_slice(), &["boost_reference", "boost_pressure"], &["tank_pressure"]]
         );
+        assert!(constants.is_empty());
         assert!(leads("boost_reference", "boost_pressure") && leads("speed_setpoint", "speed"));
         assert!(!leads("boost_reference", "boosted") && !leads("boost_pressure", "boost_reference"));
     }
@@ -155,17 +267,69 @@ mod tests {
     #[test]
     fn a_panel_does_not_repeat_a_colour() {
         let names: Vec<_> = (0..20).map(|index| format!("x{index}")).collect();
-        let columns: Vec<_> = names.iter().map(|name| (name.as_str(), "m", 1.0)).collect();
-        let lengths: Vec<_> = self::names(&columns).iter().map(Vec::len).collect();
+        let columns: Vec<_> = names.iter().map(|name| (name.as_str(), "m", [0.0, 1.0])).collect();
+        let lengths: Vec<_> = self::names(&record(&columns)).0.iter().map(Vec::len).collect();
         assert_eq!(lengths, [6, 6, 6, 2]);
+    }
+
+    /// A valve, a temperature and what has states, as FMUs declare them.
+    fn declared() -> Record {
+        let display =
+            |name: &str, factor, offset| Some(DisplayUnit { name: name.to_owned(), factor, offset });
+        let column = |name: &str, unit: &str| Column::from((name.to_owned(), unit.to_owned()));
+        let mut record = Record::new([
+            Column { display_unit: display("%", 100.0, 0.0), ..column("valve", "1") },
+            Column { display_unit: display("degC", 1.0, -273.15), ..column("temperature", "K") },
+            Column { items: vec![("off".to_owned(), 1), ("cranking".to_owned(), 2)], ..column("mode", "") },
+            Column { is_discrete: true, ..column("fault_code", "1") },
+            Column { is_discrete: true, ..column("pwm", "%") },
+            Column { display_unit: display("%", 100.0, 0.0), ..column("throttle", "1") },
+        ]);
+        record.push(0.0, &[0.0, 298.15, 1.0, 0.0, 40.0, 0.5]);
+        record.push(0.5, &[0.0, 298.15, 2.0, 4.0, 41.0, 0.5]);
+        record.push(1.0, &[1.0, 300.0, 2.0, 4.0, 45.0, 0.5]);
+        record
+    }
+
+    #[test]
+    fn states_are_lanes_and_what_does_not_change_is_a_text() {
+        let record = declared();
+        let (panels, constants) = names(&record);
+        assert_eq!(panels, [["valve"].as_slice(), &["temperature"], &["pwm"], &["mode", "fault_code"]]);
+        assert_eq!(constants, ["throttle"]);
+        let svg = draw(&record, "", None).svg().unwrap();
+        for text in
+            ["\u{b0}C", "%", " mode", "cranking", " fault_code", "\n4\n", "Constant: throttle 50\u{202f}%"]
+        {
+            assert!(svg.contains(text), "{text}: {svg}");
+        }
+    }
+
+    /// As bars that hide texts too long for them: from 0 s for 0.5 s, and from there for 0.5 s.
+    #[cfg(feature = "html")]
+    #[test]
+    fn lanes_and_display_units_are_on_pages() {
+        let html = draw(&declared(), "", None).html();
+        for part in [
+            "\"base\":[0.0,0.5]",
+            "\"x\":[0.5,0.5]",
+            "\"text\":[\"off\",\"cranking\"]",
+            "\"y\":[25.0,25.0,26.85]",
+            "\"meta\":\"1.0-273.15 temperature\"",
+            "<p class=\"caption\">Constant: throttle 50\u{202f}%</p>",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+        // A discrete number holds its values.
+        assert_eq!(html.matches("\"shape\":\"hv\"").count(), 1);
     }
 
     /// For pages that draw further points: the variable of each line, and the factor to the axis' unit.
     #[cfg(feature = "html")]
     #[test]
     fn lines_name_their_variables_without_points() {
-        let record = record(&[("boost_pressure", "Pa", 2000.0), ("duty", "%", 40.0)]);
-        let html = draw(&record, "", None).without_points().html();
+        let record = record(&[("boost_pressure", "Pa", [1000.0, 2000.0]), ("duty", "%", [40.0, 41.0])]);
+        let html = template(&record, "", None).html();
         for meta in ["\"meta\":\"0.001 boost_pressure\"", "\"meta\":\"1.0 duty\""] {
             assert!(html.contains(meta), "{html}");
         }
@@ -177,10 +341,11 @@ mod tests {
     #[cfg(feature = "html")]
     #[test]
     fn panels_are_drawn_as_the_scenario_says() {
-        let record = record(&[("a", "Pa", 2000.0), ("b", "Pa", 3000.0), ("c", "V", 12.0)]);
+        let columns = [("a", "Pa", [2000.0; 2]), ("b", "Pa", [3000.0; 2]), ("c", "V", [12.0; 2])];
+        let record = record(&columns);
         let html = draw(&record, "", Some(&[vec!["c".to_owned()], vec!["b".to_owned()]])).html();
         assert!(
-            html.contains("\"y\":[3.0]") && html.contains("kPa") && !html.contains("\"y\":[2.0]"),
+            html.contains("\"y\":[3.0,3.0]") && html.contains("kPa") && !html.contains("\"y\":[2.0"),
             "{html}"
         );
         assert!(html.find("</span>c</label>").unwrap() < html.find("</span>b</label>").unwrap());

@@ -18,7 +18,7 @@ pub(crate) fn read(text: &str) -> Result<Vec<Column>> {
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let named = |header: &str| {
         let (name, unit) = name_and_unit(header);
-        Column { name: name.to_owned(), unit: unit.to_owned(), values: vec![] }
+        Column::from((name.to_owned(), unit.to_owned()))
     };
     let mut columns: Vec<_> = reader.headers()?.iter().map(named).collect();
     for row in reader.records() {

@@ -58,7 +58,8 @@ fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
             let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
             column.read_records(rows, None, None, &mut values)?;
         }
-        columns.push(Column { unit: units.remove(&name).unwrap_or_default(), name, values });
+        let unit = units.remove(&name).unwrap_or_default();
+        columns.push(Column { values, ..Column::from((name, unit)) });
     }
     Ok(columns)
 }

@@ -21,11 +21,9 @@ pub struct Record {
 }
 
 impl Record {
-    /// An empty record of variables, each a name and a unit, which may be empty.
-    pub fn new(columns: impl IntoIterator<Item = (String, String)>) -> Self {
-        let columns = columns.into_iter();
-        let columns = columns.map(|(name, unit)| Column { name, unit, values: vec![] }).collect();
-        Self { time: vec![], columns }
+    /// An empty record of variables, each a column without values, or a name and a unit, which may be empty.
+    pub fn new(columns: impl IntoIterator<Item = impl Into<Column>>) -> Self {
+        Self { time: vec![], columns: columns.into_iter().map(Into::into).collect() }
     }
 
     /// Appends a row: the time (s) and one value for each column.

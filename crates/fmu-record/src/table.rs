@@ -1,6 +1,9 @@
 //! Tables of columns with names and units.
 
 use anyhow::{Result, bail};
+use fmu_terms::{DisplayUnit, Linear};
+
+use crate::numbers::{number, quantity};
 
 /// How a CSV file's header names a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,14 +15,55 @@ pub enum Header {
 }
 
 /// A recorded variable.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Column {
     /// The name in the CSV header.
     pub name: String,
     /// The unit declared by the FMU; empty if there is none.
     pub unit: String,
+    /// The unit that the FMU declares for readers.
+    pub display_unit: Option<DisplayUnit>,
+    /// Whether each value holds until the next.
+    pub is_discrete: bool,
+    /// The names of the values of a Boolean or an enumeration.
+    pub items: Vec<(String, i32)>,
     /// One for each time, in the unit.
     pub values: Vec<f64>,
+}
+
+impl From<(String, String)> for Column {
+    /// A column without values, of a name and a unit.
+    fn from((name, unit): (String, String)) -> Self {
+        Self { name, unit, ..Self::default() }
+    }
+}
+
+impl Column {
+    /// The declared display unit's symbol, and the function to it.
+    #[must_use]
+    pub fn display(&self) -> Option<(String, Linear)> {
+        let DisplayUnit { name, factor, offset } = self.display_unit.as_ref()?;
+        let symbol = if name == "degC" { "\u{b0}C" } else { name };
+        Some((symbol.to_owned(), Linear { factor: *factor, offset: *offset }))
+    }
+
+    /// The name of a value that has one.
+    #[must_use]
+    #[allow(clippy::float_cmp)] // whole numbers
+    pub fn item(&self, value: f64) -> Option<&str> {
+        let item = self.items.iter().find(|(_, known)| f64::from(*known) == value);
+        item.map(|(name, _)| name.as_str())
+    }
+
+    /// A value for readers: its name, or in the display unit.
+    #[must_use]
+    pub fn text(&self, value: f64) -> String {
+        match (self.item(value), self.display()) {
+            (Some(item), _) => item.to_owned(),
+            (None, Some((unit, display))) => format!("{}\u{202f}{unit}", number(display.apply(value))),
+            (None, None) => quantity(value, &self.unit),
+        }
+    }
 }
 
 /// Refuses the unit of a time that is not in s.

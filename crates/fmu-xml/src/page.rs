@@ -51,7 +51,12 @@ pub fn unit(name: &str) -> String {
     let mut rest = name;
     while let Some(begin) = rest.find(|letter: char| letter.is_ascii_digit()) {
         let (before, from) = rest.split_at(begin);
-        let end = from.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(from.len());
+        let whole = |text: &str| text.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(text.len());
+        let mut end = whole(from);
+        if let Some(fraction) = from[end..].strip_prefix('.') {
+            // Not the dot of a product.
+            end += whole(fraction) + usize::from(whole(fraction) > 0);
+        }
         let (digits, after) = from.split_at(end);
         let (base, sign) = before.strip_suffix('-').map_or((before, ""), |base| (base, "\u{2212}"));
         // Not the 2 of mmH2O, nor a factor.
@@ -95,6 +100,7 @@ mod tests {
             ("Pa/%3", "Pa/%<sup>3</sup>"),
             ("kg.m2/s2", "kg.m<sup>2</sup>/s<sup>2</sup>"),
             ("m3.s-1", "m<sup>3</sup>.s<sup>\u{2212}1</sup>"),
+            ("kg.K0.5/(s.Pa)", "kg.K<sup>0.5</sup>/(s.Pa)"),
             ("mmH2O", "mmH2O"),
             ("1/s", "1/s"),
             ("N/m7 & <", "N/m<sup>7</sup> &amp; &lt;"),

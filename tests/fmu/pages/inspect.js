@@ -54,7 +54,7 @@
     return layers.reverse().reduce((below, layer) => over(layer, below), rgba(getComputedStyle(document.documentElement).getPropertyValue("--paper")));
   };
 
-  const faint = new Set(), small = new Set(), broken = new Set();
+  const faint = new Set(), small = new Set(), broken = new Set(), split = new Set(), wide = new Set();
   const judge = (element, style, text) => {
     const below = ground(element);
     const [red, green, blue, alpha] = rgba(element.ownerSVGElement ? style.fill : style.color);
@@ -74,6 +74,14 @@
       const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top)));
       if (lines.size > 1) broken.add(node.data);
     }
+    // No number is on two lines.
+    for (const { 0: number, index } of node.data.matchAll(/(?<![\w-])[-\u2212]?\d+(\.\d+)?(e-?\d+)?(?![\w-])/g)) {
+      const range = document.createRange();
+      range.setStart(node, index);
+      range.setEnd(node, index + number.length);
+      const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top)));
+      if (lines.size > 1) split.add(number);
+    }
     if (judged.has(element)) continue;
     judged.add(element);
     const style = getComputedStyle(element);
@@ -85,6 +93,14 @@
   }
   for (const input of document.querySelectorAll("[placeholder]"))
     judge(input, getComputedStyle(input, "::placeholder"), `placeholder ${input.placeholder}`);
+
+  // Beyond the window is what a container scrolls, but never a plot.
+  const scrolls = (element) => ["auto", "scroll"].includes(getComputedStyle(element).overflowX);
+  for (const element of [...document.querySelectorAll("body *")].filter(isShown)) {
+    const isScrolled = element.ownerSVGElement || ancestors(element.parentElement).some(scrolls);
+    if (isScrolled && !element.matches(".plot, .plot > *")) continue;
+    if (element.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5) wide.add(name(element));
+  }
 
   const unreachable = new Set(), unmarked = new Set();
   const controls = "a[href], button, input, select, textarea, summary, [role=button], [tabindex], [onclick]";
@@ -103,7 +119,7 @@
   }
   document.activeElement.blur();
 
-  const lists = { faint, small, broken, unreachable, unmarked, cut };
+  const lists = { faint, small, broken, split, wide, unreachable, unmarked, cut };
   return {
     ...Object.fromEntries(Object.entries(lists).map(([rule, found]) => [rule, [...found]])),
     texts: judged.size,

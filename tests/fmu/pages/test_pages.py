@@ -17,7 +17,7 @@ from conftest import ROOT, TARGET, Run
 from fontTools.ttLib import TTFont
 from playwright.sync_api import Browser, Page
 
-WIDTHS = [360, 420, 1280, 1920]
+WIDTHS = [360, 390, 1100, 1366, 1536, 1920, 2560]
 """Of telephones and screens, in CSS pixels."""
 
 HEIGHT = 900
@@ -27,7 +27,7 @@ LONGEST = 4000
 
 FMUS = ["BoostPlant", "BoostController"]
 
-REPORTS = ["reproduction", "identification", "tuning", "simulation"]
+REPORTS = ["reproduction", "identification", "tuning", "simulation", "system", "study", "sweep"]
 
 LIVE = "live"
 
@@ -37,6 +37,20 @@ LARGEST = 6e6
 """Bytes of a report."""
 
 PICTURES = TARGET / "pages"
+
+SWEEP = """
+scenario = "{scenario}"
+[grid]
+"plant:valve.time_constant" = {{ from = 0.008, to = 0.08, points = 4 }}
+"plant:tank.volume" = [1e-3, 2e-3]
+[measures]
+least = {{ minimum = "actuator_pressure" }}
+most = {{ maximum = "hp_wastegate_position" }}
+"""
+"""Of two parameters."""
+
+PAPER = 688
+"""CSS pixels between the margins of A4."""
 
 INSPECT = (Path(__file__).parent / "inspect.js").read_text()
 
@@ -51,20 +65,29 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
         with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
             files[name].write_bytes(archive.read("documentation/index.html"))
 
-    def run(*arguments: str | Path) -> None:
+    def run(*arguments: str | Path, status: int = 0) -> None:
         done = lab(*arguments)
-        assert (done.returncode, done.stderr) == (0, "")
+        assert (done.returncode, done.stderr) == (status, "")
 
     plant = ["--plant", exported / "BoostPlant.fmu"]
+    both = [*plant, "--controller", exported / "BoostController.fmu"]
     steps = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
     bench, plot = folder / "bench.csv", folder / "steps.html"
     run("reproduce", "--fmus", exported, "--out", folder / "reproduction")
     run("simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)
     run("identify", "actuator", bench, *plant, "--out", folder / "identification")
-    run("tune", *plant, "--controller", exported / "BoostController.fmu", "--out", folder / "tuning")
+    run("tune", *both, "--out", folder / "tuning")
     run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", plot)
+    system = folder / "system.html"
+    pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60"]
+    run("simulate", exported / "Boost.ssp", *pumping, "--out", folder, "--plot", system)
+    # This strategy fails, so that the report explains cases.
+    run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
+    sweep = folder / "sweep.toml"
+    sweep.write_text(SWEEP.format(scenario=steps.with_name("figure_1.toml")))
+    run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
     reports = {name: folder / name / "report.html" for name in REPORTS}
-    return {**files, **reports, "simulation": plot, LIVE: live}
+    return {**files, **reports, "simulation": plot, "system": system, LIVE: live}
 
 
 @dataclass
@@ -168,6 +191,86 @@ def assert_none(visit: Visit, rule: str) -> None:
 
 def test_nothing_overflows(visit: Visit) -> None:
     assert {width: found["overflow"] for width, found in visit.found.items()} == dict.fromkeys(WIDTHS, 0)
+
+
+def test_nothing_is_wider_than_its_window(visit: Visit) -> None:
+    assert_none(visit, "wide")
+
+
+def test_no_number_is_broken(visit: Visit) -> None:
+    assert_none(visit, "split")
+
+
+COVERED = """() => {
+  const links = [...document.querySelectorAll("a[href^='#']")];
+  const ids = links.map((link) => decodeURIComponent(link.getAttribute("href").slice(1)));
+  const targets = ids.map((id) => document.getElementById(id));
+  const shown = [...new Set(targets)].filter((target) => target?.checkVisibility());
+  return { count: shown.length, covered: shown.filter((target) => {
+    target.scrollIntoView();
+    const { left, top } = target.getBoundingClientRect();
+    const found = document.elementFromPoint(left + 2, Math.min(top + 2, innerHeight - 1));
+    return !target.contains(found) && !found?.contains(target);
+  }).map((target) => target.id) };
+}"""
+
+
+@pytest.mark.parametrize("width", [390, 1100, 1366])
+@pytest.mark.parametrize("name", [*FMUS, *REPORTS])
+def test_no_target_of_a_link_is_covered(opened: Callable[..., Page], name: str, width: int) -> None:
+    """Neither by the contents nor by the filter of variables."""
+    found = opened(name, width).evaluate(COVERED)
+    assert found["covered"] == []
+    assert found["count"] > (100 if name in FMUS else 1) or name in ["simulation", "system"]
+
+
+@pytest.mark.parametrize("width", [1366, 1920, 2560])
+def test_plots_fill_the_window(opened: Callable[..., Page], width: int) -> None:
+    page = opened("system", width)
+    widths = page.evaluate("[...document.querySelectorAll('.plot')].map((plot) => plot._fullLayout.width)")
+    # Without the page's margins.
+    assert min(widths) > width - 60
+
+
+def test_states_have_lanes_and_constants_a_text(opened: Callable[..., Page]) -> None:
+    page = opened("system", 1366)
+    lanes = "[...document.querySelectorAll('.plot')].at(-1).data.map(({ type, name }) => [type, name])"
+    assert ["bar", "vacuum_pump"] in page.evaluate(lanes)
+    note = page.locator("figure .caption").text_content()
+    assert note.startswith("Constant: ")
+    assert "ambient_temperature 24.9\u202f\u00b0C" in note
+    # Each line has a name, each axis its unit.
+    units = page.evaluate(
+        "[...document.querySelectorAll('.plot')].map((plot) => plot.layout.yaxis.title?.text)"
+    )
+    assert {"kPa", "%", "g/s", "°C"} <= set(units)
+    assert None not in units[:-1]
+
+
+@pytest.mark.parametrize("width", [390, 1536, 2560])
+@pytest.mark.parametrize("name", [*REPORTS, LIVE])
+def test_plots_fit_on_paper(opened: Callable[..., Page], name: str, width: int) -> None:
+    """Whatever the window's width; and none is divided between pages."""
+    page = opened(name, width)
+    # After what the page does before it is printed.
+    page.evaluate(
+        """addEventListener("beforeprint", () => {
+          globalThis.printed = [...document.querySelectorAll(".plot")].map((plot) => plot._fullLayout.width);
+        })"""
+    )
+    page.pdf(path=PICTURES / f"{name}-{width}.pdf", format="A4")
+    printed = page.evaluate("printed")
+    assert len(printed) > 1
+    assert max(printed) <= PAPER < sum(printed)
+    page.emulate_media(media="print")
+    apart = "[...document.querySelectorAll('.row, .panel')].map((part) => getComputedStyle(part).breakInside)"
+    assert set(page.evaluate(apart)) == {"avoid"}
+    # The window gets its plots back.
+    page.emulate_media(media="screen")
+    page.wait_for_function(
+        "[...document.querySelectorAll('.plot')].every((plot) => plot._fullLayout.width > 200"
+        " && Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+    )
 
 
 def test_nothing_is_reported_on_the_console_or_loaded(visit: Visit) -> None:

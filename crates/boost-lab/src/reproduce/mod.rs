@@ -307,7 +307,7 @@ impl Laboratory {
         begin.end_at(scenario.start_time + seconds)?;
         let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;
         let title = scenario.title.as_deref().unwrap_or_default();
-        let plot = panels::draw(&record, title, scenario.panel_names().as_deref()).without_points();
+        let plot = panels::template(&record, title, scenario.panel_names().as_deref());
         Ok((Run::new(&scenario, &record), plot))
     }
 }

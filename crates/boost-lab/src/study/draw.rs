@@ -23,34 +23,35 @@ const END: f64 = 6.0;
 /// The loop is at rest after this time without changes (s).
 pub const AT_REST_AFTER: f64 = 3.0;
 
-const fn range(name: &'static str, from: f64, to: f64) -> (&'static str, Range) {
-    (name, Range { from, to, is_logarithmic: false })
+type Quantity = (&'static str, &'static str, Range);
+
+const fn range(name: &'static str, unit: &'static str, from: f64, to: f64) -> Quantity {
+    (name, unit, Range { from, to, is_logarithmic: false })
 }
 
-const fn logarithmic(name: &'static str, from: f64, to: f64) -> (&'static str, Range) {
-    (name, Range { from, to, is_logarithmic: true })
+const fn logarithmic(name: &'static str, unit: &'static str, from: f64, to: f64) -> Quantity {
+    (name, unit, Range { from, to, is_logarithmic: true })
 }
 
-/// All random quantities except plant parameters, in SI units and rpm, named as in the results' columns.
-const RANGES: [(&str, Range); 13] = [
+/// All random quantities except plant parameters: name in the results' columns, unit and range.
+const RANGES: [Quantity; 13] = [
     // 0 to 3000 m of altitude.
-    range("ambient_pressure", 70e3, 101_325.0),
+    range("ambient_pressure", "Pa", 70e3, 101_325.0),
     // -20 to 40 degrees Celsius.
-    range("ambient_temperature", 253.15, 313.15),
+    range("ambient_temperature", "K", 253.15, 313.15),
     // The extremes of the paper's Fig. 14.
-    range("supply_voltage_1", 11.1, 13.5),
-    range("supply_voltage_2", 11.1, 13.5),
-    range("noise", 0.0, 100.0),
-    range("engine_speed_1", 2000.0, 5500.0),
-    range("engine_speed_2", 2000.0, 5500.0),
-    range("engine_speed_3", 2000.0, 5500.0),
-    // rpm/s.
-    logarithmic("ramp_rate_1", 250.0, 2000.0),
-    logarithmic("ramp_rate_2", 250.0, 2000.0),
-    range("boost_reference_1", 115e3, 215e3),
+    range("supply_voltage_1", "V", 11.1, 13.5),
+    range("supply_voltage_2", "V", 11.1, 13.5),
+    range("noise", "Pa", 0.0, 100.0),
+    range("engine_speed_1", "rpm", 2000.0, 5500.0),
+    range("engine_speed_2", "rpm", 2000.0, 5500.0),
+    range("engine_speed_3", "rpm", 2000.0, 5500.0),
+    logarithmic("ramp_rate_1", "rpm/s", 250.0, 2000.0),
+    logarithmic("ramp_rate_2", "rpm/s", 250.0, 2000.0),
+    range("boost_reference_1", "Pa", 115e3, 215e3),
     // The largest step of the paper's Fig. 13.
-    range("reference_step_1", -20e3, 20e3),
-    range("reference_step_2", -20e3, 20e3),
+    range("reference_step_1", "Pa", -20e3, 20e3),
+    range("reference_step_2", "Pa", -20e3, 20e3),
 ];
 
 /// The range of references, to which steps are limited (Pa).
@@ -172,7 +173,12 @@ impl Cases {
     /// The drawn values, by column of the results.
     pub fn columns(&self) -> Vec<String> {
         let sets = self.directions.iter().map(|direction| direction.set.clone());
-        sets.chain(RANGES.iter().map(|(name, _)| (*name).to_owned())).collect()
+        sets.chain(RANGES.iter().map(|(name, ..)| (*name).to_owned())).collect()
+    }
+
+    /// The unit of each column: parameter sets are drawn by their share, from 0 (the FMU's value) to 1.
+    pub fn units(&self) -> Vec<&'static str> {
+        self.directions.iter().map(|_| "1").chain(RANGES.iter().map(|(_, unit, _)| *unit)).collect()
     }
 
     pub fn case(&self, number: usize) -> Case {
@@ -185,7 +191,7 @@ impl Cases {
                 }
             }
         }
-        let values: Vec<_> = RANGES.iter().zip(places).map(|((_, range), place)| range.at(*place)).collect();
+        let values: Vec<_> = RANGES.iter().zip(places).map(|((.., range), place)| range.at(*place)).collect();
         let drawn = self.columns().into_iter().zip(weights.iter().copied().chain(values.iter().copied()));
         let [pressure, temperature, supply_1, supply_2, noise, speeds @ .., first, step_1, step_2] =
             values.as_slice()

@@ -9,11 +9,15 @@ use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, j
 use super::draw::Case;
 use super::names::{MODEL, SHAFT};
 use super::{Explained, Outcome, Study, outside};
+use fmu_master::measure::greatest;
+use fmu_plot::panels::shown;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, escaped};
-use fmu_record::numbers::number;
+use fmu_record::numbers::{number, quantity};
 
 /// The shares of the cases below the quantiles of the tables.
 const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
+/// Drawn values in a row of a case's table.
+const DRAWN_IN_ROW: usize = 3;
 /// Number of plotted quantities: those with the strongest correlation.
 const PLOTTED: usize = 6;
 
@@ -253,19 +257,28 @@ impl StudyReport<'_> {
             .collect();
         let deviations: Vec<_> = known.iter().map(|(_, deviation)| 1e-3 * deviation).collect();
         let drawn: Vec<_> = known.iter().map(|(case, _)| self.study.cases.case(*case).drawn).collect();
-        let columns = self.study.cases.columns();
+        let columns = self.study.cases.columns().into_iter().zip(self.study.cases.units());
         let mut influences: Vec<_> = columns
-            .iter()
             .enumerate()
-            .map(|(column, name)| {
+            .map(|(column, (name, unit))| {
                 let values: Vec<_> = drawn.iter().map(|values| values[column].1).collect();
-                (name, rank_correlation(&values, &deviations), values)
+                let (unit, factor) = shown(unit, greatest(values.iter().map(|value| value.abs())));
+                let label = format!("{name} ({})", if unit.is_empty() { "share" } else { &unit });
+                let correlation = rank_correlation(&values, &deviations);
+                (label, correlation, values.into_iter().map(|value| factor * value).collect::<Vec<_>>())
             })
             .collect();
         influences.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let panels = influences.iter().take(PLOTTED).map(|(name, correlation, values)| {
-            let title = format!("rank correlation {correlation:.2}").replace('-', "\u{2212}");
-            Panel::new(name, "deviation (kPa)")
+        let panels = influences.iter().take(PLOTTED).map(|(label, correlation, values)| {
+            let interval = confidence(*correlation, values.len());
+            let interval = interval.map_or_else(
+                || "too few cases".to_owned(),
+                |(from, to)| {
+                    format!("95 %: {from:.2} to {to:.2}{}", if from * to > 0.0 { "" } else { ", noise" })
+                },
+            );
+            let title = format!("rank correlation {correlation:.2} ({interval})").replace('-', "\u{2212}");
+            Panel::new(label, "deviation (kPa)")
                 .title(&title)
                 .line(Line::new(values, deviations.iter().copied()).dots())
         });
@@ -274,8 +287,8 @@ impl StudyReport<'_> {
         report.section("Influences on the deviation");
         report.figure(
             &figure,
-            "Worst deviation of each case over the drawn quantities with the strongest correlation: parameter sets by \
-             their share, from 0 (the FMU's value) to 1, the others in SI units and rpm.",
+            "Worst deviation of each case over the drawn quantities with the strongest correlation, with its 95 % \
+             confidence interval: one that includes 0 is noise. Parameter sets: share from 0 (the FMU's value) to 1.",
         );
     }
 
@@ -306,8 +319,6 @@ impl StudyReport<'_> {
 
     fn explanation(&self, report: &mut Report, explained: &Explained) {
         let Explained { case, measures, .. } = explained;
-        let drawn: Vec<_> =
-            case.drawn.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect();
         let Case { number, .. } = case;
         report.section_of(
             &format!("case-{number}"),
@@ -316,12 +327,15 @@ impl StudyReport<'_> {
         report.paragraph(&cause(explained));
         report.figure(
             &traces(explained),
-            &format!(
-                "Closed loop, and best control found, from a second before boost left the reachable range. Shaded: \
-                 from a second before the worst moment to half a second after it. Plant: {}.",
-                drawn.join(", ")
-            ),
+            "Closed loop, and best control found, from a second before boost left the reachable range. Shaded: from a \
+             second before the worst moment to half a second after it.",
         );
+        let drawn = case.drawn.iter().zip(self.study.cases.units());
+        let drawn: Vec<_> =
+            drawn.map(|((name, value), unit)| [name.into(), Cell::number(&quantity(*value, unit))]).collect();
+        let mut table = Table::default();
+        drawn.chunks(DRAWN_IN_ROW).for_each(|row| table.row(row.concat()));
+        report.table(&table);
         let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
         report.details("Scenario for boost-lab simulate", &scenario);
     }
@@ -461,6 +475,14 @@ fn rank_correlation(one: &[f64], other: &[f64]) -> f64 {
     1.0 - 6.0 * squares / (count * (count * count - 1.0)).max(1.0)
 }
 
+/// The 95 % confidence interval of a rank correlation (Bonett and Wright 2000); none for too few values.
+fn confidence(correlation: f64, count: usize) -> Option<(f64, f64)> {
+    let freedom = count.checked_sub(3).filter(|freedom| *freedom > 0)? as f64;
+    let error = ((1.0 + correlation * correlation / 2.0) / freedom).sqrt();
+    let [from, to] = [-1.96, 1.96].map(|quantile| (correlation.atanh() + quantile * error).tanh());
+    Some((from, to))
+}
+
 /// The table of all cases: a row for each case and strategy.
 pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
     const MEASURES: [&str; 12] = [
@@ -523,6 +545,17 @@ mod tests {
             assert!((quantile(&values, share) - expected).abs() < 1e-12, "{share}");
         }
         assert!(quantile(&[], 0.5).is_nan());
+    }
+
+    /// With the formula of their paper, by hand: 0.5 of 103 values; a weak correlation of few is noise.
+    #[test]
+    fn the_confidence_of_a_correlation_depends_on_the_number_of_values() {
+        let (from, to) = confidence(0.5, 103).unwrap();
+        // The hyperbolic tangents of 0.5493 minus and plus 1.96 · 0.10607.
+        assert!((from - 0.3287).abs() < 1e-4 && (to - 0.6394).abs() < 1e-4, "{from} {to}");
+        let (from, to) = confidence(-0.4, 10).unwrap();
+        assert!(from < 0.0 && to > 0.0);
+        assert_eq!(confidence(0.9, 3), None);
     }
 
     #[test]

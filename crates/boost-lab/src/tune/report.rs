@@ -12,10 +12,10 @@ use fmu_record::numbers::{estimate, quantity};
 const STYLE: &str = "
 sub { line-height: 0; }
 .map, .points { font-size: .75rem; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
-.map { min-width: 24rem; margin: 0; table-layout: fixed; } .map caption { font-size: .85rem; }
-.map td { text-align: center; padding: .16em 0; border: 1px solid var(--paper); } .map th { color: var(--faint); padding: .16em .3em; text-align: right; border: none; }
-.map thead th { text-align: center; } .map .corner { text-align: right; }
+.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
+.map { width: auto; margin: 0; } .map caption { font-size: .85rem; } .map th, .map td { padding: .16em .35em; white-space: nowrap; }
+.map td { text-align: center; border: 1px solid var(--paper); } .map th { color: var(--faint); text-align: right; border: none; }
+.map thead th { text-align: center; }
 .filled { color: var(--faint); font-style: italic; background: repeating-linear-gradient(135deg, var(--shade) 0 4px, var(--paper) 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
 .key { max-width: 46rem; } .key td { padding: .1em .7em; border: none; } .settings { max-width: 58rem; }
 .points th, .points td { padding: .2em .5em .2em 0; white-space: nowrap; }
@@ -166,12 +166,12 @@ fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
     let procedure = &tuning.task.procedure;
     report.section("Maps");
     report.html(&format!(
-        "<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
+        "<p class=\"caption\">Columns: engine speed (rpm); rows: boost reference (kPa). Hover over a number for its \
+         origin.</p>\n<div class=\"maps\">\n{}</div>\n<table class=\"key\"><tr><td class=\"filled\">1.23</td>\
          <td>filled, not identified here: gain, time constant and delay from the nearest identified row at the same \
          speed; feedforward {} % above and {} % below the reachable range</td>\
          </tr><tr><td class=\"filled raised\">1.23</td><td>raised to the minimum magnitude: gain {} kPa/%, delay {} ms</td>\
-         </tr></table>\n<p class=\"caption\">Hover over a number for its origin. \
-         Columns are engine speeds, rows boost references.</p>\n",
+         </tr></table>\n",
         maps.collect::<String>(),
         procedure.duty_above_reach,
         procedure.duty_below_reach,
@@ -236,7 +236,7 @@ fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&C
     });
     let speeds = schedule.engine_speeds.iter().map(|speed| format!("<th>{speed}</th>"));
     let mut text = format!(
-        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><th class=\"corner\">kPa\u{2009}\\\u{2009}rpm</th>{}\
+        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><td></td>{}\
          </tr></thead>\n",
         speeds.collect::<String>()
     );

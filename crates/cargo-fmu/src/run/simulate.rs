@@ -19,8 +19,7 @@ use fmu_master::system::{self, Times};
 use fmu_master::{Interface, LoadedFmus, Master};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_plot::{PlotFormat, panels};
-use fmu_record::numbers::quantity;
-use fmu_record::{Column, Header, Record, TableFormat};
+use fmu_record::{Header, Record, TableFormat};
 use fmu_terms::like;
 
 /// Steps between updates of the progress bar.
@@ -240,10 +239,11 @@ fn summary(name: &str, scenario: &Scenario, record: &Record, taken: Duration) ->
         taken.as_millis()
     );
     let width = record.columns().iter().map(|column| column.name.len()).max().unwrap_or_default();
-    for Column { name, unit, values } in record.columns() {
+    for column in record.columns() {
+        let values = &column.values;
         let [first, last] =
-            [values.first(), values.last()].map(|value| quantity(*value.unwrap_or(&f64::NAN), unit));
-        let _ = writeln!(text, "  {name:width$}  {first} to {last}");
+            [values.first(), values.last()].map(|value| column.text(*value.unwrap_or(&f64::NAN)));
+        let _ = writeln!(text, "  {:width$}  {first} to {last}", column.name);
     }
     text
 }

@@ -18,3 +18,7 @@ field.addEventListener("input", () => {
     count ? `${count} of ${rows.length}` : `None of the ${rows.length} variables matches “${field.value}”.`;
 });
 filter.hidden = false;
+// What a link leads to must not hide under the filter.
+new ResizeObserver(() => {
+  document.documentElement.style.setProperty("--filter", `${filter.offsetHeight}px`);
+}).observe(filter);

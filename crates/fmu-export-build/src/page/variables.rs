@@ -36,6 +36,9 @@ impl Table {
     }
 }
 
+/// A list with more start values is folded away.
+const MOST_STARTS: usize = 12;
+
 /// The tables, in order.
 pub(super) const TABLES: [Table; 7] = [
     Table::new("page-inputs", "Inputs", Causality::Input),
@@ -151,11 +154,9 @@ impl<'m, 'a> Page<'m, 'a> {
             }
             for field in fields {
                 text += &self.row(part, field, &columns);
-                if let [_, width] = field.declaration.sizes[..]
-                    && self.has_start(field)
-                {
-                    let matrix = self.matrix(field, width);
-                    let _ = writeln!(text, "<tr><td colspan=\"{}\">{matrix}</td></tr>", head.len());
+                if self.folds_starts(field) {
+                    let starts = self.folded_starts(field);
+                    let _ = writeln!(text, "<tr><td colspan=\"{}\">{starts}</td></tr>", head.len());
                 }
             }
             text += "</tbody>\n";
@@ -202,12 +203,14 @@ impl<'m, 'a> Page<'m, 'a> {
         text
     }
 
-    /// A text as markup, with superscript exponents in units.
+    /// A text as markup, with superscript exponents in units and breaks in names.
     fn prose(&self, text: &str) -> String {
         let words = text.split(' ').map(|word| {
             let bare = word.trim_matches(['(', ')', ',', ';', ':', '.']);
             if self.unit_names.contains(bare) {
                 word.replace(bare, &unit_markup(bare))
+            } else if bare.contains('_') {
+                breakable(&escape(word))
             } else {
                 escape(word).into_owned()
             }
@@ -249,11 +252,15 @@ impl<'m, 'a> Page<'m, 'a> {
         self.model.scalars[field.positions[0]].start.is_some()
     }
 
-    /// The start values of a scalar or a list, also in the display unit; a matrix has its own table.
+    /// Whether the start values have a row of their own: those of a matrix, and long lists.
+    fn folds_starts(&self, field: &Field<'_>) -> bool {
+        let is_matrix = field.declaration.sizes.len() == 2;
+        self.has_start(field) && (is_matrix || field.positions.len() > MOST_STARTS)
+    }
+
+    /// The start values of a scalar or a short list, also in the display unit.
     fn start(&self, field: &Field<'_>) -> String {
-        if let [_, _] = field.declaration.sizes[..]
-            && self.has_start(field)
-        {
+        if self.folds_starts(field) {
             return "below".to_owned();
         }
         let starts: Vec<_> = self.starts(field).collect();
@@ -268,7 +275,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let starts =
             field.positions.iter().filter_map(|&position| self.model.scalars[position].start.as_ref());
         starts.map(|start| match (start, field.data_type) {
-            (Start::Real(value), _) => number(*value),
+            (Start::Real(value), _) => unbroken(*value),
             (Start::String(text), _) => format!("“{}”", escape(text)),
             (Start::Item(item), DataType::Enumeration(enumeration)) => {
                 format!(
@@ -291,22 +298,28 @@ impl<'m, 'a> Page<'m, 'a> {
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
         // Conversion leaves errors of some 1e-16 that nobody wants to read.
         let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
-        Some(format!("{} {}", number(value), unit_markup(wanted)))
+        Some(format!("{} {}", unbroken(value), unit_markup(wanted)))
     }
 
-    /// A matrix's start values, row by row.
-    fn matrix(&self, field: &Field<'_>, columns: usize) -> String {
+    /// Start values to unfold: a matrix's row by row.
+    fn folded_starts(&self, field: &Field<'_>) -> String {
         let starts: Vec<_> = self.starts(field).collect();
-        let head = lines((1..=columns).map(|column| format!("<th scope=\"col\">{column}</th>")));
-        let rows = lines(starts.chunks(columns).zip(1..).map(|(values, row)| {
-            let cells = values.iter().map(|value| format!("<td>{value}</td>")).collect::<Vec<_>>().concat();
-            format!("<tr><th scope=\"row\">{row}</th>{cells}</tr>")
-        }));
-        format!(
-            "<details><summary>Start values of <code>{}</code></summary><div class=\"wide\"><table class=\"matrix\">\n\
-            <thead><tr><td></td>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div></details>",
-            field.declaration.name
-        )
+        let starts = if let [_, columns] = field.declaration.sizes[..] {
+            let head = lines((1..=columns).map(|column| format!("<th scope=\"col\">{column}</th>")));
+            let rows = lines(starts.chunks(columns).zip(1..).map(|(values, row)| {
+                let cells =
+                    values.iter().map(|value| format!("<td>{value}</td>")).collect::<Vec<_>>().concat();
+                format!("<tr><th scope=\"row\">{row}</th>{cells}</tr>")
+            }));
+            format!(
+                "<div class=\"wide\"><table class=\"matrix\">\n<thead><tr><td></td>{head}</tr></thead>\n<tbody>\n{rows}\n\
+                 </tbody></table></div>"
+            )
+        } else {
+            format!("<p>{}</p>", starts.join(", "))
+        };
+        let name = &field.declaration.name;
+        format!("<details><summary>Start values of <code>{name}</code></summary>{starts}</details>")
     }
 
     /// The inputs and states on which an output depends instantaneously.
@@ -344,9 +357,9 @@ fn code(name: &str) -> String {
 
 fn range(variable: &VariableDeclaration) -> String {
     match (variable.min, variable.max) {
-        (Some(min), Some(max)) => format!("{} … {}", number(min), number(max)),
-        (Some(min), None) => format!("≥ {}", number(min)),
-        (None, Some(max)) => format!("≤ {}", number(max)),
+        (Some(min), Some(max)) => format!("{} … {}", unbroken(min), unbroken(max)),
+        (Some(min), None) => format!("≥ {}", unbroken(min)),
+        (None, Some(max)) => format!("≤ {}", unbroken(max)),
         (None, None) => String::new(),
     }
 }
@@ -354,6 +367,12 @@ fn range(variable: &VariableDeclaration) -> String {
 /// The shortest decimal that reads back as the same double, with an exponent if it saves many zeros.
 pub(super) fn number(value: f64) -> String {
     if value == 0.0 || (1e-4..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// A number's markup; browsers break lines after the hyphen of an exponent.
+fn unbroken(value: f64) -> String {
+    let number = number(value);
+    if number.contains("e-") { format!("<span class=\"number\">{number}</span>") } else { number }
 }
 
 pub(super) fn lines(lines: impl Iterator<Item = String>) -> String {

@@ -338,3 +338,26 @@ fn missing_files_are_refused_by_name() {
     let refusal = refusal("<img src=\"nowhere.svg\" alt=\"nothing\"/>");
     assert!(refusal.starts_with("nowhere.svg: "), "{refusal}");
 }
+
+/// In a column they would be as high as several screens.
+#[test]
+fn the_page_folds_long_lists_of_start_values() {
+    let folder = folder("long list");
+    let file = folder.join("list.json");
+    let page = |size: usize| {
+        let starts: Vec<_> = (0..size).map(|number| format!("{number}e-9")).collect();
+        let starts = starts.join(", ");
+        let declaration = format!(
+            r#"{{"variables": [{{"name": "list", "causality": "parameter", "unit": "m", "dimensions": [{size}], "start": [{starts}]}}, {{"name": "y", "causality": "output", "unit": "m", "reads": ["list"]}}]}}"#
+        );
+        fs::write(&file, declaration).expect("the folder is writable");
+        let generated = generate_into(&file, &folder, &package(), Interfaces::CoSimulation);
+        read(&generated.unwrap_or_else(|error| panic!("{error}")).documentation)
+    };
+    let last = "<span class=\"number\">9e-9</span>";
+    assert!(page(10).contains(&format!("{last}</td>")));
+    let long = page(100);
+    assert!(long.contains("<td class=\"start\">below</td>"));
+    let folded = "<details><summary>Start values of <code>list</code></summary><p>0, <span";
+    assert!(long.contains(folded), "{long}");
+}

@@ -61,6 +61,13 @@
     }
     document.documentElement.dataset.drawn = panels.length;
   };
+  // Paper is narrower than most windows: the rows get the width between the margins of A4 and Letter.
+  const fit = width => {
+    document.querySelectorAll(".row").forEach(row => { row.style.width = width; });
+    panelsOf(document).map(plotOf).forEach(plot => Plotly.relayout(plot, { width: width ? plot.clientWidth : null, autosize: !width }));
+  };
+  addEventListener("beforeprint", () => fit("182mm"));
+  addEventListener("afterprint", () => fit(""));
   showFigures(document);
   night.addEventListener("change", () => draw(panelsOf(document)));
 }

@@ -1,13 +1,16 @@
 //! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which is embedded and draws them when the
 //! page opens; `interactive.js` applies the page's colours and links the axes.
 
-use plotly::common::{DashType, Line as Stroke, LineShape, Marker, Mode, Title};
+use fmu_terms::Linear;
+use plotly::common::{Anchor, DashType, Line as Stroke, LineShape, Marker, Mode, Title};
 use plotly::layout::{
-    Axis as Scale, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType, TicksDirection,
+    Annotation, Axis as Scale, BarMode, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType,
+    TicksDirection, UniformText, UniformTextMode,
 };
 use plotly::{Plot, Scatter, Trace};
+use serde_json::{Value, json};
 
-use super::{Axis, Band, Figure, Line, Marks, Panel, color, escaped};
+use super::{Axis, Band, Figure, Lane, Line, Marks, Panel, STATE, State, color, escaped};
 
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
@@ -19,6 +22,8 @@ const MOST_COLUMNS: usize = 20_000;
 const STEPS: f64 = 1e4;
 /// The frame's distance to the left edge, equal in all panels to align linked axes.
 const LEFT: usize = 64;
+/// The size of a state's text.
+const STATE_FONT: usize = 11;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
 /// The modebar's height.
@@ -50,6 +55,9 @@ impl Figure {
             }
             html += "</div>\n";
         }
+        if !self.note.is_empty() {
+            html += &format!("<p class=\"caption\">{}</p>\n", escaped(&self.note));
+        }
         html
     }
 }
@@ -63,8 +71,10 @@ impl Panel {
             .map_or_else(String::new, |title| format!("<p class=\"title\">{}</p>\n", escaped(title)));
         let entries = self.lines.iter().enumerate().filter_map(|(index, line)| line.entry(index));
         let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
-        let traces: Vec<_> =
-            self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json()).collect();
+        let lines = self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json());
+        let lanes =
+            self.lanes.iter().rev().enumerate().map(|(place, lane)| lane.trace(place as f64).to_string());
+        let traces: Vec<_> = lines.chain(lanes).collect();
         // Escaped so that no `<` ends the script.
         let plot =
             format!("{{\"data\":[{}],\"layout\":{}}}", traces.join(","), self.layout(bottom, has_x_label));
@@ -81,12 +91,26 @@ impl Panel {
         // Along a curve that turns back, one place has several values.
         let ascends = |line: &Line| line.marks != Marks::Dots && line.points.is_sorted_by(|a, b| a.0 <= b.0);
         let hover = if self.lines.iter().all(ascends) { HoverMode::XUnified } else { HoverMode::Closest };
+        let names = self.lanes.iter().rev().enumerate().map(|(place, lane)| {
+            let top = place as f64 + 0.95;
+            let text = Annotation::new().text(escaped(&lane.name)).show_arrow(false);
+            text.x_ref("paper").x(0.0).x_anchor(Anchor::Left).y_ref("y").y(top).y_anchor(Anchor::Top)
+        });
+        let y = self.y.scale(true);
+        let y = if self.lanes.is_empty() {
+            y
+        } else {
+            y.show_tick_labels(false).show_grid(false).fixed_range(true)
+        };
         Layout::new()
+            .annotations(names.collect())
+            .bar_mode(BarMode::Overlay)
+            .uniform_text(UniformText::new().mode(UniformTextMode::Hide).min_size(STATE_FONT))
             .margin(Margin::new().left(LEFT).right(RIGHT).top(TOP).bottom(bottom))
             .show_legend(false)
             .hover_mode(hover)
             .x_axis(self.x.scale(has_x_label))
-            .y_axis(self.y.scale(true))
+            .y_axis(y)
             .shapes(self.bands.iter().map(Band::shape).collect())
             .to_json()
     }
@@ -132,7 +156,8 @@ impl Line {
         let trace = trace.marker(Marker::new().size(5).color(self.color.name()));
         let trace = match &self.source {
             // One text, as the crate has it.
-            Some((name, factor)) => trace.meta(format!("{factor:?} {name}")),
+            Some((name, Linear { factor, offset: 0.0 })) => trace.meta(format!("{factor:?} {name}")),
+            Some((name, Linear { factor, offset })) => trace.meta(format!("{factor:?}{offset:+?} {name}")),
             None => trace,
         };
         match &self.label {
@@ -154,6 +179,25 @@ impl Line {
              var({})\"></span>{label}</label>\n",
             self.color.name()
         ))
+    }
+}
+
+impl Lane {
+    /// The states as bars at a place on the vertical axis, which hide texts that do not fit. The crate's bars have no
+    /// base.
+    fn trace(&self, place: f64) -> Value {
+        let each = |value: fn(&State) -> Value| self.states.iter().map(value).collect::<Vec<_>>();
+        let [base, top] = STATE.map(|height| place + height);
+        json!({
+            "type": "bar", "orientation": "h", "name": escaped(&self.name),
+            "base": each(|state| json!(state.from)), "x": each(|state| json!(state.to - state.from)),
+            "y": self.states.iter().map(|state| if state.is_low { base } else { f64::midpoint(base, top) }).collect::<Vec<_>>(),
+            "width": each(|state| json!(if state.is_low { 0.0 } else { STATE[1] - STATE[0] })),
+            "text": each(|state| json!(escaped(&state.text))), "textposition": "inside", "textangle": 0,
+            "insidetextanchor": "middle", "insidetextfont": { "size": STATE_FONT, "color": color::INK.name() },
+            "marker": { "color": color::LOW.name(), "line": { "color": color::BLUE.name(), "width": 1 } },
+            "hovertemplate": "%{fullData.name} %{text}<br>from %{base} s<extra></extra>",
+        })
     }
 }
 

@@ -10,12 +10,14 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
-use super::{Figure, Line, Marks, Panel, color};
+use super::{Figure, Line, Marks, Panel, STATE, color};
 
 /// The size of a figure, in CSS pixels.
 const WIDTH: u32 = 900;
 const FONT: &str = "sans-serif";
 const FONT_SIZE: u32 = 13;
+/// The size of a state's text.
+const STATE_FONT: u32 = 11;
 /// Tick labels and label of the vertical axis, shared by the frames of a column.
 const LEFT: u32 = 64;
 /// Half the last tick's label.
@@ -27,12 +29,21 @@ const BOTTOM: [u32; 2] = [20, 38];
 /// The length of a line's sample in the legend.
 const SAMPLE: u32 = 26;
 const DASH: u32 = 6;
+const TICK: u32 = 4;
 /// The gap between a line's sample and its label, and at the left edge.
 const GAP: u32 = 10;
 /// PNG pixels per CSS pixel, for dense screens and print.
 const DENSITY: u32 = 2;
+/// SVG units per CSS pixel: plotters draws in whole units, which would be stairs.
+const FINENESS: u32 = 10;
+/// The columns of pixels that lines are thinned to.
+const COLUMNS: usize = 2 * WIDTH as usize;
 /// Beyond this number, an axis's ticks would never be found.
 const GREATEST: f64 = 1e300;
+/// The height of a line of text.
+const LINE: u32 = FONT_SIZE + 6;
+/// The letters in a line of the figure's width.
+const MOST_LETTERS: usize = 120;
 /// The share of a range above and below the curves.
 const ROOM: f64 = 0.06;
 
@@ -43,8 +54,10 @@ impl Figure {
     /// When a finite value exceeds 1e300 in magnitude; the message names panel and line.
     pub fn svg(&self) -> Result<String> {
         let mut text = String::new();
-        self.draw(&SVGBackend::with_string(&mut text, self.size(1)).into_drawing_area(), 1)?;
-        Ok(text)
+        let [size, fine] = [1, FINENESS].map(|density| self.size(density));
+        self.draw(&SVGBackend::with_string(&mut text, fine).into_drawing_area(), FINENESS)?;
+        let of = |(width, height)| format!("<svg width=\"{width}\" height=\"{height}\"");
+        Ok(text.replacen(&of(fine), &of(size), 1))
     }
 
     /// The figure as the bytes of a PNG file, in the colours of light mode, 1800 pixels wide: two for each CSS pixel.
@@ -66,7 +79,20 @@ impl Figure {
     fn size(&self, density: u32) -> (u32, u32) {
         let heights = (0..self.rows.len()).map(|row| self.row_height(row));
         let title = if self.title.is_empty() { 0 } else { TITLE };
-        (density * WIDTH, density * (TOP + title + heights.sum::<u32>()))
+        let note = LINE * u32::try_from(self.note_lines().len()).unwrap_or(u32::MAX / LINE / DENSITY);
+        (density * WIDTH, density * (TOP + title + heights.sum::<u32>() + note))
+    }
+
+    /// The note, whose lines break after commas.
+    fn note_lines(&self) -> Vec<String> {
+        let mut lines: Vec<String> = vec![];
+        for part in self.note.split_inclusive(", ") {
+            match lines.last_mut() {
+                Some(line) if line.len() + part.len() <= MOST_LETTERS => *line += part,
+                _ => lines.push(part.to_owned()),
+            }
+        }
+        lines
     }
 
     fn row_height(&self, row: usize) -> u32 {
@@ -112,6 +138,14 @@ impl Figure {
                 panel.draw_legend(&legend, density)?;
             }
         }
+        let (note, faint) = (text(FONT_SIZE, density), rgb(color::FAINT));
+        for (line, place) in self.note_lines().iter().zip(0_u32..) {
+            rest.draw_text(
+                line,
+                &note.color(&faint),
+                ((density * GAP).cast_signed(), (density * LINE * place).cast_signed()),
+            )?;
+        }
         area.present()
     }
 }
@@ -154,15 +188,40 @@ impl Panel {
             chart.draw_series([Rectangle::new(corners, rgb(color::SHADE).filled())])?;
         }
         let mut mesh = chart.configure_mesh();
-        mesh.axis_style(rgb(color::FAINT)).bold_line_style(rgb(color::RULE)).light_line_style(TRANSPARENT);
+        let thin = |color| rgb(color).stroke_width(density);
+        mesh.axis_style(thin(color::FAINT)).bold_line_style(thin(color::RULE)).light_line_style(TRANSPARENT);
+        mesh.set_all_tick_mark_size(density * TICK);
         mesh.label_style(text(FONT_SIZE, density)).y_desc(&self.y.label);
         mesh.x_label_formatter(&|value| number(*value)).y_label_formatter(&|value| number(*value));
         mesh.y_labels(if self.height < 130 { 4 } else { 6 });
+        if !self.lanes.is_empty() {
+            mesh.y_labels(0).disable_y_mesh();
+        }
         if has_x_label {
             mesh.x_desc(&self.x.label);
         }
         mesh.draw()?;
-        for (line, points) in self.thinned_lines((WIDTH * density) as usize) {
+        for (lane, place) in self.lanes.iter().rev().zip(0_u32..) {
+            let place = f64::from(place);
+            let [base, top] = STATE.map(|height| place + height);
+            let name = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Top));
+            chart.draw_series([Text::new(format!(" {}", lane.name), (x.0, place + 0.95), name)])?;
+            for state in &lane.states {
+                let top = if state.is_low { base } else { top };
+                let corners = [(state.from, base), (state.to, top)];
+                let outline = [corners[0], (state.from, top), corners[1], (state.to, base), corners[0]];
+                chart.draw_series([Rectangle::new(corners, rgb(color::LOW).filled())])?;
+                chart.draw_series([PathElement::new(outline, thin(color::BLUE))])?;
+                let font = text(STATE_FONT, density).pos(Pos::new(HPos::Center, VPos::Center));
+                let width = area.estimate_text_size(&state.text, &font)?.0 + density * GAP;
+                let [from, to] = [state.from, state.to].map(|time| chart.backend_coord(&(time, base)).0);
+                if !state.is_low && from.abs_diff(to) > width {
+                    let middle = (f64::midpoint(state.from, state.to), f64::midpoint(base, top));
+                    chart.draw_series([Text::new(state.text.clone(), middle, font)])?;
+                }
+            }
+        }
+        for (line, points) in self.thinned_lines(COLUMNS) {
             let style = line.style(density);
             let is_inside = |point: &(f64, f64)| (x.0..=x.1).contains(&point.0);
             let points: Vec<_> = points.into_iter().filter(is_inside).collect();
@@ -177,7 +236,7 @@ impl Panel {
                 if line.is_dashed {
                     let dash = DASH * density;
                     chart.draw_series(DashedLineSeries::new(part, dash, dash / 2, style))?;
-                } else if density == 1 {
+                } else if density != DENSITY {
                     chart.draw_series(LineSeries::new(part, style))?;
                 } else {
                     // At a spike the joint of two segments would be longer than the spike.
@@ -195,7 +254,7 @@ impl Panel {
         area: &DrawingArea<B, Shift>,
         density: u32,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let [sample, gap, row] = [SAMPLE, GAP, FONT_SIZE + 6].map(|size| (density * size).cast_signed());
+        let [sample, gap, row] = [SAMPLE, GAP, LINE].map(|size| (density * size).cast_signed());
         let mut middle = (density * TOP).cast_signed() + row / 2;
         for line in &self.lines {
             let Some(label) = &line.label else { continue };

@@ -1,6 +1,8 @@
 //! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
 //! results.parquet.
 
+use std::cmp::Ordering;
+
 use super::outcome::Outcome;
 use super::{Loaded, written};
 use fmu_package::Value;
@@ -76,34 +78,92 @@ fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> [Cell;
     [name.into(), cell(found.first()), cell(found.get(found.len() / 2)), cell(found.last()), undefined]
 }
 
-/// A measure over each numeric parameter.
+/// A measure over each numeric parameter. Of two parameters, the other one's values have colours.
 fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) -> Figure {
     let study = loaded.study();
     let size =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
     let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
     let (unit, factor) = shown(unit, most);
+    let y_label = labelled(&study.measures[measure].name, &unit);
     let mut panels = vec![];
     for (index, parameter) in study.parameters.iter().enumerate() {
-        let points = outcomes.iter().filter_map(|outcome| {
-            let value = study.points[outcome.run][index].as_ref().and_then(Value::number)?;
-            Some((value, outcome.measures[measure]?))
-        });
-        let (x, y): (Vec<_>, Vec<_>) = points.unzip();
-        if x.is_empty() {
+        let value = |outcome: &Outcome| study.points[outcome.run][index].as_ref().and_then(Value::number);
+        let drawn = outcomes.iter().filter(|outcome| outcome.measures[measure].is_some());
+        let drawn: Vec<_> = drawn.filter(|outcome| value(outcome).is_some()).collect();
+        if drawn.is_empty() {
             continue;
         }
-        let x_unit = &loaded.variables[index].unit;
-        let (x_unit, x_factor) = shown(x_unit, size(&mut x.iter().copied()));
-        let x: Vec<_> = x.into_iter().map(|value| x_factor * value).collect();
-        let label = match x_unit.as_str() {
-            "" => parameter.name.clone(),
-            unit => format!("{} ({unit})", parameter.name),
+        let most = size(&mut drawn.iter().filter_map(|outcome| value(outcome)));
+        let (x_unit, x_factor) = shown(&loaded.variables[index].unit, most);
+        let panel = Panel::new(&labelled(&parameter.name, &x_unit), &y_label);
+        let (panel, groups) = match study.parameters.len() {
+            2 => {
+                let other = 1 - index;
+                let title = format!("by {}", study.parameters[other].name);
+                (panel.title(&title), groups(loaded, &drawn, other))
+            }
+            _ => (panel, vec![(None, drawn)]),
         };
-        let dots = Line::new(&x, y.into_iter().map(|value| factor * value)).color(color::BLUE).dots();
-        panels.push(Panel::new(&label, &unit).line(dots));
+        let lines = groups.into_iter().zip(color::CYCLE).map(|((label, group), color)| {
+            let points = group.into_iter().filter_map(|outcome| {
+                Some((x_factor * value(outcome)?, factor * outcome.measures[measure]?))
+            });
+            let mut points: Vec<_> = points.collect();
+            points.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let is_function = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            let (x, y): (Vec<_>, Vec<_>) = points.into_iter().unzip();
+            let line = Line::new(&x, y).color(color);
+            match label {
+                Some((label, true)) if is_function => line.label(&label).markers(),
+                Some((label, _)) => line.label(&label).dots(),
+                None => line.dots(),
+            }
+        });
+        panels.push(lines.fold(panel, Panel::line));
     }
     panels.chunks(MOST_IN_ROW).fold(Figure::new(), |figure, row| figure.row(row.iter().cloned()))
+}
+
+/// A group's name, and whether it is of one value.
+type GroupLabel = Option<(String, bool)>;
+
+/// The runs by a parameter's values, or in thirds if there are more than colours.
+fn groups<'a>(
+    loaded: &Loaded,
+    drawn: &[&'a Outcome],
+    parameter: usize,
+) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
+    let study = loaded.study();
+    let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
+    let numbers = drawn.iter().filter_map(|outcome| value(outcome).and_then(Value::number));
+    let most = numbers.fold(0.0, |most: f64, value| most.max(value.abs()));
+    let (unit, factor) = shown(&loaded.variables[parameter].unit, most);
+    let name = |outcome: &Outcome| match value(outcome) {
+        None => "default".to_owned(),
+        Some(value) => match value.number() {
+            Some(value) => format!("{} {unit}", number(factor * value)).trim_end().to_owned(),
+            None => written(value),
+        },
+    };
+    let mut sorted = drawn.to_vec();
+    sorted.sort_by(|one, other| {
+        let [one, other] =
+            [one, other].map(|outcome| (value(outcome).and_then(Value::number), name(outcome)));
+        one.0.partial_cmp(&other.0).unwrap_or(Ordering::Equal).then(one.1.cmp(&other.1))
+    });
+    let by_value: Vec<_> = sorted.chunk_by(|one, other| name(one) == name(other)).collect();
+    if by_value.len() <= color::CYCLE.len() {
+        let groups = by_value.into_iter();
+        return groups.map(|group| (Some((name(group[0]), true)), group.to_vec())).collect();
+    }
+    let thirds = sorted.chunks(sorted.len().div_ceil(3));
+    let range = |group: &[&Outcome]| format!("{} to {}", name(group[0]), name(group[group.len() - 1]));
+    thirds.map(|group| (Some((range(group), false)), group.to_vec())).collect()
+}
+
+fn labelled(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
 }
 
 /// A summary of a parameter's values.
