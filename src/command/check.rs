@@ -3,19 +3,24 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use boost_interface::{Compatibility, NameMap, Role};
+use boost_interface::{Compatibility, Interface, NameMap, Role};
 use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::FmuDescription;
 
 /// Prints how an FMU fits, and optionally writes a map to edit. Returns whether it fits.
-pub fn run(path: &Path, role: Role, map: Option<&Path>, write_map: Option<&Path>) -> Result<bool> {
+pub fn run(
+    interface: &Interface,
+    path: &Path,
+    role: Role,
+    map: Option<&Path>,
+    write_map: Option<&Path>,
+) -> Result<bool> {
     let description = FmuDescription::read(path)?;
     let file = map;
-    let interface = super::interface()?;
-    let map = file.map(|file| NameMap::read(&interface, file)).transpose()?;
+    let map = file.map(|file| NameMap::read(interface, file)).transpose()?;
     // Only the map can be at fault.
-    let compatibility = Compatibility::new(&interface, role, &description, map.as_ref())
+    let compatibility = Compatibility::new(interface, role, &description, map.as_ref())
         .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
     print(&compatibility.to_string())?;
     if let Some(file) = write_map {

@@ -4,16 +4,15 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use boost_interface::Role;
+use boost_interface::{Interface, Role};
 use cargo_fmu::Export;
 use fmu_package::FmuDescription;
 
 use super::ssp::{self, SYSTEM};
 
 /// Exports models; the packages bind the parameter sets.
-pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
+pub fn run(interface: &Interface, export: Export, parameters: &[PathBuf]) -> Result<()> {
     let plan = export.plan()?;
-    let interface = super::interface()?;
     let members = [Role::Plant, Role::Controller].map(|role| interface.model_identifier(role));
     if !parameters.is_empty() && !members.iter().all(|member| plan.models().any(|model| model == *member)) {
         bail!("parameter sets are bound in the system of {}; export both", members.join(" and "));
@@ -27,7 +26,7 @@ pub fn run(export: Export, parameters: &[PathBuf]) -> Result<()> {
             Ok(written.contains(fmu) && FmuDescription::read(fmu)?.co_simulation_identifier().is_some())
         };
         if is_member(&plant)? && is_member(&controller)? {
-            ssp::run(&plant, &controller, &[], parameters, Some(&package))?;
+            ssp::run(interface, &plant, &controller, &[], parameters, Some(&package))?;
             is_bound = true;
         }
     }

@@ -79,24 +79,21 @@ enum Command {
     },
 }
 
-/// The interface of this repository's FMUs.
-fn interface() -> Result<Interface> {
-    let [plant, controller] = boost_fmu::DESCRIPTIONS;
-    Ok(Interface::new(plant, controller)?)
-}
-
 /// Runs the command. Returns false when `check` finds that an FMU does not fit.
 pub fn run() -> Result<bool> {
-    match Arguments::parse().command {
-        Command::Export { export, parameters } => export::run(export, &parameters).map(|()| true),
+    let arguments = Arguments::parse();
+    let [plant, controller] = boost_fmu::DESCRIPTIONS;
+    let interface = &Interface::new(plant, controller)?;
+    match arguments.command {
+        Command::Export { export, parameters } => export::run(interface, export, &parameters).map(|()| true),
         Command::Merge(merge) => merge.run().map(|()| true),
         Command::Info(info) => info.run().map(|()| true),
         Command::Parameters(parameters) => parameters.run().map(|()| true),
         Command::Check { file, role, map, write_map } => {
-            check::run(&file, role, map.as_deref(), write_map.as_deref())
+            check::run(interface, &file, role, map.as_deref(), write_map.as_deref())
         }
         Command::Ssp { plant, controller, map, parameters, out } => {
-            ssp::run(&plant, &controller, &map, &parameters, out.as_deref()).map(|()| true)
+            ssp::run(interface, &plant, &controller, &map, &parameters, out.as_deref()).map(|()| true)
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use boost_interface::{Compatibility, NameMap, Role};
+use boost_interface::{Compatibility, Interface, NameMap, Role};
 use fmu_io::{reading, writing};
 use fmu_package::{FmuDescription, ParameterSet, SystemPackage};
 
@@ -14,6 +14,7 @@ pub const SYSTEM: &str = "Boost";
 
 /// Writes the package of two FMUs.
 pub fn run(
+    interface: &Interface,
     plant: &Path,
     controller: &Path,
     maps: &[PathBuf],
@@ -24,19 +25,18 @@ pub fn run(
     let fmus = [plant, controller].map(Path::to_path_buf);
     let inputs = [&fmus, maps, parameter_files].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
-    let interface = super::interface()?;
     let maps: Vec<_> = maps
         .iter()
-        .map(|path| Ok((path.display(), NameMap::read(&interface, path)?)))
+        .map(|path| Ok((path.display(), NameMap::read(interface, path)?)))
         .collect::<Result<_>>()?;
     let compatibility = |role: Role, description| {
         let mut matching = maps.iter().filter(|(_, map)| map.role == role);
         match (matching.next(), matching.next()) {
             (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
             (Some((file, map)), None) => {
-                Compatibility::new(&interface, role, description, Some(map)).with_context(|| file.to_string())
+                Compatibility::new(interface, role, description, Some(map)).with_context(|| file.to_string())
             }
-            (None, _) => Compatibility::new(&interface, role, description, None),
+            (None, _) => Compatibility::new(interface, role, description, None),
         }
     };
     let plant_description = FmuDescription::read(plant)?;

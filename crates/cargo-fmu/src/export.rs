@@ -21,8 +21,9 @@ use fmu_terms::{Interfaces, Version};
 pub use self::packing::say;
 pub use self::plan::Plan;
 use super::metadata::{Metadata, Package};
+use super::sources;
+use super::target::of_platform;
 use super::target::{Build, Made, PROFILE, Target, WebAssembly};
-use super::{of_platform, sources};
 
 /// Compile the models of this workspace and write their .fmu files
 #[derive(Args, Debug, Default)]

@@ -22,13 +22,12 @@ mod validate;
 
 use std::env;
 use std::path::PathBuf;
-use std::process::{self, ExitCode};
+use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use clap::{CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_io::{temporary, terminal};
-use fmu_package::Platform;
 
 pub use export::{Export, Plan, say};
 pub use info::Info;
@@ -189,15 +188,4 @@ pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
             FAILED.into()
         }
     }
-}
-
-/// The cargo that runs this command, or the one on the path.
-fn cargo() -> process::Command {
-    process::Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-}
-
-/// Reads an argument for a platform: its folder, `=`, and the value.
-fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
-    let (folder, value) = text.split_once('=').context("it contains no '='")?;
-    Ok((folder.parse()?, value.to_owned().into()))
 }

@@ -13,9 +13,9 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 
-use super::cargo;
 use super::compile::Compiled;
 use super::metadata::Package;
+use super::metadata::cargo;
 use super::target::Build;
 
 /// The folder of the licenses in the archive.

@@ -11,7 +11,7 @@ use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::{Merged, Part, Platform, archive};
 
-use super::of_platform;
+use super::target::of_platform;
 
 /// Merge FMUs of one model, built for different platforms, into one
 #[derive(Args, Debug)]

@@ -1,11 +1,11 @@
 //! What cargo tells of a workspace and of a build, as JSON (the Cargo Book, "cargo metadata" and "External tools").
 
+use std::env;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 use serde::Deserialize;
-
-use super::cargo;
 
 /// A workspace.
 #[derive(Debug, Deserialize)]
@@ -87,4 +87,9 @@ impl Message {
     pub fn read(line: &str) -> Result<Self> {
         serde_json::from_str(line).context("cannot read cargo's messages")
     }
+}
+
+/// The cargo that runs this command, or the one on the path.
+pub fn cargo() -> Command {
+    Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use fmu_io::terminal::print;
 use fmu_package::is_identifier;
 
-use super::cargo;
+use super::metadata::cargo;
 
 /// Create a package with a model that exports immediately
 #[derive(Args, Debug)]

@@ -11,7 +11,8 @@ use std::str::FromStr;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use fmu_package::Platform;
 
-use super::{cargo, new};
+use super::metadata::cargo;
+use super::new;
 
 /// The profile of the libraries. If the workspace's manifest does not define it, it is the release profile.
 pub const PROFILE: &str = "fmu-library";
@@ -378,4 +379,10 @@ fn is_installed(program: impl AsRef<OsStr>) -> Result<bool> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error).with_context(|| format!("cannot run {}", program.display())),
     }
+}
+
+/// Reads an argument for a platform: its folder, `=`, and the value.
+pub fn of_platform<Value: From<String>>(text: &str) -> Result<(Platform, Value)> {
+    let (folder, value) = text.split_once('=').context("it contains no '='")?;
+    Ok((folder.parse()?, value.to_owned().into()))
 }
