@@ -146,14 +146,19 @@ def values(reproduction: Path) -> dict[int, dict[str, float]]:
     }
 
 
-def test_every_claim_of_the_paper_holds(reproduction: Path) -> None:
+DIFFERENCES = {"torque_gained_open_above_2000_rpm", "paper_structure_overshoot_down"}
+"""The claims of the paper that are known not to be reproduced."""
+
+
+def test_every_other_claim_of_the_paper_holds(reproduction: Path) -> None:
     report = json.loads((reproduction / "report.json").read_text())
-    assert report["all_claims_hold"] is True
+    assert report["all_claims_hold"] is False
     assert [figure["figure"] for figure in report["figures"]] == [1, 6, 7, 8, 9, 10, 11, 12, 13, 14]
     for figure in report["figures"]:
         assert figure["claims"]
         for claim in figure["claims"]:
-            assert claim["holds"] is True
+            differs = claim["name"] in DIFFERENCES
+            assert (claim["holds"], claim["known_difference"] is not None) == (not differs, differs)
             # Each can fail, and has the origin of its number.
             assert claim["least"] is not None or claim["most"] is not None
             assert claim["how"]
@@ -237,7 +242,7 @@ def test_a_failed_claim_sets_the_exit_status(
     copy_with(exported / "BoostPlant.fmu", fmus / "BoostPlant.fmu", pattern, rf'\g<1>"{other}"')
     done = lab("reproduce", "1", "--fmus", fmus, "--out", tmp_path)
     assert done.returncode == 1, done.stderr
-    assert done.stdout.count("FAILS") == 1
+    assert done.stdout.count("  fails    ") == 1
     assert "\n1 of 2 claims hold\n" in done.stdout
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["all_claims_hold"] is False
@@ -260,11 +265,11 @@ def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
         None,
     )
     for expected in [
-        f"  holds  actuator_pressure_change     {change['value']:.0f} Pa "
+        f"  holds    actuator_pressure_change          {change['value']:.0f} Pa "
         "(accepted: 2450 to 2550; paper: 2500)\n",
-        f"  holds  overshoot_up                 {overshoot['value']:.0f} Pa "
+        f"  holds    overshoot_up                      {overshoot['value']:.0f} Pa "
         "(accepted: at most 5000; paper: 5000)\n",
-        f"\n{len(claims)} of {len(claims)} claims hold\n",
+        f"\n{len(claims) - 1} of {len(claims)} claims hold; 1 differs for a known reason\n",
     ]:
         assert expected in done.stdout
     # Nothing has more digits than mean something.

@@ -14,7 +14,7 @@ const STYLE: &str = "
 @media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
 body, figure { max-width: none; } table { max-width: 90rem; }
 td.number { font-variant-numeric: tabular-nums; } .caption { max-width: none; color: var(--faint); font-size: .9rem; }
-.holds, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
+.holds, .differs, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
 details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow-x: auto; }
 @media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }
 ";

@@ -70,7 +70,7 @@ function fullLoad(run) {
   const read = name => ends.map(end => at(run, name, end));
   const [torques, pressures] = [read("engine_torque"), read("exhaust_manifold_pressure")];
   const near = (values, speed) => values[speeds.indexOf(speed)];
-  return { torques, torque: speed => near(torques, speed), pressure: speed => near(pressures, speed), best: speeds[torques.lastIndexOf(greatest(torques))] };
+  return { speeds, torques, torque: speed => near(torques, speed), pressure: speed => near(pressures, speed), best: speeds[torques.lastIndexOf(greatest(torques))] };
 }
 
 // The largest error of boost pressure after the start.
@@ -177,6 +177,9 @@ const MEASURES = {
       torque_gained: shut.torque(1500) - open.torque(1500),
       torque_lost_at_2000_rpm: greatest(shut.torques) - shut.torque(2000),
       back_pressure_at_2000_rpm: 1e-3 * shut.pressure(2000),
+      torque_gained_open_above_2000_rpm: least(
+        shut.torques.flatMap((torque, index) => (shut.speeds[index] > 2000 ? [100 * (open.torques[index] / torque - 1)] : [])),
+      ),
     };
   },
 
@@ -198,7 +201,7 @@ const MEASURES = {
     return {
       overshoot_up: found.up, overshoot_down: found.down, rise_time: found.rise, end_error: found.end,
       least_duty: least(run.columns.get("hp_wastegate_pwm")),
-      paper_structure_overshoot_up: papers.up,
+      paper_structure_overshoot_up: papers.up, paper_structure_overshoot_down: papers.down,
     };
   },
 

@@ -193,5 +193,6 @@ fn claim_json(claim: &Claim) -> Json {
     json!({
         "name": claim.name, "paper": claim.paper, "inPaper": claim.in_paper(), "found": claim.found(), "asked": claim.asked(),
         "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis.name(),
+        "knownDifference": claim.known_difference,
     })
 }

@@ -159,28 +159,31 @@ async function finish() {
 }
 
 function showResults(experiment, measures) {
-  let holding = 0;
+  const count = { holds: 0, differs: 0, fails: 0 };
   const rows = experiment.claims.map(claim => {
     const value = measures[claim.name];
     const holds = value >= (claim.least ?? -Infinity) && value <= (claim.most ?? Infinity);
-    holding += holds;
+    const verdict = holds ? "holds" : claim.knownDifference ? "differs" : "fails";
+    count[verdict]++;
     const cell = (label, text) => {
       const made = make("td", { className: "number", textContent: text ?? "" });
       made.dataset.label = label;
       return made;
     };
-    const verdict = make("td", {}, make("span", { className: holds ? "holds" : "fails", textContent: holds ? "holds" : "fails" }));
+    const known = claim.knownDifference ? ` Known difference: ${claim.knownDifference}.` : "";
     const row = make(
-      "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}` })),
+      "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}${known}` })),
       cell("paper", claim.inPaper && inUnit(claim.inPaper, claim.unit)), cell("here", inUnit(number(claim.factor * value), claim.unit)),
-      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)), verdict,
+      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)),
+      make("td", {}, make("span", { className: verdict, textContent: verdict })),
     );
     row.dataset.claim = claim.name;
     return row;
   });
   const head = ["Claim", "Paper", "Here", "Laboratory", "Accepted", ""].map(text => make("th", { textContent: text }));
   const table = make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
-  const title = `Fig. ${experiment.number}: ${holding} of ${rows.length} claims hold.`;
+  const known = count.differs ? `; ${count.differs} ${count.differs === 1 ? "differs for a known reason" : "differ for known reasons"}` : "";
+  const title = `Fig. ${experiment.number}: ${count.holds} of ${rows.length} claims hold${known}.`;
   element("results").replaceChildren(make("h3", { textContent: title }), table);
   say(`${title} Save CSV saves each run; Reset returns to the loop.`);
 }

@@ -44,6 +44,14 @@ function heightOf(values) {
   return { "yaxis.range": [middle - half, middle + half] };
 }
 
+// The variable of a line of the template, and what is shown of its values: `0.001 name`, or with an offset
+// `1.0-273.15 name`.
+function source(meta) {
+  const [, text, shift, name] = meta.match(/^(-?[\d.]+(?:e-?\d+)?)([+-][\d.]+(?:e-?\d+)?)? (.*)$/);
+  const [factor, offset] = [Number(text), Number(shift ?? 0)];
+  return { name, shown: value => factor * value + offset };
+}
+
 // Two times at which the plots show values and their difference.
 class Cursors {
   constructor(group) {
@@ -71,13 +79,13 @@ class Cursors {
   }
 
   // A line's values, in a unit.
-  read(time, values, factor, unit) {
+  read(time, values, shown, unit) {
     const text = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: false }).replace("-", "−");
-    const found = this.times.map(placed => placed >= time[0] ? factor * values[time.findLastIndex(instant => instant <= placed)] : undefined);
+    const found = this.times.map(placed => placed >= time[0] ? shown(values[time.findLastIndex(instant => instant <= placed)]) : undefined);
     const parts = found.map((value, index) => (value === undefined ? "" : `${"AB"[index]}\u00a0${text(value, DIGITS[0])}`));
     if (!found.includes(undefined)) parts.push(`Δ\u00a0${text(found[1] - found[0], DIGITS[1])}`);
-    const shown = parts.filter(Boolean).join(", ");
-    return shown && (unit ? `${shown}\u00a0${UNITS[unit] ?? unit}` : shown);
+    const joined = parts.filter(Boolean).join(", ");
+    return joined && (unit ? `${joined}\u00a0${UNITS[unit] ?? unit}` : joined);
   }
 
   showDifference() {
@@ -110,8 +118,7 @@ class Plots {
         this.urgent = plot;
         this.cursors.place(x);
       });
-      // The sources of the lines, from the template.
-      plot.sources = plot.data.map(({ meta }) => ({ factor: parseFloat(meta), name: meta.slice(meta.indexOf(" ") + 1) }));
+      plot.sources = plot.data.map(({ meta }) => source(meta));
     }
     this.read();
   }
@@ -160,9 +167,9 @@ class Plots {
     for (const plot of this.panels) {
       const unit = plot.layout.yaxis.title?.text ?? "";
       for (const box of plot.parentElement.querySelectorAll(".legend input")) {
-        const { name, factor } = plot.sources[box.value];
+        const { name, shown } = plot.sources[box.value];
         const output = box.parentElement.querySelector("output") ?? box.parentElement.appendChild(document.createElement("output"));
-        output.textContent = this.cursors.read(this.run.time, this.run.columns.get(name), factor, unit);
+        output.textContent = this.cursors.read(this.run.time, this.run.columns.get(name), shown, unit);
       }
     }
     this.changed();
@@ -190,14 +197,14 @@ class Plots {
     this.rests = 2 * performance.now() - begun;
   }
 
-  // A panel's lines, each x, y and the factor to it.
+  // A panel's lines, each x, y and the function to what is shown of it.
   linesOf(plot) {
     if (this.lines) return this.lines().slice(plot.first, plot.first + plot.data.length);
-    const shown = [this.run, this.held].filter(Boolean);
+    const runs = [this.run, this.held].filter(Boolean);
     return plot.data.map((_, index) => {
-      const { name, factor } = plot.sources[index];
-      const { time, columns } = shown[Math.floor(index * shown.length / plot.data.length)];
-      return [time, columns.get(name), factor];
+      const { name, shown } = plot.sources[index];
+      const { time, columns } = runs[Math.floor(index * runs.length / plot.data.length)];
+      return [time, columns.get(name), shown];
     });
   }
 
@@ -207,10 +214,10 @@ class Plots {
     const [from, to] = this.lines ? [-Infinity, Infinity] : this.zoom ?? this.range();
     const margin = this.zoom ? to - from : 0;
     const [x, y] = [[], []];
-    for (const [places, values, factor = 1] of this.linesOf(plot)) {
+    for (const [places, values, shown = value => value] of this.linesOf(plot)) {
       const rows = rowsToDraw(places, values, from - margin, to + margin);
       x.push(rows.map(row => places[row]));
-      y.push(rows.map(row => factor * values[row]));
+      y.push(rows.map(row => shown(values[row])));
     }
     Plotly.update(plot, { x, y }, {
       ...(this.lines ? {} : { shapes: this.cursors.lines() }),

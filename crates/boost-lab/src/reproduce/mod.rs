@@ -106,6 +106,39 @@ pub struct Claim {
     pub basis: Basis,
     /// How the result is computed, and the reason for the range.
     pub how: &'static str,
+    /// Why the FMUs are known to differ from the paper, if they are.
+    pub known_difference: Option<&'static str>,
+}
+
+/// Whether the FMUs agree with a claim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    Holds,
+    /// A known difference.
+    Differs,
+    Fails,
+}
+
+impl Verdict {
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Differs => "differs",
+            Self::Fails => "fails",
+        }
+    }
+}
+
+/// How many claims hold, such as `36 of 38 claims hold; 2 differ for known reasons`, and whether none fails.
+pub fn count<'a>(claims: impl Iterator<Item = &'a Claim> + Clone) -> (String, bool) {
+    let of = |verdict| claims.clone().filter(|claim| claim.verdict() == verdict).count();
+    let (all, holding) = (claims.clone().count(), of(Verdict::Holds));
+    let known = match of(Verdict::Differs) {
+        0 => String::new(),
+        1 => "; 1 differs for a known reason".to_owned(),
+        differing => format!("; {differing} differ for known reasons"),
+    };
+    (format!("{holding} of {all} claims hold{known}"), of(Verdict::Fails) == 0)
 }
 
 /// Where a result comes from.
@@ -133,7 +166,18 @@ impl Claim {
             Bound::Unbounded => None,
         };
         let (least, most) = (limit(accepted.start_bound()), limit(accepted.end_bound()));
-        Self { name, paper: "", paper_value: None, value, unit, least, most, basis, how: "" }
+        Self {
+            name,
+            paper: "",
+            paper_value: None,
+            value,
+            unit,
+            least,
+            most,
+            basis,
+            how: "",
+            known_difference: None,
+        }
     }
 
     /// Parameters were calibrated to the result.
@@ -178,10 +222,19 @@ impl Claim {
         Self { how, ..self }
     }
 
-    pub fn holds(&self) -> bool {
-        // False for NaN.
-        self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
-            && self.value <= self.most.unwrap_or(f64::INFINITY)
+    fn differs(self, reason: &'static str) -> Self {
+        Self { known_difference: Some(reason), ..self }
+    }
+
+    pub fn verdict(&self) -> Verdict {
+        // Not for NaN.
+        let holds = self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
+            && self.value <= self.most.unwrap_or(f64::INFINITY);
+        match (holds, self.known_difference) {
+            (true, _) => Verdict::Holds,
+            (false, Some(_)) => Verdict::Differs,
+            (false, None) => Verdict::Fails,
+        }
     }
 
     /// The FMUs' result with its unit.

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::{Claim, Drawing, Reproduced};
+use super::{Claim, Drawing, Reproduced, Verdict, count};
 use fmu_plot::{Cell, Report, Table, escaped};
 
 const TITLE: &str =
@@ -39,7 +39,7 @@ struct JsonClaim<'a> {
 }
 
 pub fn json(figures: &[Reproduced]) -> Result<String> {
-    let claims = |claims: &'_ [Claim]| claims.iter().all(Claim::holds);
+    let claims = |claims: &'_ [Claim]| claims.iter().all(|claim| claim.verdict() == Verdict::Holds);
     let report = ReproductionReport {
         all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
         figures: figures
@@ -50,7 +50,7 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
                 claims: evidence
                     .claims
                     .iter()
-                    .map(|claim| JsonClaim { holds: claim.holds(), claim })
+                    .map(|claim| JsonClaim { holds: claim.verdict() == Verdict::Holds, claim })
                     .collect(),
                 notes: &evidence.notes,
             })
@@ -60,8 +60,7 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
 }
 
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
-    let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
-    let (all, holding) = (claims().count(), claims().filter(|claim| claim.holds()).count());
+    let (counted, none_fails) = count(figures.iter().flat_map(|figure| &figure.evidence.claims));
     let mut report = Report::new(TITLE);
     report.paragraph(&format!(
         "The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control with \
@@ -74,7 +73,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
          parameters were chosen to match, a <em>prediction</em> follows from parameters chosen for other reasons, and \
          a <em>construction</em> follows from the controller's structure.</p>\n",
     );
-    report.verdict(&format!("{holding} of {all} claims hold."), holding == all);
+    report.verdict(&format!("{counted}."), none_fails);
     for figure in figures {
         section(&mut report, figure);
     }
@@ -96,15 +95,18 @@ fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: 
     for claim in &evidence.claims {
         table.row([
             Cell::html(&format!(
-                "{}<div class=\"how\">{}: {}</div>",
+                "{}<div class=\"how\">{}: {}{}</div>",
                 escaped(claim.paper),
                 capitalized(claim.basis.name()),
-                escaped(claim.how)
+                escaped(claim.how),
+                claim
+                    .known_difference
+                    .map_or_else(String::new, |reason| format!(" Known difference: {}.", escaped(reason)))
             )),
             Cell::number(&claim.in_paper().unwrap_or_default()),
             Cell::number(&claim.found()),
             Cell::number(&claim.asked()),
-            Cell::verdict("", claim.holds()),
+            Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict().word())),
         ]);
     }
     report.table(&table);

@@ -298,6 +298,13 @@ fn set(
             continue;
         };
         let value = location.locate(value(variable, text).and_then(|value| {
+            if let Some(meant) = value.meant_unit(variable, fmu.description()) {
+                let FmuVariable { name, start, unit, .. } = variable;
+                complain(&format!(
+                    "note: {name} = {text} {unit} is far from its start value, {start} {unit}; in {meant}: --set \"{name}={text} \
+                     {meant}\""
+                ));
+            }
             let fitted = value.fit(variable, &[], fmu.description())?;
             fitted.check_range(variable)?;
             Ok(fitted)
