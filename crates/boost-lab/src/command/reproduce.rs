@@ -37,7 +37,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
     }
     let html = html(&reproduced, &laboratory.fmus());
     super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
-    let (counted, none_fails) = count(reproduced.iter().flat_map(|figure| &figure.evidence.claims));
+    let (counted, none_fails) = count(&reproduced);
     print(&format!("{counted}\n"))?;
     Ok(none_fails)
 }

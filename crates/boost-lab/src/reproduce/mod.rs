@@ -130,9 +130,10 @@ impl Verdict {
 }
 
 /// How many claims hold, such as `36 of 38 claims hold; 2 differ for known reasons`, and whether none fails.
-pub fn count<'a>(claims: impl Iterator<Item = &'a Claim> + Clone) -> (String, bool) {
-    let of = |verdict| claims.clone().filter(|claim| claim.verdict() == verdict).count();
-    let (all, holding) = (claims.clone().count(), of(Verdict::Holds));
+pub fn count(figures: &[Reproduced]) -> (String, bool) {
+    let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
+    let of = |verdict| claims().filter(|claim| claim.verdict() == verdict).count();
+    let (all, holding) = (claims().count(), of(Verdict::Holds));
     let known = match of(Verdict::Differs) {
         0 => String::new(),
         1 => "; 1 differs for a known reason".to_owned(),

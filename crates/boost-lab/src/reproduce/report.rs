@@ -60,7 +60,7 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
 }
 
 pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
-    let (counted, none_fails) = count(figures.iter().flat_map(|figure| &figure.evidence.claims));
+    let (counted, none_fails) = count(figures);
     let mut report = Report::new(TITLE);
     report.paragraph(&format!(
         "The experiments of Criscuolo, Leufvén, Thomasson and Eriksson, \u{201c}Model-based boost pressure control with \
