@@ -151,7 +151,9 @@ mod tests {
             "resources//a.txt",
             "resources/./a.txt",
             "resources\\a.txt",
+            "resources/..\\a.txt",
             "C:/a.txt",
+            "resources/C:a.txt",
         ] {
             assert_eq!(written(path), Err(format!("the standard has no place for '{path}'")));
         }
