@@ -112,7 +112,8 @@ def test_page_describes_every_variable(fmus: dict[str, Fmu], name: str, tree: et
             """The text in a cell for the variable, or for its derivative."""
             if is_derivative:
                 return text_of(cell.find("span"))
-            return "".join(cell.xpath(".//text()[not(ancestor::span or ancestor::small)]"))
+            of_numbers = "ancestor::span[not(@class='number')]"
+            return "".join(cell.xpath(f".//text()[not(ancestor::small or {of_numbers})]"))
 
         cells = {cell.get("class"): cell for cell in row.findall("td")}
         first, *last = map(int, said(cells["reference"]).split("…"))

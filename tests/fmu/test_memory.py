@@ -32,7 +32,9 @@ def host() -> Path:
 def cycle(host: Path, fmu: Path, keep: bool, leak: str) -> tuple[list[int], list[int]]:
     """Bytes and mappings after each quarter of the cycles."""
     command = [host, "cycle", str(CYCLES), str(int(keep)), leak, fmu]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    # Chunks in glibc's cache of each thread would count as used.
+    variables = {**os.environ, "GLIBC_TUNABLES": "glibc.malloc.tcache_count=0"}
+    result = subprocess.run(command, capture_output=True, text=True, check=False, env=variables)
     assert (result.returncode, result.stderr) == (0, "")
     lines = [line.split() for line in result.stdout.splitlines()]
     assert len(lines) == 4
@@ -42,10 +44,10 @@ def cycle(host: Path, fmu: Path, keep: bool, leak: str) -> tuple[list[int], list
 @pytest.mark.parametrize("keep", [False, True], ids=["unloaded each time", "kept"])
 @NAMES
 def test_nothing_is_left_behind(host: Path, exported: Path, name: str, keep: bool) -> None:
-    """After a warm-up of a quarter, memory is constant: in 300 cycles the smallest leak would be 300 chunks.
+    """After a warm-up of a half, memory is constant: in 200 cycles the smallest leak would be 200 chunks.
     (The host checks that the library is unmapped at the end of a cycle.)"""
     sizes, mappings = cycle(host, exported / f"{name}.fmu", keep, "0")
-    assert max(sizes) - sizes[0] < 0.75 * CYCLES * CHUNK / 10
+    assert max(sizes[1:]) - sizes[1] < 0.5 * CYCLES * CHUNK / 10
     assert set(mappings) == {mappings[0]}
 
 

@@ -169,15 +169,6 @@ def test_open_modelica_is_solved_by_model_exchange(
         assert np.allclose(found[name], column, rtol=1e-6, atol=1e-6), name
 
 
-def test_python_fmu_3_runs_with_its_library(other_makers: Path, simulate: Simulate) -> None:
-    """Its output grows by its step's number."""
-    libraries = sysconfig.get_config_vars("LIBDIR", "INSTSONAME")
-    environment = {"LD_PRELOAD": "/".join(libraries), "PYTHONPATH": sysconfig.get_path("purelib")}
-    file = other_makers / OPEN_MODELICA / "linux" / "FMU3Model.fmu"
-    found = simulate(file, "--stop-time", "3", "--step", "1", **environment)
-    assert found["output"].tolist() == [3, 4, 5, 6]
-
-
 @pytest.mark.parametrize(
     ("file", "arguments", "reason"),
     [

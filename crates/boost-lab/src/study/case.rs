@@ -198,7 +198,7 @@ impl Rig {
         let speed = |row: usize| case.engine_speed.at(time(row));
         let moves =
             |row: usize| case.events.iter().any(|event| event.begin < time(row) && time(row) < event.end);
-        let mut plant = OpenLoop::new(master.instance("plant")?, &self.plant, case, &self.names)?;
+        let mut plant = OpenLoop::new(master.instance("plant")?, case, &self.names)?;
         let shaft_limit = plant.measured()?.shaft.max(SHAFT_LIMIT);
         fastest.up = plant.fastest(
             UP,

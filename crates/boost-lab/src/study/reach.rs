@@ -207,7 +207,8 @@ pub struct OpenLoop<'a> {
 }
 
 impl<'a> OpenLoop<'a> {
-    pub fn new(plant: &'a mut Instance, fmu: &Fmu, case: &Case, names: &Names) -> Result<Self> {
+    pub fn new(plant: &'a mut Instance, case: &Case, names: &Names) -> Result<Self> {
+        let fmu = Arc::clone(plant.fmu());
         let known: Vec<_> =
             (0..VALVES.len()).filter(|&valve| names.plant_has_input(VALVES[valve].0)).collect();
         let driven = [("engine_speed", &case.engine_speed), ("supply_voltage", &case.supply)];
@@ -218,7 +219,7 @@ impl<'a> OpenLoop<'a> {
             known,
             driven: fmu.select(driven.iter().map(|(name, _)| *name))?,
             signals: driven.into_iter().map(|(_, signal)| signal.clone()).collect(),
-            sensors: Sensors::new(fmu, names)?,
+            sensors: Sensors::new(&fmu, names)?,
         })
     }
 

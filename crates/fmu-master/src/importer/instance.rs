@@ -95,6 +95,12 @@ impl Instance {
         &self.calls.name
     }
 
+    /// The FMU that created it.
+    #[must_use]
+    pub fn fmu(&self) -> &Arc<Fmu> {
+        &self.calls.fmu
+    }
+
     /// The FMU's warnings since the last call of this function, the oldest first.
     pub fn take_warnings(&mut self) -> Vec<Message> {
         self.calls.take_warnings()
