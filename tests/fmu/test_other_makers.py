@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import os
 import subprocess
-import sysconfig
 from collections.abc import Callable
 from pathlib import Path
 
