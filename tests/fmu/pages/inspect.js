@@ -41,7 +41,8 @@
     if (!svg) return [];
     if (!rectangles.has(svg)) {
       const all = [...svg.querySelectorAll("rect")];
-      rectangles.set(svg, all.map((rect) => [rect, rect.getBoundingClientRect(), rgba(getComputedStyle(rect).fill)]));
+      const filled = ({ fill, fillOpacity }) => [...rgba(fill).slice(0, 3), rgba(fill)[3] * fillOpacity];
+      rectangles.set(svg, all.map((rect) => [rect, rect.getBoundingClientRect(), filled(getComputedStyle(rect))]));
     }
     const box = element.getBoundingClientRect();
     const [x, y] = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
@@ -79,8 +80,9 @@
       const range = document.createRange();
       range.setStart(node, index);
       range.setEnd(node, index + number.length);
-      const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top)));
-      if (lines.size > 1) split.add(number);
+      // The boxes of a picture's characters differ by less than a line.
+      const boxes = [...range.getClientRects()];
+      if (boxes.some((box) => Math.abs(box.top - boxes[0].top) > box.height / 2)) split.add(number);
     }
     if (judged.has(element)) continue;
     judged.add(element);
