@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use crate::error::{Error, Shown};
+use crate::display::Shown;
+use crate::error::Error;
 use crate::logger;
 use crate::resources::Resources;
 

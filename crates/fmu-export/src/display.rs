@@ -1,4 +1,4 @@
-//! Numbers as people read them, for the messages of models.
+//! Numbers in messages, as people read them.
 
 use core::fmt;
 
@@ -16,7 +16,7 @@ pub struct Rounded(pub f64);
 impl fmt::Display for Rounded {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Parsing what was formatted cannot fail.
-        short(format!("{:.5e}", self.0).parse().unwrap_or(self.0), formatter)
+        Shown(format!("{:.5e}", self.0).parse().unwrap_or(self.0)).fmt(formatter)
     }
 }
 
@@ -30,12 +30,17 @@ pub struct Seconds(pub f64);
 
 impl fmt::Display for Seconds {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        short(format!("{:.9}", self.0).parse().unwrap_or(self.0), formatter)
+        Shown(format!("{:.9}", self.0).parse().unwrap_or(self.0)).fmt(formatter)
     }
 }
 
-/// The shortest text that reads back the same, with an exponent instead of many zeros.
-fn short(value: f64, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-    let text = format!("{value:?}");
-    formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
+/// A number with all digits and no long runs of zeros.
+#[derive(Debug)]
+pub(crate) struct Shown(pub(crate) f64);
+
+impl fmt::Display for Shown {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = format!("{:?}", self.0);
+        formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
+    }
 }

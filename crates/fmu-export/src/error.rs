@@ -1,4 +1,4 @@
-//! The error of a failed call, as text for the user, and numbers in such texts.
+//! The error of a failed call, as text for the user.
 
 use core::{fmt, hint};
 
@@ -20,17 +20,6 @@ impl fmt::Display for Error {
 }
 
 impl core::error::Error for Error {}
-
-/// A number in messages: all digits, no long runs of zeros.
-#[derive(Debug)]
-pub(crate) struct Shown(pub(crate) f64);
-
-impl fmt::Display for Shown {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = format!("{:?}", self.0);
-        formatter.write_str(text.strip_suffix(".0").unwrap_or(&text))
-    }
-}
 
 /// What a call allocates in addition, in bytes: messages and other small items.
 const SMALL_ALLOCATIONS: usize = 64 << 10;

@@ -2,7 +2,8 @@
 
 use core::mem;
 
-use crate::error::{Error, Shown};
+use crate::display::Shown;
+use crate::error::Error;
 use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
 

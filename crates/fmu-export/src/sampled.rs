@@ -7,7 +7,8 @@
 //! so times whose difference such rounding explains count as equal.
 
 use crate::context::Context;
-use crate::error::{Error, Shown};
+use crate::display::Shown;
+use crate::error::Error;
 use crate::event_mode::{EventMode, Stop, Stops, due_until};
 use crate::events::{Event, Events};
 use crate::model::{InputsOf, Model, Step};

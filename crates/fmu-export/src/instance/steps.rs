@@ -3,7 +3,8 @@
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::context::Context;
-use crate::error::{Error, Shown};
+use crate::display::Shown;
+use crate::error::Error;
 use crate::events::Events;
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::status::Status;
