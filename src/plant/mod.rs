@@ -174,12 +174,11 @@ impl Equations for Plant {
     }
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
-        let Evaluation { parameters, inputs, states, derivatives, locals, outputs } = variables;
-        let system = System::new(parameters);
-        let inputs = self.latch.hold(parameters, *inputs);
-        let instant = system.evaluate(&inputs, states);
-        *derivatives = instant.derivatives();
-        (*outputs, *locals) = system.quantities(&inputs, states, &instant);
+        self.evaluate_with(&System::new(variables.parameters), variables);
+    }
+
+    fn evaluate_values(&self, _time: f64, variables: Evaluation<'_>) {
+        self.evaluate_with(&self.system, variables);
     }
 
     fn advance(
@@ -233,6 +232,14 @@ impl Equations for Plant {
 }
 
 impl Plant {
+    fn evaluate_with<T: Number>(&self, system: &System<T>, variables: Evaluation<'_, T>) {
+        let Evaluation { parameters, inputs, states, derivatives, locals, outputs } = variables;
+        let inputs = self.latch.hold(parameters, *inputs);
+        let instant = system.evaluate(&inputs, states);
+        *derivatives = instant.derivatives();
+        (*outputs, *locals) = system.quantities(&inputs, states, &instant);
+    }
+
     /// Advances the states over an interval, in s from the start of the step. Returns the evaluation at its end, unless
     /// it is empty.
     fn integrate(

@@ -46,6 +46,11 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Equations::event`] switches branches, which the model stores.
     fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>);
 
+    /// [`Equations::evaluate`] for plain numbers, in models that compute with what [`Equations::take_parameters`] derived.
+    fn evaluate_values(&self, time: f64, variables: EvaluationOf<'_, Self, f64>) {
+        self.evaluate(time, variables);
+    }
+
     /// Rejects contradictory parameters.
     ///
     /// # Errors
@@ -141,4 +146,9 @@ pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Ev
 /// Evaluates the equations of a model.
 pub(crate) fn evaluate<E: Equations, T: Number>(equations: &E, time: T, variables: &mut VariablesOf<E, T>) {
     equations.evaluate(time, E::Variables::evaluation(variables));
+}
+
+/// The same for plain numbers.
+pub(crate) fn evaluate_values<E: Equations>(equations: &E, time: f64, variables: &mut E::Variables) {
+    equations.evaluate_values(time, E::Variables::evaluation(variables));
 }

@@ -6,8 +6,9 @@ use core::{fmt, mem};
 use crate::audit::{check_evaluation, first_discrete_difference};
 use crate::context::Context;
 use crate::description::{Causality, DataType};
-use crate::equations::{Equations, VariablesOf, evaluate};
-use crate::error::{Error, Shown};
+use crate::display::Shown;
+use crate::equations::{Equations, VariablesOf, evaluate, evaluate_values};
+use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
@@ -137,7 +138,7 @@ impl<E: Equations> Model for Integrated<E> {
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
-        with_inputs(variables, inputs, |variables| evaluate(&self.equations, time, variables));
+        with_inputs(variables, inputs, |variables| evaluate_values(&self.equations, time, variables));
     }
 
     fn take_parameters(&mut self, variables: &Self::Variables) {
@@ -291,7 +292,7 @@ impl<E: Equations> Integrated<E> {
         variables.states_from_start();
         self.equations.initialize::<f64>(variables);
         self.check_evaluation(variables)?;
-        evaluate(&self.equations, self.time, variables);
+        evaluate_values(&self.equations, self.time, variables);
         let Self { equations, events, time, .. } = self;
         events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
             equations.event_indicators(*time, variables, indicators);
@@ -367,7 +368,7 @@ impl<E: Equations> Integrated<E> {
         let (mut trials, mut events) = (0, 0);
         let mut last_cause = None;
         // Inputs and tunable parameters may have jumped since the last step.
-        evaluate(&self.equations, self.time, variables);
+        evaluate_values(&self.equations, self.time, variables);
         let mut crossed = self.find_changes(variables)?;
         loop {
             let due = if STOPS {
@@ -458,7 +459,7 @@ impl<E: Equations> Integrated<E> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))
+        check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
     }
 
     /// Finds which indicators have changed since the last event. Returns whether any has.
@@ -485,7 +486,7 @@ impl<E: Equations> Integrated<E> {
                 // Tests of a model check each of its branches.
                 self.check_evaluation(variables)?;
             }
-            evaluate(&self.equations, self.time, variables);
+            evaluate_values(&self.equations, self.time, variables);
             self.events.accept();
             if !self.find_changes(variables)? {
                 self.events.check_limits(self.time, E::Variables::EVENT_INDICATORS, E::Variables::LIMITS)?;
@@ -574,7 +575,7 @@ impl<E: Equations> Equated<'_, E> {
 
     fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
         self.set(elapsed, states);
-        evaluate(self.equations, self.start + elapsed, self.variables);
+        evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
 }
 
@@ -585,7 +586,7 @@ impl<E: Equations> System for Equated<'_, E> {
             // The integrator takes a shorter step.
             return derivatives.fill(f64::NAN);
         }
-        evaluate(self.equations, self.start + elapsed, self.variables);
+        evaluate_values(self.equations, self.start + elapsed, self.variables);
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
