@@ -154,7 +154,7 @@ DIFFERENCES = {"torque_gained_open_above_2000_rpm", "paper_structure_overshoot_d
 
 def test_every_other_claim_of_the_paper_holds(reproduction: Path) -> None:
     report = json.loads((reproduction / "report.json").read_text())
-    assert report["all_claims_hold"] is False
+    assert (report["all_claims_hold"], report["no_claim_fails"]) == (False, True)
     assert [figure["figure"] for figure in report["figures"]] == [1, 6, 7, 8, 9, 10, 11, 12, 13, 14]
     for figure in report["figures"]:
         assert figure["claims"]
@@ -247,7 +247,7 @@ def test_a_failed_claim_sets_the_exit_status(
     assert done.stdout.count("  fails    ") == 1
     assert "\n1 of 2 claims hold\n" in done.stdout
     report = json.loads((tmp_path / "report.json").read_text())
-    assert report["all_claims_hold"] is False
+    assert (report["all_claims_hold"], report["no_claim_fails"]) == (False, False)
     assert [claim["holds"] for claim in report["figures"][0]["claims"]] == [False, True]
     assert "1 of 2 claims hold" in (tmp_path / "report.html").read_text()
 

@@ -21,7 +21,7 @@ use fmu_package::ParameterSet;
 
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    success; `reproduce`: all claims hold; `study`: all criteria hold
+  0    success; `reproduce`: no claim fails, known differences aside; `study`: all criteria hold
   1    `reproduce`: a claim fails; `study`: a criterion fails
   2    failure or wrong command line; see standard error
   130  interrupted
@@ -58,7 +58,7 @@ enum Command {
     },
     /// Reproduce the paper's figures and check its claims against the FMUs
     ///
-    /// Exits with 0 if all claims hold, 1 if one fails, and 2 if an experiment cannot be run.
+    /// Exits with 0 if no claim fails, known differences aside, 1 if one fails, and 2 if an experiment cannot be run.
     Reproduce {
         /// Figure numbers [default: all]
         figures: Vec<u32>,

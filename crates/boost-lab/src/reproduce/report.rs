@@ -20,6 +20,7 @@ const STYLE: &str = "
 #[derive(Serialize)]
 struct ReproductionReport<'a> {
     all_claims_hold: bool,
+    no_claim_fails: bool,
     figures: Vec<JsonFigure<'a>>,
 }
 
@@ -42,6 +43,7 @@ pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(|claim| claim.verdict() == Verdict::Holds);
     let report = ReproductionReport {
         all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
+        no_claim_fails: count(figures).1,
         figures: figures
             .iter()
             .map(|Reproduced { figure, evidence, .. }| JsonFigure {
