@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
+import runpy
 import subprocess
 import sys
 import time
@@ -137,7 +137,18 @@ def test_needs() -> None:
     version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
     before, _, _ = README.partition("cargo run --release -- export")
     assert f"Rust {version} or later" in before
-    assert re.search(r"first build takes at most \d+ s", before)
+    limits = runpy.run_path(str(ROOT / "tests" / "times"))["COMMANDS"]
+    first = limits["export"][1]
+    wall, processor, whole = (limit // 60 for limit in (*limits["run"][1:], limits["ci"][1]))
+    assert f"first build takes at most {first} s" in before
+    assert f"in at most\n{wall} minutes" in README
+    contributing = (ROOT / "CONTRIBUTING.md").read_text().replace("\n", " ")
+    for told in (
+        f"{first} s for `cargo run --release -- export`",
+        f"{wall} min and {processor} min of processor time for `bash tests/run`",
+        f"{whole} min for `.ci/run`",
+    ):
+        assert told in contributing
     assert "Python 3.11 or later" in README
     assert (
         "needs\n#                            Rust, Python 3.11 or later"

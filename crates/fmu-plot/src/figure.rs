@@ -110,7 +110,7 @@ pub struct Panel {
 /// The states of a signal over time, as a logic analyser draws them.
 #[derive(Clone, Debug)]
 #[must_use]
-pub struct Lane {
+pub(crate) struct Lane {
     name: String,
     states: Vec<State>,
 }
@@ -225,7 +225,7 @@ impl Panel {
     }
 
     /// A panel of lanes, the first at the top, over a range of the horizontal axis.
-    pub fn of_lanes(x_label: &str, (from, to): (f64, f64), lanes: Vec<Lane>) -> Self {
+    pub(crate) fn of_lanes(x_label: &str, (from, to): (f64, f64), lanes: Vec<Lane>) -> Self {
         let panel = Self { lanes, ..Self::new(x_label, "") };
         let count = u32::try_from(panel.lanes.len()).unwrap_or(u32::MAX / LANE);
         panel.x_range(from, to).y_range(0.0, f64::from(count)).height(LANE * count)
@@ -364,7 +364,7 @@ impl Line {
 impl Lane {
     /// A signal of this name, with the text of its value at each time; a low one is drawn as a line. What changes
     /// within a pixel is one state, without a text.
-    pub fn new<'a>(name: &str, values: impl IntoIterator<Item = (f64, &'a str, bool)>) -> Self {
+    pub(crate) fn new<'a>(name: &str, values: impl IntoIterator<Item = (f64, &'a str, bool)>) -> Self {
         let mut states: Vec<State> = vec![];
         for (time, text, is_low) in values {
             if let Some(last) = states.last_mut() {
@@ -396,6 +396,8 @@ impl Lane {
 const LANE: u32 = 44;
 /// Where the states are drawn, as shares of a lane's height; above is its name.
 const STATE: [f64; 2] = [0.07, 0.6];
+/// The font size of a state's text, in CSS pixels.
+const STATE_FONT: u16 = 11;
 /// The pixel columns that tell the states of a lane apart.
 const LANE_COLUMNS: usize = 1600;
 

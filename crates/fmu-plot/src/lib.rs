@@ -1,6 +1,6 @@
 //! Draws records of simulations, and other curves, as SVG, PNG and interactive HTML.
 //!
-//! [`panels::draw`] draws a record: quantities of one unit and of like size share a panel.
+//! [`panels::draw`] draws a record: quantities of one unit share a panel where each uses a third of its scale.
 //!
 //! ```
 //! use fmu_plot::panels;

@@ -57,8 +57,8 @@ fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
         most - least > SAME * least.abs().max(most.abs())
     };
     let of_pair = |column: &&Column| {
-        let is_pair = |other: &&Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
-        columns.iter().filter(changes).any(|other| is_pair(&other))
+        let is_pair = |other: &Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
+        columns.iter().any(|other| is_pair(other) && changes(&other))
     };
     let (drawn, constants): (Vec<_>, Vec<_>) =
         columns.iter().partition(|column| changes(column) || of_pair(column));
@@ -72,13 +72,13 @@ fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
         let is_pair = |other: &&Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
         let pair = panels.iter().position(|panel| has_room(panel) && panel.iter().any(is_pair));
         let home = pair.or_else(|| {
-            let is_like = |panel: &&Column, (least, most): (f64, f64)| {
-                let own = range([*panel]);
-                own.1 - own.0 >= LEAST_SHARE * (most - least)
-            };
+            let width = |(least, most): (f64, f64)| most - least;
             panels.iter().position(|panel| {
                 let all = || panel.iter().copied().chain([column]);
-                has_room(panel) && all().all(|line| is_like(&line, range(all())))
+                has_room(panel) && {
+                    let least = LEAST_SHARE * width(range(all()));
+                    all().all(|line| width(range([line])) >= least)
+                }
             })
         });
         match home {
@@ -104,14 +104,14 @@ fn range<'a>(columns: impl IntoIterator<Item = &'a Column>) -> (f64, f64) {
 /// Whether a variable has states rather than amounts: a Boolean, an enumeration, or a code of a few whole numbers.
 fn has_states(column: &Column) -> bool {
     let is_code = || {
+        let has_unit = !matches!(column.unit.as_str(), "" | "1") || column.display_unit.is_some();
+        if has_unit || !column.is_discrete {
+            return false;
+        }
         let mut states = column.values.clone();
         states.sort_by(f64::total_cmp);
         states.dedup();
-        let has_unit = !matches!(column.unit.as_str(), "" | "1") || column.display_unit.is_some();
-        column.is_discrete
-            && !has_unit
-            && states.len() <= MOST_STATES
-            && states.iter().all(|value| value.fract() == 0.0)
+        states.len() <= MOST_STATES && states.iter().all(|value| value.fract() == 0.0)
     };
     !column.items.is_empty() || is_code()
 }
@@ -156,7 +156,8 @@ fn scale(column: &Column, size: f64) -> (String, Linear) {
 }
 
 fn panel(time: &[f64], columns: &[&Column]) -> Panel {
-    let of_one_unit: Vec<_> = columns.iter().map(|column| scale(column, size(columns))).collect();
+    let largest = size(columns);
+    let of_one_unit: Vec<_> = columns.iter().map(|column| scale(column, largest)).collect();
     let has_one_unit = columns.windows(2).all(|pair| pair[0].unit == pair[1].unit)
         && of_one_unit.windows(2).all(|pair| pair[0] == pair[1]);
     let scales = if has_one_unit {
@@ -182,7 +183,7 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
             lines.push(line.color(color));
         }
     }
-    // A picture's legend is inside the frame.
+    // A picture's legend is beside the frame.
     let height = 130.max(60 + 20 * u32::try_from(lines.len()).unwrap_or(u32::MAX / 32));
     lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }

@@ -171,7 +171,10 @@ def sheet(browser: Browser) -> Iterator[None]:
             for scheme in ["light", "dark"]
         ]
         rows.append(f"<tr><th>{html.escape(name)}</th>{''.join(pictures)}</tr>")
-    formulas = [f'<td colspan="4"><img src="{name}-formulas.png" style="width:900px"></td>' for name in FMUS]
+    formulas = [
+        f'<td colspan="{len(WIDTHS)}"><img src="{name}-formulas.png" style="width:900px"></td>'
+        for name in FMUS
+    ]
     rows.append(f"<tr><th>without a font of mathematics</th>{''.join(formulas)}</tr>")
     document = PICTURES / "sheet.html"
     style = "td { vertical-align: top } img { max-height: 900px; object-fit: cover; object-position: top }"

@@ -18,6 +18,12 @@ from master import Fmu
 PROMISED = Path(__file__).with_name("promised.txt")
 
 
+def has_promised_start(variable: ScalarVariable) -> bool:
+    """Those of numbers in components are calibrated."""
+    is_setting = variable.causality == "parameter" and "." not in variable.name
+    return is_setting or variable.causality == "input" or variable.type != "Real"
+
+
 def attributes(variable: ScalarVariable) -> str:
     """What is promised of a variable but its name and value reference."""
     items = variable.declaredType.items if variable.type == "Enumeration" else []
@@ -27,8 +33,7 @@ def attributes(variable: ScalarVariable) -> str:
         "unit ": variable.unit,
         "from ": variable.min,
         "to ": variable.max,
-        # Those of other numbers are calibrated.
-        "start ": variable.start if variable.causality == "input" or variable.type != "Real" else None,
+        "start ": variable.start if has_promised_start(variable) else None,
         "derivative of ": variable.derivative and variable.derivative.name,
     }
     return ", ".join(f"{key}{value}" for key, value in known.items() if value is not None)

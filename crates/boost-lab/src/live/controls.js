@@ -150,7 +150,8 @@ class Controls {
   readAddress() {
     const settings = [...new URLSearchParams(location.hash.slice(1))];
     const { pace } = this.form.elements;
-    this.form.reset();
+    this.all.forEach(control => control.show(control.variable.start));
+    pace.value = REAL_TIME;
     for (const [name, text] of settings) {
       if (name === "pace" && [...pace.options].some(({ value }) => value === text)) pace.value = text;
       this.get(name)?.enter(text);

@@ -157,6 +157,7 @@ class Plots {
 
   // A set keeps its order, so the longest waiting are drawn first.
   changed() {
+    this.drawn = undefined;
     this.panels.forEach(plot => this.stale.add(plot));
   }
 
@@ -199,7 +200,7 @@ class Plots {
 
   // A panel's lines, each x, y and the function to what is shown of it.
   linesOf(plot) {
-    if (this.lines) return this.lines().slice(plot.first, plot.first + plot.data.length);
+    if (this.lines) return (this.drawn ??= this.lines()).slice(plot.first, plot.first + plot.data.length);
     const runs = [this.run, this.held].filter(Boolean);
     return plot.data.map((_, index) => {
       const { name, shown } = plot.sources[index];

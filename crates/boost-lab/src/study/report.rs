@@ -274,7 +274,10 @@ impl StudyReport<'_> {
             let interval = interval.map_or_else(
                 || "too few cases".to_owned(),
                 |(from, to)| {
-                    format!("95 %: {from:.2} to {to:.2}{}", if from * to > 0.0 { "" } else { ", noise" })
+                    format!(
+                        "95 %: {from:.2} to {to:.2}{}",
+                        if from * to > 0.0 { "" } else { ", may be noise" }
+                    )
                 },
             );
             let title = format!("rank correlation {correlation:.2} ({interval})").replace('-', "\u{2212}");
@@ -288,7 +291,7 @@ impl StudyReport<'_> {
         report.figure(
             &figure,
             "Worst deviation of each case over the drawn quantities with the strongest correlation, with its 95 % \
-             confidence interval: one that includes 0 is noise. Parameter sets: share from 0 (the FMU's value) to 1.",
+             confidence interval: an interval that includes 0 may be noise. Parameter sets: share from 0 (the FMU's value) to 1.",
         );
     }
 

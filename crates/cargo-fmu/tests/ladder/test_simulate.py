@@ -70,11 +70,13 @@ ALL_TEMPLATES = sorted(path.parent.name for path in ROOT.glob("crates/cargo-fmu/
 @pytest.mark.parametrize("template", ALL_TEMPLATES)
 def test_the_model_of_a_folder_is_exported_and_drawn(template: str, tmp_path: Path) -> None:
     environment = {**os.environ, "CARGO_TARGET_DIR": str(FMUS.parents[1].resolve())}
-    run("new", "my", "--template", template, "--vcs", "none", cwd=tmp_path)
-    output = run("simulate", "--plot", "my.html", cwd=tmp_path / "my", env=environment)
+    # Tests at the same time share the target folder.
+    name = f"my_{template}"
+    run("new", name, "--template", template, "--vcs", "none", cwd=tmp_path)
+    output = run("simulate", "--plot", "my.html", cwd=tmp_path / name, env=environment)
     if template == "bouncing_ball":
-        assert "my: 300 steps of 0.01 s to 3 s" in output
-    assert "<html" in tmp_path.joinpath("my", "my.html").read_text()
+        assert "my_bouncing_ball: 300 steps of 0.01 s to 3 s" in output
+    assert "<html" in tmp_path.joinpath(name, "my.html").read_text()
 
 
 @pytest.mark.parametrize("interface", ["cs", "me"])

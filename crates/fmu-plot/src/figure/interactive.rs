@@ -10,7 +10,7 @@ use plotly::layout::{
 use plotly::{Plot, Scatter, Trace};
 use serde_json::{Value, json};
 
-use super::{Axis, Band, Figure, Lane, Line, Marks, Panel, STATE, State, color, escaped};
+use super::{Axis, Band, Figure, Lane, Line, Marks, Panel, STATE, STATE_FONT, State, color, escaped};
 
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
@@ -22,8 +22,6 @@ const MOST_COLUMNS: usize = 20_000;
 const STEPS: f64 = 1e4;
 /// The frame's distance to the left edge, equal in all panels to align linked axes.
 const LEFT: usize = 64;
-/// The size of a state's text.
-const STATE_FONT: usize = 11;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
 /// The modebar's height.
@@ -105,7 +103,7 @@ impl Panel {
         Layout::new()
             .annotations(names.collect())
             .bar_mode(BarMode::Overlay)
-            .uniform_text(UniformText::new().mode(UniformTextMode::Hide).min_size(STATE_FONT))
+            .uniform_text(UniformText::new().mode(UniformTextMode::Hide).min_size(STATE_FONT.into()))
             .margin(Margin::new().left(LEFT).right(RIGHT).top(TOP).bottom(bottom))
             .show_legend(false)
             .hover_mode(hover)

@@ -10,14 +10,12 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
-use super::{Figure, Line, Marks, Panel, STATE, color};
+use super::{Figure, Line, Marks, Panel, STATE, STATE_FONT, color};
 
 /// The size of a figure, in CSS pixels.
 const WIDTH: u32 = 900;
 const FONT: &str = "sans-serif";
 const FONT_SIZE: u32 = 13;
-/// The size of a state's text.
-const STATE_FONT: u32 = 11;
 /// Tick labels and label of the vertical axis, shared by the frames of a column.
 const LEFT: u32 = 64;
 /// Half the last tick's label.
@@ -37,7 +35,7 @@ const DENSITY: u32 = 2;
 /// SVG units per CSS pixel: plotters draws in whole units, which would be stairs.
 const FINENESS: u32 = 10;
 /// The columns of pixels that lines are thinned to.
-const COLUMNS: usize = 2 * WIDTH as usize;
+const COLUMNS: usize = (DENSITY * WIDTH) as usize;
 /// Beyond this number, an axis's ticks would never be found.
 const GREATEST: f64 = 1e300;
 /// The height of a line of text.
@@ -212,7 +210,7 @@ impl Panel {
                 let outline = [corners[0], (state.from, top), corners[1], (state.to, base), corners[0]];
                 chart.draw_series([Rectangle::new(corners, rgb(color::LOW).filled())])?;
                 chart.draw_series([PathElement::new(outline, thin(color::BLUE))])?;
-                let font = text(STATE_FONT, density).pos(Pos::new(HPos::Center, VPos::Center));
+                let font = text(STATE_FONT.into(), density).pos(Pos::new(HPos::Center, VPos::Center));
                 let width = area.estimate_text_size(&state.text, &font)?.0 + density * GAP;
                 let [from, to] = [state.from, state.to].map(|time| chart.backend_coord(&(time, base)).0);
                 if !state.is_low && from.abs_diff(to) > width {
