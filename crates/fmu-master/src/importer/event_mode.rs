@@ -9,7 +9,7 @@ use fmu_io::terminal::number;
 use super::calls::Calls;
 use super::fmu::{Interface, input_clocks, reference};
 
-/// The most updates of discrete states at one time, and the most events.
+/// The most updates of discrete states at one time.
 const MOST_ITERATIONS: u32 = 1000;
 /// An event due this shortly after a communication step, relative to the step, belongs to the step: times are subject
 /// to rounding.

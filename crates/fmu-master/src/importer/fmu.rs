@@ -9,7 +9,6 @@ use std::sync::Arc;
 use anyhow::{Context, Error, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::reading;
-use fmu_io::temporary::Folder;
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{FmuDescription, FmuVariable, Linear, Platform, Translation};
 use fmu_terms::like;
@@ -75,8 +74,6 @@ pub struct Fmu {
     /// Whether events are handled: in Model Exchange, and for clocks.
     pub(super) has_event_mode: bool,
     pub(super) functions: Arc<Functions>,
-    // Dropped after the library in it.
-    pub(super) folder: Arc<Folder>,
 }
 
 /// A continuous state.
@@ -91,8 +88,8 @@ impl Fmu {
     /// Model Exchange.
     ///
     /// # Errors
-    /// When there is no such file, it is not an FMU, it has neither interface or is not for this platform, its version
-    /// of FMI is neither 2.0 nor 3.0, or its library cannot be loaded; the message names the file.
+    /// When there is no such file, it is not an FMU, it has neither interface, is not for this platform, is of another
+    /// FMI version than 2.0 and 3.0, or its library cannot be loaded; the message names the file.
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         Self::open_with(path, None, None)
     }
@@ -142,7 +139,7 @@ impl Fmu {
         let is_exchange = interface == Interface::ModelExchange;
         let has_event_mode = is_exchange || needs_event_mode(&description)?;
         let states = if is_exchange { states(&description)? } else { vec![] };
-        let functions = Functions::load(&library, is_fmi3, is_exchange, has_event_mode)?;
+        let functions = Functions::load(folder, &library, is_fmi3, is_exchange, has_event_mode)?;
         Ok(Self {
             path: path.to_owned(),
             interface,
@@ -151,7 +148,6 @@ impl Fmu {
             has_event_mode,
             conversions: BTreeMap::new(),
             functions: Arc::new(functions),
-            folder: Arc::new(folder),
         })
     }
 
@@ -168,7 +164,6 @@ impl Fmu {
             description: translation.description,
             conversions,
             functions: Arc::clone(&self.functions),
-            folder: Arc::clone(&self.folder),
         })
     }
 

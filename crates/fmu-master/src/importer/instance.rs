@@ -24,7 +24,7 @@ impl Fmu {
     /// # Errors
     /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
-        let resources = self.folder.path().join("resources");
+        let resources = self.functions.folder.path().join("resources");
         let instantiate = match self.interface() {
             Interface::CoSimulation => "fmi3InstantiateCoSimulation",
             Interface::ModelExchange => "fmi3InstantiateModelExchange",
@@ -76,6 +76,8 @@ pub struct Instance {
 /// A saved state, which the instance can restore any number of times.
 pub struct SavedState {
     state: FmuState,
+    /// Whether `Terminate` is due in it.
+    steps: bool,
     handle: Rc<Handle>,
     time: Option<f64>,
     events: Option<EventMode>,
@@ -282,9 +284,6 @@ impl Instance {
     fn set_fitted(&mut self, variable: &FmuVariable, value: &Value) -> Result<()> {
         let name = &variable.name;
         let number = match value {
-            Value::Real(value, _) => *value,
-            Value::Integer(value) => f64::from(*value),
-            Value::Boolean(value) => f64::from(u8::from(*value)),
             Value::Enumeration(item) => {
                 let enumeration = self.calls.fmu.description().enumeration(&variable.declared_type);
                 let items = enumeration.map_or(&[] as &[_], |known| known.items.as_slice());
@@ -301,6 +300,7 @@ impl Instance {
                 let status = self.calls.handle.set_string(reference(variable)?, &text);
                 return self.calls.check(format_args!("SetString"), std::slice::from_ref(name), status);
             }
+            value => value.number().with_context(|| format!("{name} is no number"))?,
         };
         let mut selection = self.calls.fmu.select([name.as_str()])?;
         self.write(&mut selection, &[number])
@@ -311,13 +311,14 @@ impl Instance {
     /// # Errors
     /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
     pub fn save(&mut self) -> Result<SavedState> {
-        let Some((status, state)) = self.calls.handle.get_state() else {
+        let Some((status, state, steps)) = self.calls.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.calls.name);
         };
         let word = self.calls.fmu.functions.state();
         self.calls.check(format_args!("Get{word}"), &[], status)?;
         Ok(SavedState {
             state,
+            steps,
             handle: Rc::clone(&self.calls.handle),
             time: self.calls.time,
             events: self.events.clone(),
@@ -333,7 +334,7 @@ impl Instance {
         if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
             bail!("{}: the state is another instance's", self.calls.name);
         }
-        let Some(status) = self.calls.handle.set_state(saved.state) else {
+        let Some(status) = self.calls.handle.set_state(saved.state, saved.steps) else {
             bail!("{}: the FMU cannot restore its state", self.calls.name);
         };
         let word = self.calls.fmu.functions.state();

@@ -83,7 +83,8 @@ impl Integration {
         Ok(begun)
     }
 
-    /// Handles an event at a time (s), at which the solution turns sharply or only inputs may have.
+    /// Handles an event at a time (s). If `is_sharp`, the solution may bend there and the integrator restarts; otherwise
+    /// only inputs changed.
     fn handle(&mut self, calls: &mut Calls, events: &mut EventMode, time: f64, is_sharp: bool) -> Result<()> {
         events.handle(calls, time, 0.0)?;
         self.time = time;
@@ -263,12 +264,17 @@ impl Solved<'_> {
         Ok(())
     }
 
-    /// Keeps the error of a call; without its values the integrator takes a shorter step.
-    fn keep(&mut self, result: Result<()>, values: &mut [f64]) {
-        if let Err(error) = result {
-            self.failure = Some(error);
-            values.fill(f64::NAN);
+    /// Computes values, unless an error has ended the calls. Without them the integrator takes a shorter step, in which
+    /// the FMU may be called again only if it discarded the last one.
+    fn try_to(&mut self, values: &mut [f64], compute: impl FnOnce(&mut Self, &mut [f64]) -> Result<()>) {
+        let may_be_called = self.failure.as_ref().is_none_or(is_discarded);
+        if may_be_called {
+            match compute(self, values) {
+                Ok(()) => return,
+                Err(error) => self.failure = Some(error),
+            }
         }
+        values.fill(f64::NAN);
     }
 }
 
@@ -280,13 +286,15 @@ fn evaluate(calls: &mut Calls, time: f64, states: &[f64], derivatives: &mut [f64
 
 impl System for Solved<'_> {
     fn derivatives(&mut self, place: f64, states: &[f64], derivatives: &mut [f64]) {
-        let result = evaluate(self.calls, self.time(place), states, derivatives);
-        self.keep(result, derivatives);
+        self.try_to(derivatives, |solved, derivatives| {
+            evaluate(solved.calls, solved.time(place), states, derivatives)
+        });
     }
 
     fn linearize(&mut self, place: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-        let result = self.differentiate(self.time(place), states, jacobian, by_time);
-        self.keep(result, by_time);
+        self.try_to(by_time, |solved, by_time| {
+            solved.differentiate(solved.time(place), states, jacobian, by_time)
+        });
     }
 }
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* What the component environment points to; `Receiver` in c_boundary.rs. */
+/* What the component environment points to; `Receiver` in c_boundary/logger.rs. */
 struct receiver {
     void (*receive)(const struct receiver *self, int status, const char *text);
 };

@@ -1,12 +1,12 @@
-/* A ball in Model Exchange of FMI 2.0, without directional derivatives. It aborts on calls in a wrong mode, refuses to
- * be evaluated far below the ground, has a time event, and asks for one event after an integrator's step. */
+/* A ball in Model Exchange of FMI 2.0, without directional derivatives. It aborts on calls in a wrong mode and after an error,
+ * refuses to be evaluated far below the ground, has a time event, and asks for one event after an integrator's step. */
 
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { H, V, DER_H, DER_V, G, RESTITUTION, TIME_EVENTS, STEP_EVENTS, FAIL, VARIABLES };
-enum mode { INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS };
+enum mode { INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, FAILED };
 enum { OK = 0, DISCARD = 2, ERROR = 3 };
 
 typedef struct {
@@ -151,6 +151,7 @@ int fmi2GetDerivatives(void *instance, double *derivatives, size_t count)
         abort();
     if (self->values[FAIL] != 0) {
         self->functions->log(self->functions->environment, "ball", ERROR, "", "it fell into a %s", "hole");
+        self->mode = FAILED;
         return ERROR;
     }
     if (self->values[H] < -0.005)

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
 use fmu_export::fmi2::c_types::{Boolean, Component, EventInfo, FmuState, ValueReference};
+use fmu_io::temporary::Folder;
 use libloading::Library;
 
 use super::super::numbers::{Memory, NUMBERS_OF_FMI2, NUMBERS_OF_FMI3, Numbers};
@@ -197,7 +198,8 @@ pub enum OfVersion {
     Three(Common3, Vec<(Get3, Set3)>),
 }
 
-/// The functions of an FMU's library, which stays loaded as long as this exists: those of its version and interface.
+/// The functions of an FMU's library: those of its version and interface. The library stays loaded, and the folder that
+/// it is in stays, as long as this exists.
 pub struct Functions {
     pub instantiate: Instantiate,
     pub of_version: OfVersion,
@@ -215,11 +217,19 @@ pub struct Functions {
     pub directional3: Option<Directional3>,
     pub events3: Option<Events3>,
     symbols: Symbols,
+    // Dropped after the library.
+    pub folder: Folder,
 }
 
 impl Functions {
-    /// Loads a library of FMI 2.0 or 3.0, for co-simulation or Model Exchange, perhaps with Event Mode.
-    pub fn load(path: &Path, is_fmi3: bool, is_exchange: bool, has_event_mode: bool) -> Result<Self> {
+    /// Loads the library of FMI 2.0 or 3.0 in a folder, for co-simulation or Model Exchange, perhaps with Event Mode.
+    pub fn load(
+        folder: Folder,
+        path: &Path,
+        is_fmi3: bool,
+        is_exchange: bool,
+        has_event_mode: bool,
+    ) -> Result<Self> {
         // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
         let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
         let symbols = Symbols { library, prefix: if is_fmi3 { "fmi3" } else { "fmi2" } };
@@ -251,6 +261,7 @@ impl Functions {
                 directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
                 events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
                 symbols,
+                folder,
             })
         }
     }

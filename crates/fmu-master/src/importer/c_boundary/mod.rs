@@ -149,6 +149,9 @@ impl Handle {
         if status == Status::FATAL {
             self.is_dead.set(true);
         }
+        if !status.succeeded() && status != Status::DISCARD {
+            self.steps.set(false);
+        }
         status
     }
 
@@ -242,18 +245,9 @@ impl Handle {
         self.last_step.get().has_event
     }
 
-    /// Calls a function after initialization.
-    fn run(&self, function: impl FnOnce(Component) -> c_int) -> Status {
-        let status = self.call(function);
-        if !status.succeeded() && status != Status::DISCARD {
-            self.steps.set(false);
-        }
-        status
-    }
-
     pub fn enter_event_mode(&self) -> Status {
         // SAFETY: the component is alive.
-        self.run(|component| unsafe {
+        self.call(|component| unsafe {
             match (&self.functions.exchange, &self.functions.events3) {
                 (Some(exchange), _) => (exchange.enter_event_mode)(component),
                 (_, Some(events)) => (events.enter_event_mode)(component),
@@ -265,7 +259,7 @@ impl Handle {
     /// Leaves Event Mode, for Continuous-Time Mode or Step Mode.
     pub fn leave_event_mode(&self) -> Status {
         // SAFETY: the component is alive.
-        self.run(|component| unsafe {
+        self.call(|component| unsafe {
             match (&self.functions.exchange, &self.functions.events3) {
                 (Some(exchange), _) => (exchange.enter_continuous_time_mode)(component),
                 (_, Some(events)) => (events.enter_step_mode)(component),
@@ -278,7 +272,7 @@ impl Handle {
         let (mut info, mut flags, mut next) = (EventInfo::default(), [0_u8; 5], 0.0);
         let [again, ends, nominals, values, defined] = &mut flags;
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-        let status = self.run(|component| unsafe {
+        let status = self.call(|component| unsafe {
             match (&self.functions.exchange2, &self.functions.events3) {
                 (Some(of), _) => (of.new_discrete_states)(component, &raw mut info),
                 (_, Some(of)) => (of.update_discrete_states)(
@@ -307,7 +301,7 @@ impl Handle {
     pub fn tick(&self, clock: ValueReference) -> Status {
         let Some(events) = &self.functions.events3 else { return Status(MISUSED) };
         // SAFETY: the component is alive, both arrays have one element.
-        self.run(|component| unsafe { (events.set_clock)(component, &raw const clock, 1, &raw const TICKS) })
+        self.call(|component| unsafe { (events.set_clock)(component, &raw const clock, 1, &raw const TICKS) })
     }
 
     /// A clock's interval in s and its qualifier (FMI 3.0).
@@ -315,7 +309,7 @@ impl Handle {
         let (mut interval, mut qualifier) = (0.0, 0);
         let Some(events) = &self.functions.events3 else { return (Status(MISUSED), interval, qualifier) };
         // SAFETY: the component is alive, the arrays have one element.
-        let status = self.run(|component| unsafe {
+        let status = self.call(|component| unsafe {
             (events.get_interval)(component, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
         });
         (status, interval, qualifier)
@@ -327,21 +321,21 @@ impl Handle {
         let Some(events) = &self.functions.events3 else { return (Status(MISUSED), shift) };
         // SAFETY: the component is alive, both arrays have one element.
         let status = self
-            .run(|component| unsafe { (events.get_shift)(component, &raw const clock, 1, &raw mut shift) });
+            .call(|component| unsafe { (events.get_shift)(component, &raw const clock, 1, &raw mut shift) });
         (status, shift)
     }
 
     pub fn set_time(&self, time: f64) -> Status {
         let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
         // SAFETY: the component is alive.
-        self.run(|component| unsafe { (exchange.set_time)(component, time) })
+        self.call(|component| unsafe { (exchange.set_time)(component, time) })
     }
 
     /// Sets all continuous states.
     pub fn set_states(&self, states: &[f64]) -> Status {
         let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.run(|component| unsafe { (exchange.set_states)(component, states.as_ptr(), states.len()) })
+        self.call(|component| unsafe { (exchange.set_states)(component, states.as_ptr(), states.len()) })
     }
 
     /// Gets all numbers of a kind.
@@ -356,7 +350,7 @@ impl Handle {
             _ => return Status(MISUSED),
         };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.run(|component| unsafe { get(component, values.as_mut_ptr(), values.len()) })
+        self.call(|component| unsafe { get(component, values.as_mut_ptr(), values.len()) })
     }
 
     /// Completes a step of the integrator, from which no earlier state is restored. Returns whether an event follows,
@@ -365,7 +359,7 @@ impl Handle {
         let (mut words, mut bytes) = ([FALSE; 2], [0_u8; 2]);
         let ([event, ends], [event3, ends3]) = (&mut words, &mut bytes);
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-        let status = self.run(|component| unsafe {
+        let status = self.call(|component| unsafe {
             match (&self.functions.exchange2, &self.functions.exchange3) {
                 (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
                 (_, Some(of)) => (of.completed_integrator_step)(component, true, event3, ends3),
@@ -389,8 +383,8 @@ impl Handle {
             (unknowns.len(), knowns.len(), seed.len(), derivatives.len());
         assert!(of_count <= count && by_count <= seeds, "each reference has its number");
         let (seed, derivatives) = (seed.as_ptr(), derivatives.as_mut_ptr());
-        // SAFETY: the component is alive, each reference has its number, or in FMI 3.0 the array's, by whose number an
-        // FMU tells whether they are all.
+        // SAFETY: the component is alive. Each scalar reference has one number; in FMI 3.0 an array reference has all its
+        // elements, and the FMU checks the total count.
         let call = |component| unsafe {
             match (&self.functions.directional2, &self.functions.directional3) {
                 (Some(of_two), _) => (of_two.get)(component, of, of_count, by, by_count, seed, derivatives),
@@ -400,7 +394,7 @@ impl Handle {
                 _ => MISUSED,
             }
         };
-        self.run(call)
+        self.call(call)
     }
 
     /// Gets numbers of a type.
@@ -412,8 +406,8 @@ impl Handle {
     ) -> Status {
         self.refuse_other_memory(number_type, references, values);
         let (count, size, address) = (references.len(), values.len(), values.address_to_write());
-        // SAFETY: the component is alive, the values have the type's memory; each reference has its value, or in FMI
-        // 3.0 the array's, by whose number an FMU tells whether they are all.
+        // SAFETY: the component is alive, and the values have the type's memory. Each scalar reference has one value; in
+        // FMI 3.0 an array reference has all its elements, and the FMU checks the total count.
         self.call(|component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two(_, numbers) => {
@@ -463,22 +457,22 @@ impl Handle {
         })
     }
 
-    /// Saves the state; none where the FMU has no such function.
-    pub fn get_state(&self) -> Option<(Status, FmuState)> {
+    /// Saves the state, with whether `Terminate` is due in it; none where the FMU has no such function.
+    pub fn get_state(&self) -> Option<(Status, FmuState, bool)> {
         let get = self.functions.states.as_ref()?.get;
         let mut state = ptr::null_mut();
         // SAFETY: the component is alive; a null state asks for a new one.
         let status = self.call(|component| unsafe { get(component, &raw mut state) });
-        Some((status, state))
+        Some((status, state, self.steps.get()))
     }
 
-    /// Restores a state; none where the FMU has no such function.
-    pub fn set_state(&self, state: FmuState) -> Option<Status> {
+    /// Restores a state, in which `Terminate` is due or not; none where the FMU has no such function.
+    pub fn set_state(&self, state: FmuState, steps: bool) -> Option<Status> {
         let set = self.functions.states.as_ref()?.set;
         // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
         let status = self.call(|component| unsafe { set(component, state) });
         // What a step before made impossible is possible again.
-        self.steps.set(status.succeeded());
+        self.steps.set(status.succeeded() && steps);
         Some(status)
     }
 
