@@ -42,7 +42,7 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::display::Rounded;
+use fmu_export::display::{Rounded, Seconds};
 use fmu_export::{
     Context, Equations, Error, Event, Experiment, InputSignal, Integrated, Number, Persistent, Step,
 };
@@ -80,9 +80,9 @@ pub struct Plant {
     system: System,
     latch: DutyLatch,
     pace: Pace,
-    /// Where the experiment starts if it starts settled, …
+    /// The states of a settled start, for its derivatives.
     found: States,
-    /// … and whether that is a steady state.
+    /// Whether they are a steady state.
     is_settled: bool,
 }
 
@@ -196,8 +196,8 @@ impl Equations for Plant {
             let begin = step.start - self.latch.start_time;
             let frequency = parameters.valve.pwm_frequency;
             // The duty is discrete: all periods that start within a step have the same one.
-            if let Some(instant) = self.latch.next_before(begin + step.size, frequency) {
-                done = (instant - begin).max(0.0);
+            if let Some(period_start) = self.latch.next_before(begin + step.size, frequency) {
+                done = (period_start - begin).max(0.0);
                 let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
                 self.integrate(&mut states, parameters, step, interval)?;
                 self.latch.take_until(begin + step.size, frequency, step.inputs.initial().hp_wastegate_pwm);
@@ -258,11 +258,11 @@ impl Plant {
         let at = |time: f64| if is_constant { initial } else { latch.hold(parameters, signal.at(time)) };
         pace.advance(system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
             Error::new(format!(
-                "{} cannot be integrated beyond {:?} s: even the shortest steps, or as many as are tried, miss \
+                "{} cannot be integrated beyond {} s: even the shortest steps, or as many as are tried, miss \
                  the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
                  inputs",
                 failure.state,
-                step.start + failure.time,
+                Seconds(step.start + failure.time),
                 interval.tolerance
             ))
         })

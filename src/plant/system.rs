@@ -460,15 +460,15 @@ impl<D: Elementary> System<D> {
         }
     }
 
-    /// The outputs and local variables for inputs, states and their evaluation.
+    /// The outputs and local variables for inputs, states and the instant.
     #[must_use]
     pub fn quantities(
         &self,
         inputs: &Inputs<D>,
         states: &States<D>,
-        evaluation: &Instant<D>,
+        instant: &Instant<D>,
     ) -> (Outputs<D>, Locals<D>) {
-        let Instant { actuation, gas_path } = evaluation;
+        let Instant { actuation, gas_path } = instant;
         let (cylinders, engine_torque) = self.cylinders.work(
             inputs.engine_speed,
             gas_path.cylinders,

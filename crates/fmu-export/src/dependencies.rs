@@ -18,7 +18,8 @@ const POINTS: u64 = 20;
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.
 pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Error> {
-    let model = M::default();
+    let mut model = M::default();
+    model.take_parameters(variables);
     let reals = M::Variables::described().filter(|(_, variable)| {
         variable.data_type == DataType::Real && (variable.real_input.is_some() || variable.state.is_some())
     });

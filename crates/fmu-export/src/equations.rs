@@ -70,7 +70,8 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     }
 
     /// Derives what depends on parameters alone, such as tables or what [`Equations::advance`] computes with. Called
-    /// after [`Equations::prepare`], after a change of tunable parameters, and for a restored state.
+    /// after [`Equations::prepare`], after a change of tunable parameters, and for a restored state. [`Equations::evaluate`]
+    /// reads the parameters themselves, as what is stored here has no derivatives.
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }

@@ -157,7 +157,7 @@ impl Events {
         if let Some(wrong) = self.indicators.iter().position(|indicator| !indicator.is_finite()) {
             return Err(Error::new(format!(
                 "the event indicator {} is {} at {} s",
-                names[wrong],
+                names.get(wrong).copied().unwrap_or("without a name"),
                 Shown(self.indicators[wrong]),
                 Shown(time)
             )));
@@ -251,7 +251,7 @@ impl Events {
     }
 
     /// Accepts the changes found: the model has handled its event.
-    pub fn accept(&mut self) {
+    pub(crate) fn accept(&mut self) {
         for (positive, changed) in self.positive.iter_mut().zip(&mut self.changed) {
             *positive ^= *changed;
             *changed = false;

@@ -73,7 +73,7 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) resources: Resources,
     /// The strings returned last, valid until the next time.
     pub(crate) strings: Vec<CString>,
-    /// The value references of array elements, of the last call with arrays: so that only the first calls allocate.
+    /// The value references of array elements in the last call that gets or sets arrays, so that only the first allocate.
     scalars: Vec<ValueReference>,
     /// For adjoint derivatives.
     tape: Tape,

@@ -59,8 +59,12 @@ impl<E: Equations> Default for Integrated<E> {
                 "a model of `Equations` has no variables of the type Clock: `next_event` says when its samples are due, \
                  and `event` computes them"
             );
+            assert!(
+                !(E::ADVANCES_ITSELF && E::Variables::DESCRIPTION.capabilities.event_mode),
+                "a model that advances itself handles its events within a step: leave out \"event_mode\" in the JSON"
+            );
         }
-        let states = E::Variables::STATE_NAMES.len();
+        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NAMES.len() };
         Self {
             equations: E::default(),
             integrator: Integrator::new(states),
@@ -142,10 +146,6 @@ impl<E: Equations> Model for Integrated<E> {
     }
 
     fn take_parameters(&mut self, variables: &Self::Variables) {
-        self.equations.take_parameters(variables);
-    }
-
-    fn restored(&mut self, variables: &Self::Variables) {
         self.equations.take_parameters(variables);
     }
 
@@ -260,9 +260,6 @@ impl<E: Equations> EventMode for Integrated<E> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        if E::ADVANCES_ITSELF {
-            return self.equations.advance(variables, step, context).map(|()| None);
-        }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
@@ -459,6 +456,7 @@ impl<E: Equations> Integrated<E> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
+        check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))?;
         check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
     }
 

@@ -272,7 +272,7 @@ impl Integrator {
 
     /// The position of the state whose error determined the length of the last trial.
     #[must_use]
-    pub fn decisive_state(&self) -> usize {
+    pub(crate) fn decisive_state(&self) -> usize {
         self.decisive
     }
 

@@ -13,14 +13,14 @@
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
-//   events                                when and why a model has an event
+//   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, calling_sequence, variables
 //   clock, inputs, logger, number, tape, linear, resources, saved_states
 //   persistence, checksum, wasm::host
 //   panics, floating_point
-//   error, description, status
+//   error, display, description, status
 
 // This crate's macros refer to it by this name.
 #[cfg(all(test, feature = "derive"))]

@@ -171,9 +171,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = variables;
     }
 
-    /// Recomputes, after reading a serialized state, what was left out because it follows from the rest.
+    /// Recomputes, after reading a serialized state, what was left out because it follows from the rest: by default, what
+    /// follows from the parameters.
     fn restored(&mut self, variables: &Self::Variables) {
-        let _ = variables;
+        self.take_parameters(variables);
     }
 }
 

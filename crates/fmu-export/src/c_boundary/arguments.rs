@@ -1,7 +1,8 @@
 //! An importer's pointers as slices and strings.
 //!
 //! Arrays and results may be unaligned: 32-bit compilers align doubles to 4 bytes, Rust to 8, and bindings pass parts
-//! of buffers. Result memory is never read, and no Rust enum is read from the importer's memory.
+//! of buffers. Result memory is not interpreted: an unaligned array is copied, filled and written back. No Rust enum is read
+//! from the importer's memory.
 
 use core::ffi::{CStr, c_char};
 use core::slice;

@@ -10,7 +10,7 @@ macro_rules! variables {
         }
     )*};
 }
-variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
+variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
     falling: "falling", vessels: "Vessels");
 
@@ -61,7 +61,7 @@ impl Equations for Decay {
     }
 }
 
-/// The same decay to a constant target, by its solution in closed form. Its start has no derivative.
+/// A decay to a constant target, by its solution in closed form. Its start has no derivative.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Exact {
     #[persistent(skip)]
@@ -69,11 +69,11 @@ pub struct Exact {
 }
 
 impl Equations for Exact {
-    type Variables = decay::Variables;
+    type Variables = exact::Variables;
     const LONGEST_STEP: f64 = 10.0;
     const ADVANCES_ITSELF: bool = true;
 
-    fn take_parameters(&mut self, variables: &decay::Variables) {
+    fn take_parameters(&mut self, variables: &exact::Variables) {
         self.time_constant = 1.0 / variables.parameters.rate;
     }
 
@@ -81,14 +81,16 @@ impl Equations for Exact {
         Err(Error::new("the start is arbitrary"))
     }
 
-    fn evaluate<T: Number>(&self, time: T, variables: decay::Evaluation<'_, T>) {
-        Decay {}.evaluate(time, variables);
+    fn evaluate<T: Number>(&self, _time: T, variables: exact::Evaluation<'_, T>) {
+        let exact::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
+        derivatives.x = parameters.rate * (inputs.target - states.x);
+        outputs.square = states.x * states.x;
     }
 
     fn advance(
         &mut self,
-        variables: &mut decay::Variables,
-        step: &Step<'_, decay::Inputs>,
+        variables: &mut exact::Variables,
+        step: &Step<'_, exact::Inputs>,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let target = step.inputs.at(step.size).target;
@@ -99,7 +101,7 @@ impl Equations for Exact {
     }
 }
 
-/// The same decay, whose JSON leaves out that the derivative depends on the input.
+/// A decay whose JSON leaves out that the derivative depends on the input.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Undeclared {}
 

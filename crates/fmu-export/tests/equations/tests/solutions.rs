@@ -5,7 +5,7 @@ use fmu_export::{
     Simulation, Tape, Variables as _, check_dependencies,
 };
 use fmu_export_equations::{
-    BouncingBall, Decay, Exact, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay,
+    BouncingBall, Decay, Exact, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, exact,
     stairs, undeclared, van_der_pol,
 };
 
@@ -61,7 +61,7 @@ fn decay_follows_its_closed_form() {
     }
 }
 
-/// It gives the last bit, whatever the tolerance; the derivatives are those of the equations.
+/// Exact to the last bit at any tolerance; derivatives come from `evaluate`.
 #[test]
 fn a_model_may_bring_its_own_integrator() {
     let mut simulation = simulation::<Exact>(1e-2);
@@ -71,7 +71,7 @@ fn a_model_may_bring_its_own_integrator() {
     let x = simulation.variables.states.x;
     assert_eq!(bits([x, simulation.variables.outputs.square]), bits([(-6.0_f64).exp(), x * x]));
     let Simulation { model, variables, inputs, .. } = simulation;
-    let mut direction = decay::Variables::zero();
+    let mut direction = exact::Variables::zero();
     direction.inputs.target = 1.0;
     let along = model.differentiate(Dual::from(3.0), &variables, &inputs, &direction).unwrap();
     assert_eq!(along.derivatives.x.to_bits(), 2.0_f64.to_bits());
