@@ -147,7 +147,12 @@ impl<'m, 'a> Page<'m, 'a> {
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
         let of_steps = self.model.fmi.interfaces.co_simulation();
-        let of_fmi3 = of_steps && self.model.fmi.version == Version::Three;
+        let is_fmi3 = self.model.fmi.version == Version::Three;
+        let [get_and_set, serialize, directional] = if is_fmi3 {
+            ["canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"]
+        } else {
+            ["canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"]
+        };
         let over_time = if of_steps { ", and the outputs' derivatives over time" } else { "" };
         let rows = [
             (
@@ -157,32 +162,27 @@ impl<'m, 'a> Page<'m, 'a> {
                 "communication steps may vary in length",
             ),
             (
-                of_steps,
+                of_steps && !is_fmi3,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
                 "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
             ),
             (
-                of_fmi3,
+                of_steps && is_fmi3,
                 "hasEventMode",
                 has.event_mode,
                 "the importer may handle events, which then end communication steps",
             ),
             (
                 true,
-                "canGetAndSetFMUstate",
+                get_and_set,
                 has.get_and_set_state,
                 "the state can be saved and restored, for example to repeat a step",
             ),
+            (true, serialize, has.serializes_state(), "a saved state can be moved to another process"),
             (
                 true,
-                "canSerializeFMUstate",
-                has.serializes_state(),
-                "a saved state can be moved to another process",
-            ),
-            (
-                true,
-                "providesDirectionalDerivative",
+                directional,
                 has.directional_derivatives,
                 &format!("exact partial derivatives{over_time}"),
             ),

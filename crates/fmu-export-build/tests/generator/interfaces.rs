@@ -38,6 +38,16 @@ fn the_description_of_fmi_3_equals_the_golden_file() {
     assert!(
         read(&generated.variables).contains("pub use ::fmu_export::fmi3_model_exchange as export_functions;")
     );
+    // Each capability that the page names is an attribute of this version.
+    let page = read(&generated.documentation);
+    let (_, table) = page.split_once("<table class=\"capabilities\">").expect("there is a table");
+    let (table, _) = table.split_once("</table>").expect("it ends");
+    let named: Vec<_> =
+        table.split("<code>").skip(1).filter_map(|row| Some(row.split_once("</code>")?.0)).collect();
+    assert_eq!(named.len(), 5);
+    for name in named {
+        assert!(xml.contains(&format!(" {name}=\"")), "{name}");
+    }
 }
 
 /// What is generated for Scheduled Execution of a declaration with a clock or without one, or why not.
