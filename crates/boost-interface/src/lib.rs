@@ -3,8 +3,8 @@
 //!
 //! The descriptions of this repository's `BoostPlant` and `BoostController` define the [`Interface`], a [`Port`] for
 //! each variable. An FMU from another tool that replaces one of them may have other names and units; a [`NameMap`]
-//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`](fmu_package::Translation) describes the FMU as if it had
-//! the interface's names and units.
+//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`](fmu_package::Translation) describes
+//! the FMU as if it had the interface's names and units.
 
 mod compatibility;
 mod name_map;

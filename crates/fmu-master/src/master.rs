@@ -261,7 +261,8 @@ impl<'a> Master<'a> {
         self.record_at(time)
     }
 
-    /// Runs a scenario from its start to its end, or to where an FMU asks for that. Before each step, `progress` gets the number of those done.
+    /// Runs a scenario from its start to its end, or to where an FMU asks for that. Before each step, `progress` gets the
+    /// number of those done.
     ///
     /// # Errors
     /// Those of [`Master::initialize`] and [`Master::step`].

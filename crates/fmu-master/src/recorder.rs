@@ -172,7 +172,7 @@ impl Found {
         let enumeration = || description.enumeration(&variable.declared_type);
         Column {
             display_unit: description.display_unit(variable).cloned(),
-            is_discrete: variable.variability == "discrete" || variable.value_type() != ValueType::Real,
+            is_discrete: variable.is_discrete(),
             items: match variable.value_type() {
                 ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
                 ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),

@@ -129,6 +129,12 @@ impl FmuVariable {
         })
     }
 
+    /// Whether its value changes at events only.
+    #[must_use]
+    pub fn is_discrete(&self) -> bool {
+        self.variability == "discrete" || self.value_type() != ValueType::Real
+    }
+
     /// The type of its values.
     #[must_use]
     pub fn value_type(&self) -> ValueType {

@@ -63,8 +63,8 @@ fn scan(text: &str, longest_value: usize) -> Result<(), (Problem, u64, String)> 
                     attributes += 1;
                     let key = attribute.key.as_ref();
                     namespaces += usize::from(key.starts_with("xmlns"));
-                    let is_long = !LISTS_AND_PROSE.contains(&key);
-                    longest = longest.max(if is_long { attribute.value.len() } else { 0 });
+                    let is_limited = !LISTS_AND_PROSE.contains(&key);
+                    longest = longest.max(if is_limited { attribute.value.len() } else { 0 });
                 }
                 if matches!(event, Event::Start(_)) {
                     open.push(element.local_name().as_ref().to_owned());

@@ -36,7 +36,7 @@ pub struct Simulate {
     #[command(flatten)]
     fmus: FmuArguments,
     /// Set a variable before initialization, or an input throughout, in its own or the given unit:
-    /// tank.volume=0.002, plant:tank.volume=2e-3, "throttle=50 %"
+    /// tank.volume=0.002, plant:tank.volume=2e-3, "level=50 %"
     #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value::<String>("NAME=VALUE"))]
     values: Vec<(String, String)>,
     /// Parameter set, for the FMU that has its parameters; may be given several times
@@ -262,9 +262,8 @@ fn take_inputs(
             let fmu = loaded.get(member)?;
             let inputs = || fmu.description().of_causality("input");
             if let Some(variable) = inputs().find(|variable| variable.name == name) {
-                let is_held = variable.variability == "discrete" || variable.value_type() != ValueType::Real;
-                signal =
-                    Some(if is_held { Signal::Steps(points.clone()) } else { Signal::Lines(points.clone()) });
+                let kind = if variable.is_discrete() { Signal::Steps } else { Signal::Lines };
+                signal = Some(kind(points.clone()));
             }
             known.extend(inputs().map(|variable| variable.name.clone()));
         }

@@ -84,7 +84,7 @@ TYPES = {
     **vars(fmpy.fmi2),
     **vars(fmpy.fmi3),
     "size_t": c_size_t,
-    # Any address, also one of another type.
+    # FMPy's type fixes the logger's type; ours takes any address.
     "fmi2CallbackFunctions": CallbackFunctions,
     "fmi3Byte": c_char,
     "fmi3Binary": c_void_p,
@@ -119,6 +119,7 @@ def declared(version: int) -> dict[str, tuple[Any, list[Parameter]]]:
 
 
 DECLARED = {version: declared(version) for version in (2, 3)}
+assert [len(DECLARED[version]) for version in (2, 3)] == [44, 75], "the functions of the standard's headers"
 FUNCTIONS = DECLARED[2] | DECLARED[3]
 
 

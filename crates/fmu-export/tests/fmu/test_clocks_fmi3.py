@@ -82,7 +82,7 @@ def refused(instance: Instance3, status: Status, reason: str) -> bool:
 def test_a_tick_is_computed_when_a_value_is_asked_for_and_kept_by_the_update(
     new: Callable[..., Instance3], interface: str
 ) -> None:
-    """Until fmi3UpdateDiscreteStates the importer may set inputs again: the tick is computed anew, once."""
+    """Until fmi3UpdateDiscreteStates the importer may set inputs again: the tick is recomputed, once."""
     instance = new(interface, "event")
     assert set_clock(instance, TRIGGER) == Status.OK
     assert get_clock(instance, TRIGGER)
@@ -292,7 +292,7 @@ def test_event_mode_is_needed(libraries: dict[str, Any]) -> None:
 def test_a_state_within_an_event_is_carried_into_another_instance(
     new: Callable[..., Instance3], interface: str
 ) -> None:
-    """What was computed of ticks is computed anew there."""
+    """What was computed of ticks is recomputed there."""
     instance, other = new(interface, "event"), new(interface)
     assert set_clock(instance, TRIGGER) == Status.OK
     assert instance.set("Int32", [AMOUNT], [3]) == Status.OK
@@ -338,7 +338,7 @@ def test_a_warning_of_a_tick_is_given_once(new: Callable[..., Instance3], interf
         assert instance.set("Int32", [AMOUNT], [-1]) == Status.OK
         references, values = array(c_uint32, SUM), array(c_int, 0)
         assert instance.call("fmi3GetInt32", references, 1, values, 1) == Status.WARNING
-        # It is computed anew.
+        # It is recomputed.
         assert instance.set("Float64", [LEVEL], [1.0]) == Status.OK
         instance.get("Int32", [SUM])
         instance.update()

@@ -67,14 +67,18 @@ fn run(instances: &mut [Instance<'_>], count: usize) -> Vec<Vec<u8>> {
             instance.ok(function);
         }
     }
-    let halfway: Vec<_> = instances.iter_mut().map(Instance::snapshot).collect();
-    let mut ends = [vec![], vec![]];
-    for end in &mut ends {
+    let in_turn = |instances: &mut [Instance<'_>], count: usize| {
         for _ in 0..count {
             for instance in &mut *instances {
                 steps(instance, 1);
             }
         }
+    };
+    in_turn(instances, count / 2);
+    let halfway: Vec<_> = instances.iter_mut().map(Instance::snapshot).collect();
+    let mut ends = [vec![], vec![]];
+    for end in &mut ends {
+        in_turn(instances, count - count / 2);
         *end = instances.iter_mut().map(|instance| instance.snapshot().0).collect();
         for (instance, state) in instances.iter_mut().zip(&halfway) {
             instance.restore(state);
