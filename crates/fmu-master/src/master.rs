@@ -19,8 +19,8 @@ use crate::recorder::Recorder;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
-/// Exchanges of outputs and inputs during initialization: a plant that settles at the controller's outputs returns its
-/// measured supply voltage, which changes them.
+/// Exchanges of outputs and inputs during initialization: what one FMU returns once it has its inputs may change the
+/// outputs of another, as a measured voltage changes a controller's duty.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths, interfaces and maps. Clones share them.

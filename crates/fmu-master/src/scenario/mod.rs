@@ -121,7 +121,7 @@ pub struct Member {
     pub inputs: Vec<Input>,
 }
 
-/// A start with a running engine: the FMU steps alone up to the experiment's start, with the inputs of that time.
+/// A start in motion: the FMU steps alone up to the experiment's start, with the inputs of that time.
 #[derive(Clone, Debug)]
 pub struct RunIn {
     /// In s.

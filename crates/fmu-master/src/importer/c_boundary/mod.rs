@@ -12,6 +12,7 @@ mod logger;
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::ptr;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use fmu_export::fmi2::c_types::{
@@ -47,7 +48,7 @@ pub enum Vector {
 pub struct Handle {
     component: Component,
     functions: Arc<Functions>,
-    receiver: Box<Receiver>,
+    receiver: Rc<Receiver>,
     /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
     experiment: Cell<(f64, Option<f64>)>,
     /// The relative tolerance that the FMU is given, if it is.
@@ -58,8 +59,8 @@ pub struct Handle {
     steps: Cell<bool>,
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
-    // The FMU may keep pointers to these.
-    _callbacks: Box<CallbackFunctions>,
+    // The FMU may keep pointers to these, which a moved `Box` would invalidate.
+    _callbacks: Rc<CallbackFunctions>,
     _texts: [CString; 3],
 }
 
@@ -87,12 +88,12 @@ struct LastStep {
 
 impl Handle {
     pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> Result<Self, Vec<Message>> {
-        let receiver = Box::new(Receiver::new());
-        let callbacks = Box::new(CallbackFunctions::new(&receiver));
+        let receiver = Rc::new(Receiver::new());
+        let callbacks = Rc::new(CallbackFunctions::new(&receiver));
         let [name, guid, resources] = texts.each_ref().map(|text| text.as_ptr());
         let environment = &raw const *receiver;
-        // SAFETY: the texts and the callbacks, in boxes that do not move, live as long as the instance. It is not
-        // visible and sends messages; in FMI 3.0 it returns from no step early, and calls in none.
+        // SAFETY: the texts and the callbacks, which do not move, live as long as the instance. It is not visible and
+        // sends messages; in FMI 3.0 it returns from no step early, and calls in none.
         let component = unsafe {
             match functions.instantiate {
                 Instantiate::Two(instantiate) => {
