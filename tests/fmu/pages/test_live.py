@@ -15,6 +15,9 @@ from report import Report
 
 SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
 
+# With pytest-xdist, in one process, whose tests share a page.
+pytestmark = pytest.mark.xdist_group("live")
+
 PICTURES = TARGET / "live"
 
 README = (ROOT / "README.md").read_text()

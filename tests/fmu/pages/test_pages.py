@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 import shutil
 import zipfile
@@ -37,6 +36,7 @@ LARGEST = 6e6
 """Bytes of a report."""
 
 PICTURES = TARGET / "pages"
+"""Which `sheet.py` puts on one sheet."""
 
 SWEEP = """
 scenario = "{scenario}"
@@ -58,6 +58,7 @@ INSPECT = (Path(__file__).parent / "inspect.js").read_text()
 @pytest.fixture(scope="session")
 def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The pages of the FMUs, a report of each command, and the page that runs them."""
+    PICTURES.mkdir(exist_ok=True)
     folder = tmp_path_factory.mktemp("pages")
     files = {}
     for name in FMUS:
@@ -136,7 +137,14 @@ def opened(browser: Browser, files: dict[str, Path]) -> Iterator[Callable[..., P
         context.close()
 
 
-@pytest.fixture(scope="module", params=itertools.product(PAGES, ["light", "dark"]), ids="-".join)
+# With pytest-xdist, one process visits a page.
+VISITS = [
+    pytest.param(visit, marks=pytest.mark.xdist_group("-".join(visit)))
+    for visit in itertools.product(PAGES, ["light", "dark"])
+]
+
+
+@pytest.fixture(scope="module", params=VISITS, ids="-".join)
 def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Path]) -> Iterator[Visit]:
     """Each page by day and by night, inspected and pictured at each width."""
     name, scheme = request.param
@@ -155,33 +163,6 @@ def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Pat
         page.screenshot(path=picture, type="jpeg", quality=70, full_page=True, clip=clip)
     yield visit
     context.close()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def sheet(browser: Browser) -> Iterator[None]:
-    """Puts all pictures on a sheet."""
-    shutil.rmtree(PICTURES, ignore_errors=True)
-    PICTURES.mkdir()
-    yield
-    rows = []
-    for name in PAGES:
-        pictures = [
-            f'<td><img src="{name}-{scheme}-{width}.jpeg" style="width:{60 + width // 6}px"></td>'
-            for width in WIDTHS
-            for scheme in ["light", "dark"]
-        ]
-        rows.append(f"<tr><th>{html.escape(name)}</th>{''.join(pictures)}</tr>")
-    formulas = [
-        f'<td colspan="{len(WIDTHS)}"><img src="{name}-formulas.png" style="width:900px"></td>'
-        for name in FMUS
-    ]
-    rows.append(f"<tr><th>without a font of mathematics</th>{''.join(formulas)}</tr>")
-    document = PICTURES / "sheet.html"
-    style = "td { vertical-align: top } img { max-height: 900px; object-fit: cover; object-position: top }"
-    document.write_text(f"<!DOCTYPE html><style>{style}</style><table>{''.join(rows)}</table>")
-    page = browser.new_page(viewport={"width": 2400, "height": 1000})
-    page.goto(document.as_uri())
-    page.screenshot(path=PICTURES / "sheet.png", full_page=True)
 
 
 def assert_none(visit: Visit, rule: str) -> None:
