@@ -70,13 +70,20 @@ def test_walk_knows_every_line() -> None:
     assert sum(line.startswith("not run") for line in walked) == 6
 
 
-def test_export(clone: Path) -> None:
-    """The line with another folder, since other tests read this one."""
+def test_export(clone: Path, exported: Path) -> None:
+    """The line with another folder, since other tests read this one.
+
+    Compiled again, the sources give the same bytes.
+    """
     out = clone / "out"
+    for source in ["build.rs", "src/lib.rs", *ROOT.glob("crates/*/src/lib.rs")]:
+        os.utime(ROOT / source)
     command = ["cargo", "run", "--release", "--", "export", "--out", out]
     subprocess.run(command, cwd=ROOT, check=True)
     names = ["Boost.ssp", "BoostController.fmu", "BoostPlant.fmu"]
     assert sorted(file.name for file in out.iterdir()) == names
+    for name in names:
+        assert (out / name).read_bytes() == (exported / name).read_bytes(), name
 
 
 def test_test_command_is_there() -> None:
