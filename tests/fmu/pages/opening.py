@@ -1,29 +1,15 @@
-"""Pages and reports, opened in Chromium: the fixtures of the tests in this folder."""
+"""The fixtures of the tests of pages: all of them, and how one is opened."""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
-from conftest import ROOT, TARGET, Run
+from conftest import ROOT, Run
 from playwright.sync_api import Browser, Page
-
-HEIGHT = 900
-
-FMUS = ["BoostPlant", "BoostController"]
-
-REPORTS = ["reproduction", "identification", "tuning", "simulation", "system", "study", "sweep"]
-
-LIVE = "live"
-
-PAGES = [*FMUS, *REPORTS, LIVE]
-
-PICTURES = TARGET / "pages"
-"""Which `sheet.py` puts on one sheet."""
+from visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
 
 SWEEP = """
 scenario = "{scenario}"
@@ -71,36 +57,6 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
     run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
     reports = {name: folder / name / "report.html" for name in REPORTS}
     return {**files, **reports, "simulation": plot, "system": system, LIVE: live}
-
-
-@dataclass
-class Visit:
-    """A page as it was opened, and what was found at each width."""
-
-    page: Page
-    messages: list[str] = field(default_factory=list)
-    requests: list[str] = field(default_factory=list)
-    found: dict[int, dict[str, Any]] = field(default_factory=dict)
-
-    def open(self, file: Path) -> None:
-        self.page.on("console", lambda message: self.messages.append(message.text))
-        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(file.as_uri())
-        # The figures' script says when it has drawn them.
-        self.page.wait_for_function(
-            "!document.querySelector('.panel') || document.documentElement.dataset.drawn"
-        )
-
-    def at(self, width: int) -> Page:
-        """The page in a window of a width."""
-        self.page.set_viewport_size({"width": width, "height": HEIGHT})
-        # The plots follow the window's size a little later.
-        self.page.wait_for_function(
-            "[...document.querySelectorAll('.plot')].every("
-            "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
-        )
-        return self.page
 
 
 @pytest.fixture

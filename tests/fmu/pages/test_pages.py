@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from opening import HEIGHT, PAGES, PICTURES, REPORTS, Visit
 from playwright.sync_api import Browser
+from visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
 
 pytest_plugins = ["opening"]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import matplotlib
 import pytest
 from fontTools.ttLib import TTFont
-from opening import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
 from playwright.sync_api import Browser, Page
+from visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
 
 pytest_plugins = ["opening"]
 
