@@ -47,7 +47,7 @@ pub mod panels;
 #[cfg(feature = "html")]
 mod report;
 
-pub use figure::{Color, Figure, Line, Panel, color, escaped};
+pub use figure::{Color, Figure, Line, Panel, color, escaped, labelled};
 #[cfg(feature = "html")]
 pub use format::PlotFormat;
 #[cfg(feature = "html")]

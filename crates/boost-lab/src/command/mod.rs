@@ -155,10 +155,7 @@ enum Identify {
 /// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(Simulate { simulate, maps }) => {
-            let out = |name: &str| format!("{name}.csv").into();
-            simulate.run(&maps.maps(), Some(&out)).map(|()| true)
-        }
+        Command::Simulate(Simulate { simulate, maps }) => simulate.run(&maps.maps()).map(|()| true),
         Command::Compare(compare) => compare.run().map(|()| true),
         Command::Show { scenarios, fmus, title, out } => {
             show::run(&scenarios, &fmus, &title, &out).map(|()| true)

@@ -271,13 +271,13 @@ function change({ fmu, name, value, isOf }) {
   }
 }
 
-// Saves the records; numbers read back as the same doubles.
+// Saves the records, with units below the names; numbers read back as the same doubles.
 function saveCsv() {
   const { experiment } = state;
   runsOf().forEach((run, index) => {
-    const header = run.scenario.record.map(name => [name, unitOf(name)]).map(([name, unit]) => (unit ? `${name} (${unit})` : name));
-    const columns = [run.time, ...run.scenario.record.map(name => run.columns.get(name))];
-    const rows = [["time (s)", ...header], ...run.time.map((_, row) => columns.map(values => values[row]))];
+    const { record } = run.scenario;
+    const columns = [run.time, ...record.map(name => run.columns.get(name))];
+    const rows = [["time", ...record], ["# s", ...record.map(unitOf)], ...run.time.map((_, row) => columns.map(values => values[row]))];
     const text = `${rows.map(row => row.join(",")).join("\n")}\n`;
     const name = experiment ? `figure_${experiment.number}_run_${index + 1}.csv` : "boost.csv";
     const link = make("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name });

@@ -51,13 +51,8 @@ impl Integration {
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
-        let flag = if calls.fmu.functions.is_fmi3() {
-            "providesDirectionalDerivatives"
-        } else {
-            "providesDirectionalDerivative"
-        };
         let (mut derivatives, mut states) = (vec![], vec![]);
-        if calls.fmu.has_capability(flag) {
+        if calls.fmu.has_directional_derivatives() {
             derivatives.extend(calls.fmu.states.iter().map(|state| state.derivative));
             states.extend(calls.fmu.states.iter().map(|state| state.reference));
             derivatives.dedup();

@@ -4,8 +4,8 @@
 use fmu_terms::Linear;
 use plotly::common::{Anchor, DashType, Line as Stroke, LineShape, Marker, Mode, Title};
 use plotly::layout::{
-    Annotation, Axis as Scale, BarMode, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType,
-    TicksDirection, UniformText, UniformTextMode,
+    Annotation, Axis as Scale, AxisType, BarMode, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine,
+    ShapeType, TicksDirection, UniformText, UniformTextMode,
 };
 use plotly::{Plot, Scatter, Trace};
 use serde_json::{Value, json};
@@ -69,7 +69,8 @@ impl Panel {
             .map_or_else(String::new, |title| format!("<p class=\"title\">{}</p>\n", escaped(title)));
         let entries = self.lines.iter().enumerate().filter_map(|(index, line)| line.entry(index));
         let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
-        let lines = self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json());
+        let lines =
+            self.thinned_lines(columns).map(|(line, points)| line.trace(&points, &self.x, round).to_json());
         let lanes =
             self.lanes.iter().rev().enumerate().map(|(place, lane)| lane.trace(place as f64).to_string());
         let traces: Vec<_> = lines.chain(lanes).collect();
@@ -108,7 +109,7 @@ impl Panel {
             .show_legend(false)
             .hover_mode(hover)
             .x_axis(self.x.scale(has_x_label))
-            .y_axis(y)
+            .y_axis(if self.has_equal_scales { y.scale_anchor("x") } else { y })
             .shapes(self.bands.iter().map(Band::shape).collect())
             .to_json()
     }
@@ -127,17 +128,19 @@ impl Axis {
             .tick_color(color::FAINT.name())
             .grid_color(color::RULE.name());
         let scale = if has_label { scale.title(Title::with_text(escaped(&self.label))) } else { scale };
+        let scale = if self.is_logarithmic { scale.type_(AxisType::Log) } else { scale };
         match self.range {
-            Some((from, to)) => scale.range(vec![from, to]),
+            Some((from, to)) => scale.range(vec![self.place(from), self.place(to)]),
             None => scale,
         }
     }
 }
 
 impl Line {
-    fn trace(&self, points: &[(f64, f64)], [x, y]: [f64; 2]) -> Box<Scatter<f64, f64>> {
+    fn trace(&self, points: &[(f64, f64)], axis: &Axis, [x, y]: [f64; 2]) -> Box<Scatter<f64, f64>> {
         let rounded = |value: f64, factor: f64| (value * factor).round() / factor;
-        let (x, y) = points.iter().map(|point| (rounded(point.0, x), rounded(point.1, y))).unzip();
+        let (x, y) =
+            points.iter().map(|point| (axis.value(rounded(point.0, x)), rounded(point.1, y))).unzip();
         let mut stroke = Stroke::new().color(self.color.name()).width(self.width);
         if self.is_dashed {
             stroke = stroke.dash(DashType::Dash);
