@@ -579,7 +579,8 @@ fn signals_are_recorded_where_a_replaced_fmu_lacks_the_input() {
     );
     let message = bench.refusal(&["simulate", "record.toml"]);
     assert!(message.contains("inputs.throttle: no FMU has an input throttle"), "{message}");
-    let replaced = bench.run(&["simulate", "record.toml", "--fmu", "alone=careless.fmu"]);
+    let replaced = ["simulate", "record.toml", "--fmu", "alone=careless.fmu", "--out", "record.csv"];
+    let replaced = bench.run(&replaced);
     let notes = String::from_utf8(replaced.stderr).unwrap();
     assert!(replaced.status.success(), "{notes}");
     assert!(
@@ -629,14 +630,14 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
         (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
         (&["empty.csv", "one.csv"], "empty.csv has no rows"),
         (&["one.csv", "hours.csv"], "cannot read hours.csv: its time is in h, not in s"),
-        (&["one.csv", "vast.csv", "--plot", "x.svg"], "level, vast.csv: 1e308 is beyond 1e300"),
-        (&["one.csv", "vast.csv", "--plot", "x.png"], "level, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.svg"], "input, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.png"], "input, vast.csv: 1e308 is beyond 1e300"),
     ] {
         for (name, table) in [
             ("later.csv", "time,level\n2,1\n3,1\n"),
             ("empty.csv", "time,level\n"),
             ("hours.csv", "time (h),level\n0,1\n"),
-            ("vast.csv", "time,level\n0,1\n1,1e308\n"),
+            ("vast.csv", "time,input\n0,1\n1,1e308\n"),
         ] {
             bench.write(name, table);
         }
@@ -732,7 +733,7 @@ fn a_variable_is_recorded_once() {
 fn a_pipe_is_written_to_directly() {
     let bench = Bench::new();
     let output = bench.run(&["simulate", "scenario.toml", "--out", "/dev/stdout"]);
-    assert!(String::from_utf8(output.stdout).unwrap().starts_with("time,level\n0.0,0.0\n"));
+    assert!(String::from_utf8(output.stdout).unwrap().starts_with("time,level\n# s,Pa\n0.0,0.0\n"));
     bench.succeeds(&["simulate", "scenario.toml", "--out", "/dev/null"]);
     assert!(!fs::metadata("/dev/null").unwrap().is_file());
 }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_export::fmi2::c_types::ValueReference;
 use fmu_package::{FmuDescription, FmuVariable};
 
 use super::c_boundary::Vector;
@@ -67,10 +66,10 @@ impl Instance {
         let [mut by_values, mut of_values] = [vec![0.0; known.len()], vec![0.0; unknown.len()]];
         self.read(&mut by_states, &mut by_values[..count])?;
         self.read(&mut by_inputs, &mut by_values[count..])?;
-        self.read(&mut of, &mut of_values)?;
+        self.observe(&mut of, &mut of_values, count)?;
         let is_exact = fmu.has_directional_derivatives();
         let columns = if is_exact {
-            self.directional_derivatives(&known, &unknown)?
+            self.directional_derivatives(&known, &of)?
         } else if is_exchange {
             self.differences(&known, by_values.clone(), &mut by_inputs, &mut of)?
         } else {
@@ -104,41 +103,38 @@ impl Instance {
         })
     }
 
-    /// The derivatives of the unknowns, for each of the knowns.
-    fn directional_derivatives(
-        &mut self,
-        known: &[&FmuVariable],
-        unknown: &[&FmuVariable],
-    ) -> Result<Vec<Vec<f64>>> {
-        let Self { calls, .. } = self;
-        let fmu = Arc::clone(&calls.fmu);
-        // The references of arrays stand for all their elements.
-        let (mut references, mut firsts, mut size): (Vec<ValueReference>, Vec<usize>, _) =
-            (vec![], vec![], 0);
-        let mut places = vec![];
-        for variable in unknown {
-            let own = reference(variable)?;
-            let index = references.iter().position(|known| *known == own).unwrap_or_else(|| {
-                references.push(own);
-                firsts.push(size);
-                size += variable.element.map_or(1, |element| element.size);
-                references.len() - 1
-            });
-            places.push(firsts[index] + variable.element.map_or(0, |element| element.position));
+    /// Reads derivatives of states and outputs. In Model Exchange, derivatives need not be computed as variables.
+    fn observe(&mut self, of: &mut Selection, values: &mut [f64], states: usize) -> Result<()> {
+        self.read(of, values)?;
+        match self.calls.fmu.interface() {
+            Interface::ModelExchange => self.calls.get_vector(Vector::Derivatives, &mut values[..states]),
+            Interface::CoSimulation => Ok(()),
         }
-        let factor = |variable: &FmuVariable| {
-            fmu.conversions.get(&variable.name).map_or(1.0, |conversion| conversion.factor)
-        };
+    }
+
+    /// The derivatives of the unknowns by each of the knowns.
+    fn directional_derivatives(&mut self, known: &[&FmuVariable], of: &Selection) -> Result<Vec<Vec<f64>>> {
+        let fmu = Arc::clone(&self.calls.fmu);
         let mut columns = vec![];
-        let mut changes = vec![0.0; size];
         for by in known {
+            // An array's reference stands for all its elements.
             let mut seed = vec![0.0; by.element.map_or(1, |element| element.size)];
-            seed[by.element.map_or(0, |element| element.position)] = 1.0;
-            let status =
-                calls.handle.directional_derivative(&references, &[reference(by)?], &seed, &mut changes);
-            calls.check(format_args!("GetDirectionalDerivative"), std::slice::from_ref(&by.name), status)?;
-            let own = |(place, of): (&usize, &&FmuVariable)| changes[*place] * factor(of) / factor(by);
-            columns.push(places.iter().zip(unknown).map(own).collect());
+            let unit = fmu.conversions.get(&by.name).map_or(1.0, |conversion| conversion.factor);
+            seed[by.element.map_or(0, |element| element.position)] = unit.recip();
+            let mut column = vec![0.0; of.names().len()];
+            for group in &of.groups {
+                let mut changes = vec![0.0; group.values.len()];
+                let status = self.calls.handle.directional_derivative(
+                    &group.references,
+                    &[reference(by)?],
+                    &seed,
+                    &mut changes,
+                );
+                let names = std::slice::from_ref(&by.name);
+                self.calls.check(format_args!("GetDirectionalDerivative"), names, status)?;
+                group.scatter_changes(&changes, &mut column);
+            }
+            columns.push(column);
         }
         Ok(columns)
     }
@@ -169,7 +165,7 @@ impl Instance {
                 values[index] = *end;
                 self.calls.go_to(time, &values[..states])?;
                 self.write_groups(inputs, &values[states..])?;
-                self.read(of, result)?;
+                self.observe(of, result, states)?;
             }
             values[index] = value;
             let [below, above] = results;

@@ -125,6 +125,13 @@ impl Group {
             };
         }
     }
+
+    /// Distributes derivatives, which conversions scale.
+    pub fn scatter_changes(&self, changes: &[f64], column: &mut [f64]) {
+        for Slot { value, position, conversion } in &self.slots {
+            column[*position] = conversion.map_or(1.0, |(to_seen, _)| to_seen.factor) * changes[*value];
+        }
+    }
 }
 
 /// The name of Booleans in their functions.

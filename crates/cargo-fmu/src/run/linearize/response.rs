@@ -9,8 +9,9 @@ use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 /// Points of a frequency response, besides those at poles.
 const POINTS: u32 = 200;
-/// The range of frequencies about those of the poles.
+/// The range of frequencies about those of the poles, and its width at most.
 const ROOM: f64 = 10.0;
+const WIDTH: f64 = 1e8;
 /// Frequencies without poles (Hz).
 const WITHOUT_POLES: (f64, f64) = (0.01, 100.0);
 /// Iterations per state until eigenvalues are given up; LAPACK's limit (dhseqr).
@@ -52,7 +53,10 @@ impl StateSpace {
         }
         let schur = Schur::try_new(self.a.clone(), f64::EPSILON, MOST_ITERATIONS * size.max(10));
         let schur = schur.context("the eigenvalues of A do not converge")?;
-        let mut poles: Vec<_> = schur.complex_eigenvalues().iter().copied().collect();
+        let poles = schur.complex_eigenvalues();
+        let rounding = size as f64 * f64::EPSILON * self.a.norm();
+        let exact = |pole: &Complex<f64>| if pole.norm() < rounding { Complex::new(0.0, 0.0) } else { *pole };
+        let mut poles: Vec<_> = poles.iter().map(exact).collect();
         poles.sort_by(|one, other| {
             let [one, other] = [one, other].map(|pole| (pole.norm(), pole.re, pole.im));
             one.partial_cmp(&other).unwrap_or(std::cmp::Ordering::Equal)
@@ -92,7 +96,8 @@ pub fn frequencies(poles: &[Complex<f64>], range: Option<(f64, f64)>) -> Vec<f64
     let (from, to) = range.unwrap_or_else(|| {
         let ends =
             of_poles.iter().fold((f64::INFINITY, 0.0), |(least, most), own| (own.min(least), own.max(most)));
-        if of_poles.is_empty() { WITHOUT_POLES } else { (ends.0 / ROOM, ends.1 * ROOM) }
+        let to = ends.1 * ROOM;
+        if of_poles.is_empty() { WITHOUT_POLES } else { ((ends.0 / ROOM).max(to / WIDTH), to) }
     });
     let spaced = (0..POINTS).map(|index| from * (to / from).powf(f64::from(index) / f64::from(POINTS - 1)));
     // Sharp peaks are between points.
