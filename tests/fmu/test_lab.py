@@ -448,9 +448,7 @@ def test_one_fmu_runs_with_its_default_experiment(
     lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu
 ) -> None:
     out = tmp_path / "plant.csv"
-    done = lab(
-        "simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--out", out
-    )
+    done = lab("simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     found = read(out)
     assert found["time"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)

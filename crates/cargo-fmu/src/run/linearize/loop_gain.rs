@@ -16,11 +16,11 @@ use nalgebra::{Complex, DVector, Matrix4, Vector4};
 const SHORTEST: u32 = 4;
 /// The longest period by default, in steps.
 const LONGEST: u32 = 1000;
-/// From one period to the next.
+/// From one period to the next at most.
 const RATIO: f64 = 1.15;
 /// The least steps of a measurement, in whole periods.
 const LEAST_STEPS: u32 = 64;
-/// A measurement counts once it differs from the one before by less than this part.
+/// A measurement counts once it differs from the one before by less than this part of what it is made of.
 const SETTLED: f64 = 1e-3;
 /// Measurements until a frequency is given up.
 const MOST_TRIALS: u32 = 50;
@@ -32,7 +32,7 @@ pub struct Point {
     pub frequency: f64,
     /// L, which is -1 at the limit of stability.
     pub gain: Complex<f64>,
-    /// What the connection brings at other frequencies than the sine's, relative to it; 0 for a linear loop.
+    /// What the connection brings at other frequencies, relative to the sines in the loop; 0 for a linear loop.
     pub distortion: f64,
     /// Whether the last two measurements agree.
     pub is_settled: bool,
@@ -52,10 +52,15 @@ pub fn periods(step: f64, range: Option<(f64, f64)>) -> Vec<u32> {
     let (least, most) = range.map_or((f64::from(SHORTEST), f64::from(LONGEST)), |(from, to)| {
         (f64::from(SHORTEST).max(1.0 / (to * step)), 1.0 / (from * step))
     });
-    let lengths =
-        (0..).map(|index| least * RATIO.powi(index)).take_while(|length| *length < most * RATIO.sqrt());
+    if most < least {
+        return vec![];
+    }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-    let mut periods: Vec<_> = lengths.map(|length| length.round() as u32).collect();
+    let whole = |number: f64| number.round() as u32;
+    let count = whole(((most / least).ln() / RATIO.ln()).ceil());
+    let share = |index: u32| f64::from(index) / f64::from(count.max(1));
+    let mut periods: Vec<_> =
+        (0..=count).map(|index| whole(least * (most / least).powf(share(index)))).collect();
     periods.dedup();
     periods
 }
@@ -73,10 +78,13 @@ pub fn measure(
     for &period in periods {
         let mut last: Option<Point> = None;
         for _ in 0..MOST_TRIALS {
-            let Measured { brought, distortion } = window(master, amplitude, period)?;
+            let (brought, rest) = window(master, amplitude, period)?;
             let at_input = brought + Complex::new(0.0, -amplitude);
             let gain = -brought / at_input;
-            let is_settled = last.is_some_and(|last| (gain - last.gain).norm() <= SETTLED * gain.norm());
+            // A large gain is made of a small difference at the input.
+            let size = gain.norm() * (gain + 1.0).norm().max(1.0);
+            let is_settled = last.is_some_and(|last| (gain - last.gain).norm() <= SETTLED * size);
+            let distortion = rest / brought.norm().max(at_input.norm());
             last = Some(Point { frequency: 1.0 / (f64::from(period) * step), gain, distortion, is_settled });
             if is_settled {
                 break;
@@ -89,15 +97,9 @@ pub fn measure(
     Ok(points)
 }
 
-/// What a connection brings while a sine is added.
-struct Measured {
-    /// Its part at the sine's frequency, as the complex amplitude of a cosine.
-    brought: Complex<f64>,
-    distortion: f64,
-}
-
-/// Adds whole periods of a sine, and fits a line and a sine to what the connection brings.
-fn window(master: &mut Master<'_>, amplitude: f64, period: u32) -> Result<Measured> {
+/// Adds whole periods of a sine, and fits a line and a sine to what the connection brings. Returns the sine, as the
+/// complex amplitude of a cosine, and the amplitude of the rest.
+fn window(master: &mut Master<'_>, amplitude: f64, period: u32) -> Result<(Complex<f64>, f64)> {
     let steps = period * LEAST_STEPS.div_ceil(period);
     let angle = |step: u32| TAU * f64::from(step % period) / f64::from(period);
     let brought = (0..steps).map(|step| master.step_adding(amplitude * angle(step).sin()));
@@ -114,10 +116,7 @@ fn window(master: &mut Master<'_>, amplitude: f64, period: u32) -> Result<Measur
     let fitted = normal.lu().solve(&right).unwrap_or_else(|| Vector4::repeat(f64::NAN));
     let rest =
         (0..steps).zip(&brought).map(|(step, value)| (value - mean - terms(step).dot(&fitted)).powi(2));
-    let found = Complex::new(fitted[2], -fitted[3]);
-    let distortion =
-        (2.0 * rest.sum::<f64>() / f64::from(steps)).sqrt() / found.norm().max(f64::MIN_POSITIVE);
-    Ok(Measured { brought: found, distortion })
+    Ok((Complex::new(fitted[2], -fitted[3]), (2.0 * rest.sum::<f64>() / f64::from(steps)).sqrt()))
 }
 
 /// The margins of a loop from its gain at ascending frequencies (Hz), with straight lines between points of the Bode
@@ -195,12 +194,10 @@ mod tests {
     #[test]
     fn periods_are_whole_numbers_of_steps() {
         let all = periods(0.0125, None);
-        assert!(
-            all[0] == SHORTEST && all.is_sorted() && all[all.len() - 1].abs_diff(LONGEST) < 100,
-            "{all:?}"
-        );
+        assert!(all[0] == SHORTEST && all.is_sorted() && all[all.len() - 1] == LONGEST, "{all:?}");
         // 1 Hz to 10 Hz.
         let some = periods(0.0125, Some((1.0, 10.0)));
-        assert!(some[0] == 8 && some[some.len() - 1].abs_diff(80) < 8, "{some:?}");
+        assert!(some[0] == 8 && some[some.len() - 1] == 80, "{some:?}");
+        assert_eq!(periods(0.0125, Some((30.0, 40.0))), [0; 0]);
     }
 }

@@ -27,8 +27,8 @@ use self::response::{StateSpace, frequencies};
 use super::experiment::{End, Experiment};
 use super::{Maps, finite, number_in, positive, progress_bar};
 
-/// The sine added to a loop, relative to what the connection brings.
-const AMPLITUDE: f64 = 1e-3;
+/// The sine added to a loop, relative to what the connection brings: far above the tolerances of integrators.
+const AMPLITUDE: f64 = 0.01;
 /// More distortion than this is not a linear loop's.
 const MOST_DISTORTION: f64 = 0.1;
 
@@ -56,7 +56,7 @@ pub struct Linearize {
     /// Measure the gain of the loop cut open at this input, which gets its value from another FMU, by sines
     #[arg(long = "loop", value_name = "[FMU:]INPUT")]
     cut: Option<String>,
-    /// Amplitude of the sines, in the input's unit [default: a thousandth of its value]
+    /// Amplitude of the sines, in the input's unit [default: a hundredth of its value]
     #[arg(long, value_name = "NUMBER", requires = "cut", value_parser = positive())]
     amplitude: Option<f64>,
     /// Range of frequencies (Hz) [default: about the poles; for a loop, periods of 4 to 1000 steps]
@@ -269,7 +269,7 @@ impl Linearize {
             } else if point.distortion > MOST_DISTORTION {
                 let share = quantity(100.0 * point.distortion, "%");
                 complain(&format!(
-                    "warning: at {at} the loop is not linear: {share} of the response is at other frequencies; try \
+                    "warning: at {at} the loop is not linear: {share} of its signal is at other frequencies; try \
                      another --amplitude"
                 ));
             }
