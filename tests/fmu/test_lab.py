@@ -266,10 +266,10 @@ def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
         None,
     )
     for expected in [
-        f"  holds    actuator_pressure_change          {change['value']:.0f} Pa "
-        "(accepted: 2450 to 2550; paper: 2500)\n",
-        f"  holds    overshoot_up                      {overshoot['value']:.0f} Pa "
-        "(accepted: at most 5000; paper: 5000)\n",
+        f"  holds    actuator_pressure_change          {change['value'] / 1e3:.3g} kPa "
+        "(accepted: 2.45 to 2.55 kPa; paper: 2.5 kPa)\n",
+        f"  holds    overshoot_up                      {overshoot['value'] / 1e3:.3g} kPa "
+        "(accepted: at most 5 kPa; paper: 5 kPa)\n",
         f"\n{len(claims) - 1} of {len(claims)} claims hold; 1 differs for a known reason\n",
     ]:
         assert expected in done.stdout

@@ -77,8 +77,10 @@ pub(crate) fn write(table: &Table<'_>, writer: impl Write) -> io::Result<()> {
     let mut csv = csv::Writer::from_writer(writer);
     csv.write_record(table.0.iter().map(|column| &column.name))?;
     if table.0.iter().any(|column| !column.unit.is_empty()) {
-        let mut units: Vec<_> = table.0.iter().map(|column| column.unit.clone()).collect();
-        units[0] = format!("{COMMENT} {}", units[0]).trim_end().to_owned();
+        let units = table.0.iter().enumerate().map(|(index, column)| match index {
+            0 => format!("{COMMENT} {}", column.unit).trim_end().to_owned(),
+            _ => column.unit.clone(),
+        });
         csv.write_record(units)?;
     }
     for row in 0..table.0.first().map_or(0, |column| column.cells.len()) {

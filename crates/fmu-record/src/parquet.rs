@@ -69,7 +69,7 @@ fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
         let unit = units.remove(&name).unwrap_or_default();
         let display_unit = display_units.remove(&name);
         let display_unit = display_unit.map(|(name, factor, offset)| DisplayUnit { name, factor, offset });
-        columns.push(Column { values, display_unit, ..Column::from((name, unit)) });
+        columns.push(Column { display_unit, values, ..Column::from((name, unit)) });
     }
     Ok(columns)
 }

@@ -173,8 +173,8 @@ function showResults(experiment, measures) {
     const known = claim.knownDifference ? ` Known difference: ${claim.knownDifference}.` : "";
     const row = make(
       "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}${known}` })),
-      cell("paper", claim.inPaper && inUnit(claim.inPaper, claim.unit)), cell("here", inUnit(number(claim.factor * value), claim.unit)),
-      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)),
+      cell("paper", claim.inPaper), cell("here", inUnit(number(claim.factor * value), claim.unit)),
+      cell("laboratory", claim.found), cell("accepted", claim.asked),
       make("td", {}, make("span", { className: verdict, textContent: verdict })),
     );
     row.dataset.claim = claim.name;

@@ -198,15 +198,11 @@ impl Variable<'_> {
             rows => format!("no finite difference in {rows} rows"),
         };
         let column = self.heading.of_differences();
-        match greatest {
-            Some((value, time)) => {
-                [column.text(*value), quantity(*time, "s"), column.text(*root_mean_square), undefined]
-            }
-            None => {
-                let word = if undefined.is_empty() { "equal" } else { "unequal" };
-                [word.to_owned(), String::new(), String::new(), undefined]
-            }
-        }
+        let Some((value, time)) = greatest else {
+            let word = if undefined.is_empty() { "equal" } else { "unequal" };
+            return [word.to_owned(), String::new(), String::new(), undefined];
+        };
+        [column.text(*value), quantity(*time, "s"), column.text(*root_mean_square), undefined]
     }
 }
 

@@ -132,7 +132,7 @@ pub fn margins(points: &[(f64, Complex<f64>)]) -> Margins {
         let between = |from: f64, to: f64, share: f64| from + (to - from) * share;
         // The turns below -180°.
         let [turn, next_turn] = [phase, next_phase].map(|phase| ((phase + 180.0) / 360.0).floor());
-        if turn != next_turn {
+        if (turn - next_turn).abs() > 0.5 {
             let limit = 360.0 * turn.max(next_turn) - 180.0;
             let share = (limit - phase) / (next_phase - phase);
             let found = (-between(level, next_level, share)).exp();
