@@ -27,8 +27,9 @@ use self::response::{StateSpace, frequencies};
 use super::experiment::{End, Experiment};
 use super::{Maps, finite, number_in, positive, progress_bar};
 
-/// The sine added to a loop, relative to what the connection brings: far above the tolerances of integrators.
-const AMPLITUDE: f64 = 0.01;
+/// The sine added to a loop, relative to what the connection brings: far above the tolerances of integrators, and below
+/// what moves most loops from their operating points.
+const AMPLITUDE: f64 = 1e-3;
 /// More distortion than this is not a linear loop's.
 const MOST_DISTORTION: f64 = 0.1;
 
@@ -56,7 +57,7 @@ pub struct Linearize {
     /// Measure the gain of the loop cut open at this input, which gets its value from another FMU, by sines
     #[arg(long = "loop", value_name = "[FMU:]INPUT")]
     cut: Option<String>,
-    /// Amplitude of the sines, in the input's unit [default: a hundredth of its value]
+    /// Amplitude of the sines, in the input's unit [default: a thousandth of its value]
     #[arg(long, value_name = "NUMBER", requires = "cut", value_parser = positive())]
     amplitude: Option<f64>,
     /// Range of frequencies (Hz) [default: about the poles; for a loop, periods of 4 to 1000 steps]
@@ -180,6 +181,11 @@ impl Linearize {
         master.hold_signals();
         let cut =
             self.cut.as_ref().map(|input| self.loop_at(input, &mut master, scenario.step)).transpose()?;
+        for name in &names {
+            for message in master.instance(name)?.take_warnings() {
+                complain(&format!("warning: {name}: {}", message.text));
+            }
+        }
         if fmus.is_empty() && cut.is_none() {
             bail!(
                 "there is nothing to linearize: {} without continuous states and their derivatives; --loop measures a \
@@ -261,7 +267,8 @@ impl Linearize {
         let bar = progress_bar(periods.len() as u64, "{pos} of {len} frequencies")?;
         let points = measure(master, step, amplitude, &periods, || bar.inc(1))?;
         bar.finish_and_clear();
-        let gains: Vec<_> = points.iter().map(|point| (point.frequency, point.gain)).collect();
+        let settled = points.iter().filter(|point| point.is_settled);
+        let gains: Vec<_> = settled.map(|point| (point.frequency, point.gain)).collect();
         for point in &points {
             let at = quantity(point.frequency, "Hz");
             if !point.is_settled {
