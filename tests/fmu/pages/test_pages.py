@@ -31,7 +31,9 @@ REPORTS = ["reproduction", "identification", "tuning", "simulation", "system", "
 
 LIVE = "live"
 
-PAGES = [*FMUS, *REPORTS, LIVE]
+LINEAR = "linearization"
+
+PAGES = [*FMUS, *REPORTS, LINEAR, LIVE]
 
 LARGEST = 6e6
 """Bytes of a report."""
@@ -81,13 +83,16 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
     system = folder / "system.html"
     pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60"]
     run("simulate", exported / "Boost.ssp", *pumping, "--out", folder, "--plot", system)
+    linear = folder / f"{LINEAR}.html"
+    loop = ["--at", "24", "--path", "hp_wastegate_pwm,boost_pressure", "--loop", "controller:boost_pressure"]
+    run("linearize", steps, "--fmus", exported, *loop, "--plot", linear)
     # This strategy fails, so that the report explains cases.
     run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
     sweep = folder / "sweep.toml"
     sweep.write_text(SWEEP.format(scenario=steps.with_name("figure_1.toml")))
     run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
     reports = {name: folder / name / "report.html" for name in REPORTS}
-    return {**files, **reports, "simulation": plot, "system": system, LIVE: live}
+    return {**files, **reports, "simulation": plot, "system": system, LINEAR: linear, LIVE: live}
 
 
 @dataclass
