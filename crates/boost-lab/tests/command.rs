@@ -544,6 +544,34 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
     assert!(message.contains("cannot import chain.ssp/resources/careless.fmu: "), "{message}");
 }
 
+/// Of the chain, in which nothing returns.
+#[test]
+fn what_cannot_be_linearized_is_named_and_a_cut_chain_has_no_gain() {
+    let bench = Bench::new();
+    write_system(&bench, "", "");
+    let system = ["linearize", "chain.ssp", "--step", "0.125"];
+    let cut = bench.run(&[&system[..], &["--loop", "second:input", "--frequencies", "0.5,2"]].concat());
+    assert_eq!(String::from_utf8(cut.stderr).unwrap(), "");
+    let printed = String::from_utf8(cut.stdout).unwrap();
+    assert!(printed.ends_with(" frequencies\n  gain margin none\n  phase margin none\n"), "{printed}");
+    for (options, reason) in [
+        (&[][..], "there is nothing to linearize: first and second are without continuous states"),
+        (&["--of", "fist"], "--of fist: there is no such FMU; the nearest is first"),
+        (&["--of", "first"], "first: the FMU has no continuous states"),
+        (&["--loop", "inptu"], "--loop inptu: no FMU gets inptu from another; the nearest is input"),
+        (&["--path", "input,level"], "--path input,level: no linearized FMU has this input and output"),
+        (&["--frequencies", "2,1"], "--frequencies: expected two frequencies in Hz, the lower first"),
+        (&["--loop", "input", "--frequencies", "3,4"], "--frequencies: a loop is measured below 2\u{202f}Hz"),
+        (&["--amplitude", "1"], "--loop <[FMU:]INPUT>"),
+        (&["--at", "0.3"], "0.3 s is not a multiple of the communication step, 0.125 s"),
+        (&["--plot", "loop.svg"], "loop.svg: the page must end with .html"),
+        (&["--out", "chain.ssp"], "the input chain.ssp would be lost"),
+    ] {
+        let message = bench.refusal(&[&system[..], options].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
 #[test]
 fn a_missing_fmu_is_answered_with_what_to_do() {
     let bench = Bench::new();

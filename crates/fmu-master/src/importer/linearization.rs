@@ -40,16 +40,22 @@ impl Instance {
     /// names. In co-simulation it needs directional derivatives.
     ///
     /// # Errors
-    /// When there is no variable of a name, its ModelStructure names no states, it has no directional derivatives in
-    /// co-simulation, a call fails, or a number is not finite.
+    /// When a map gives the FMU other units, there is no variable of a name, its ModelStructure names no states, it has no
+    /// directional derivatives in co-simulation, a call fails, or a number is not finite.
     pub fn linearize(&mut self, inputs: &[&str], outputs: &[&str]) -> Result<Linearization> {
         let fmu = Arc::clone(self.fmu());
+        if !fmu.conversions.is_empty() {
+            bail!("{}: a map gives it other units, in which it is not linearized", self.calls.name);
+        }
         let time = self.calls.time.context("the instance is not initialized")?;
         let is_exchange = fmu.interface() == Interface::ModelExchange;
         if is_exchange && self.events.as_ref().is_some_and(EventMode::is_entered) {
             self.step(time, 0.0)?;
         }
         let pairs = states(fmu.description())?;
+        if pairs.is_empty() {
+            bail!("{}: the FMU has no continuous states", self.calls.name);
+        }
         let of_names =
             |names: &[&str]| names.iter().map(|name| fmu.variable(name)).collect::<Result<Vec<_>>>();
         let (input_variables, output_variables) = (of_names(inputs)?, of_names(outputs)?);
@@ -114,13 +120,11 @@ impl Instance {
 
     /// The derivatives of the unknowns by each of the knowns.
     fn directional_derivatives(&mut self, known: &[&FmuVariable], of: &Selection) -> Result<Vec<Vec<f64>>> {
-        let fmu = Arc::clone(&self.calls.fmu);
         let mut columns = vec![];
         for by in known {
             // An array's reference stands for all its elements.
             let mut seed = vec![0.0; by.element.map_or(1, |element| element.size)];
-            let unit = fmu.conversions.get(&by.name).map_or(1.0, |conversion| conversion.factor);
-            seed[by.element.map_or(0, |element| element.position)] = unit.recip();
+            seed[by.element.map_or(0, |element| element.position)] = 1.0;
             let mut column = vec![0.0; of.names().len()];
             for group in &of.groups {
                 let mut changes = vec![0.0; group.values.len()];
@@ -132,7 +136,7 @@ impl Instance {
                 );
                 let names = std::slice::from_ref(&by.name);
                 self.calls.check(format_args!("GetDirectionalDerivative"), names, status)?;
-                group.scatter_changes(&changes, &mut column);
+                group.scatter_derivatives(&changes, &mut column);
             }
             columns.push(column);
         }
@@ -179,12 +183,15 @@ impl Instance {
 }
 
 impl Fmu {
-    /// Whether [`Instance::linearize`] can linearize it: it has continuous states, and directional derivatives or Model
-    /// Exchange.
+    /// Whether [`Instance::linearize`] can linearize it: it has continuous states, directional derivatives or Model
+    /// Exchange, and the units that it declares.
     #[must_use]
     pub fn can_be_linearized(&self) -> bool {
         let has_states = states(self.description()).is_ok_and(|states| !states.is_empty());
-        has_states && (self.has_directional_derivatives() || self.interface() == Interface::ModelExchange)
+        let has_own_units = self.conversions.is_empty();
+        has_states
+            && has_own_units
+            && (self.has_directional_derivatives() || self.interface() == Interface::ModelExchange)
     }
 
     /// Whether it has directional derivatives.

@@ -126,10 +126,10 @@ impl Group {
         }
     }
 
-    /// Distributes derivatives, which conversions scale.
-    pub fn scatter_changes(&self, changes: &[f64], column: &mut [f64]) {
-        for Slot { value, position, conversion } in &self.slots {
-            column[*position] = conversion.map_or(1.0, |(to_seen, _)| to_seen.factor) * changes[*value];
+    /// Distributes derivatives of the group's values, in the FMU's own units.
+    pub fn scatter_derivatives(&self, derivatives: &[f64], values: &mut [f64]) {
+        for Slot { value, position, .. } in &self.slots {
+            values[*position] = derivatives[*value];
         }
     }
 }

@@ -22,6 +22,8 @@ const RATIO: f64 = 1.15;
 const LEAST_STEPS: u32 = 64;
 /// A measurement counts once it differs from the one before by less than this part of what it is made of.
 const SETTLED: f64 = 1e-3;
+/// Gains below this are as good as none.
+const LEAST_GAIN: f64 = 1e-6;
 /// Measurements until a frequency is given up.
 const MOST_TRIALS: u32 = 50;
 
@@ -82,7 +84,7 @@ pub fn measure(
             let at_input = brought + Complex::new(0.0, -amplitude);
             let gain = -brought / at_input;
             // A large gain is made of a small difference at the input.
-            let size = gain.norm() * (gain + 1.0).norm().max(1.0);
+            let size = gain.norm().max(LEAST_GAIN) * (gain + 1.0).norm().max(1.0);
             let is_settled = last.is_some_and(|last| (gain - last.gain).norm() <= SETTLED * size);
             let distortion = rest / brought.norm().max(at_input.norm());
             last = Some(Point { frequency: 1.0 / (f64::from(period) * step), gain, distortion, is_settled });
@@ -136,7 +138,9 @@ pub fn margins(points: &[(f64, Complex<f64>)]) -> Margins {
             let limit = 360.0 * turn.max(next_turn) - 180.0;
             let share = (limit - phase) / (next_phase - phase);
             let found = (-between(level, next_level, share)).exp();
-            if margins.gain.is_none_or(|(known, _)| found.ln().abs() < known.ln().abs()) {
+            if found < LEAST_GAIN.recip()
+                && margins.gain.is_none_or(|(known, _)| found.ln().abs() < known.ln().abs())
+            {
                 margins.gain = Some((found, at(share)));
             }
         }
