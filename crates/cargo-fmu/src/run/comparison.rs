@@ -145,7 +145,7 @@ impl<'a> Comparison<'a> {
         let mut report = Report::default();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             report.section(&format!("{name} minus {}", self.records[0].0));
-            let mut table = Table::new(["Variable", "Largest difference", "At", "RMS", "Undefined"]);
+            let mut table = Table::new(["Variable", "Largest difference", "At", "RMS", ""]);
             for variable in &self.variables {
                 let cells = variable.row(index).map(|cell| Cell::number(&cell));
                 table.row([variable.heading.name.as_str().into()].into_iter().chain(cells));
@@ -252,6 +252,8 @@ fn has_times_of(one: &Record, other: &Record) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use fmu_terms::DisplayUnit;
+
     use super::*;
 
     fn record(name: &str, unit: &str, rows: &[(f64, f64)]) -> (String, Record) {
@@ -281,6 +283,22 @@ mod tests {
         let html = comparison.draw().html();
         assert_eq!(html.matches("class=\"panel\"").count(), 2);
         assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");
+    }
+
+    /// As one of the records declares it.
+    #[test]
+    fn temperatures_are_in_celsius_and_their_differences_in_kelvin() {
+        let celsius = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };
+        let declared = Column { display_unit: Some(celsius), ..Column::from(("t", "K")) };
+        let mut records = [Column::from(("t", "K")), declared].map(|column| Record::new([column]));
+        records[0].push(0.0, &[300.0]);
+        records[1].push(0.0, &[302.5]);
+        let [one, other] = records.map(|record| ("a".to_owned(), record));
+        let records = [one, other];
+        let comparison = Comparison::new(&records, None).unwrap();
+        assert!(comparison.text().contains(" 2.5\u{202f}K at 0\u{202f}s "), "{}", comparison.text());
+        let html = comparison.draw().html();
+        assert!(html.contains("\"y\":[26.85]") && html.contains("\"y\":[2.5]"), "{html}");
     }
 
     #[test]

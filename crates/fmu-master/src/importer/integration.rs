@@ -1,11 +1,11 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
 use anyhow::{Error, Result, bail};
+use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::{Integrator, System, Tolerance};
 use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events};
-use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
@@ -145,7 +145,7 @@ impl Integration {
                         "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
                          {relative:?}, or its derivative is not finite",
                         calls.name,
-                        number(self.time),
+                        Seconds(self.time),
                         calls.fmu.states[failure.state].name
                     ),
                 };
@@ -175,8 +175,8 @@ impl Integration {
                 bail!(
                     "{}: the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events",
                     calls.name,
-                    number(start),
-                    number(self.time)
+                    Seconds(start),
+                    Seconds(self.time)
                 );
             }
         }
@@ -194,7 +194,7 @@ fn read_indicators(calls: &mut Calls, indicators: &mut [f64], time: f64) -> Resu
             calls.name,
             wrong + 1,
             indicators[wrong],
-            number(time)
+            Seconds(time)
         ),
         None => Ok(()),
     }

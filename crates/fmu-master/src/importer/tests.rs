@@ -13,7 +13,7 @@ use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
-use super::{CallFailed, Fmu, Instance, Interface, Status};
+use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
 use crate::scenario::Scenario;
 use crate::{LoadedFmus, Master};
 
@@ -368,6 +368,12 @@ fn failures_of_fmi_3_are_reported() {
     instance.set_up(1.0, Some(3.0)).unwrap();
     let error = instance.enter_initialization().unwrap_err().to_string();
     assert!(error.starts_with("late: fmi3EnterInitializationMode at 1 s gave fmi3Error"), "{error}");
+}
+
+#[test]
+fn times_in_messages_have_no_round_off() {
+    let ended = Ended { instance: "ball".to_owned(), time: 6.162_500_000_000_000_5 };
+    assert_eq!(ended.to_string(), "ball: the FMU asks for the end at 6.1625 s");
 }
 
 /// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.
