@@ -87,6 +87,12 @@ impl Panel {
                 "yref": "y", "y": place as f64 + 0.95, "yanchor": "top",
             })
         });
+        let (mut x, (from, to)) = (self.x.scale(has_x_label), self.x_extent());
+        if self.x.is_logarithmic && to - from > 1.0 {
+            // Between decades plotly.js would write small digits.
+            x["dtick"] = 1.into();
+            x["minor"] = json!({ "dtick": "D1", "showgrid": true, "gridcolor": color::RULE.name() });
+        }
         let mut y = self.y.scale(true);
         if !self.lanes.is_empty() {
             y["showticklabels"] = false.into();
@@ -103,7 +109,7 @@ impl Panel {
             "margin": { "l": LEFT, "r": RIGHT, "t": TOP, "b": bottom },
             "showlegend": false,
             "hovermode": if self.lines.iter().all(ascends) { "x unified" } else { "closest" },
-            "xaxis": self.x.scale(has_x_label),
+            "xaxis": x,
             "yaxis": y,
             "shapes": self.bands.iter().map(Band::shape).collect::<Vec<_>>(),
         })
