@@ -167,7 +167,7 @@ impl Found {
         };
         let with_unit = declared().find(|(_, variable)| !variable.unit.is_empty());
         let Some((description, variable)) = with_unit.or_else(|| declared().next()) else {
-            return Column::from((name.to_owned(), String::new()));
+            return Column::from((name, ""));
         };
         column_of(name, variable, description)
     }
@@ -185,6 +185,6 @@ pub fn column_of(name: &str, variable: &FmuVariable, description: &FmuDescriptio
             ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),
             _ => vec![],
         },
-        ..Column::from((name.to_owned(), variable.unit.clone()))
+        ..Column::from((name, variable.unit.as_str()))
     }
 }

@@ -254,14 +254,16 @@ mod tests {
     fn declared() -> Record {
         let display =
             |name: &str, factor, offset| Some(DisplayUnit { name: name.to_owned(), factor, offset });
-        let column = |name: &str, unit: &str| Column::from((name.to_owned(), unit.to_owned()));
         let mut record = Record::new([
-            Column { display_unit: display("%", 100.0, 0.0), ..column("valve", "1") },
-            Column { display_unit: display("degC", 1.0, -273.15), ..column("temperature", "K") },
-            Column { items: vec![("off".to_owned(), 1), ("cranking".to_owned(), 2)], ..column("mode", "") },
-            Column { is_discrete: true, ..column("fault_code", "1") },
-            Column { is_discrete: true, ..column("pwm", "%") },
-            Column { display_unit: display("%", 100.0, 0.0), ..column("throttle", "1") },
+            Column { display_unit: display("%", 100.0, 0.0), ..Column::from(("valve", "1")) },
+            Column { display_unit: display("degC", 1.0, -273.15), ..Column::from(("temperature", "K")) },
+            Column {
+                items: vec![("off".to_owned(), 1), ("cranking".to_owned(), 2)],
+                ..Column::from(("mode", ""))
+            },
+            Column { is_discrete: true, ..Column::from(("fault_code", "1")) },
+            Column { is_discrete: true, ..Column::from(("pwm", "%")) },
+            Column { display_unit: display("%", 100.0, 0.0), ..Column::from(("throttle", "1")) },
         ]);
         record.push(0.0, &[0.0, 298.15, 1.0, 0.0, 40.0, 0.5]);
         record.push(0.5, &[0.0, 298.15, 2.0, 4.0, 41.0, 0.5]);

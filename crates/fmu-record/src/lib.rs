@@ -10,7 +10,7 @@
 //! use fmu_record::{Record, TableFormat};
 //!
 //! # fn main() -> anyhow::Result<()> {
-//! let mut record = Record::new([("h".to_owned(), "m".to_owned()), ("v".to_owned(), "m/s".to_owned())]);
+//! let mut record = Record::new([("h", "m"), ("v", "m/s")]);
 //! record.push(0.0, &[1.0, 0.0]);
 //! record.push(0.1, &[0.951, -0.981]);
 //!

@@ -120,8 +120,8 @@ mod tests {
     fn record() -> Record {
         let display_unit = Some(DisplayUnit { name: "kPa".to_owned(), factor: 1e-3, offset: 0.1 });
         let mut record = Record::new([
-            Column { display_unit, ..Column::from(("boost pressure".to_owned(), "Pa".to_owned())) },
-            Column::from(("ratio (of two)".to_owned(), String::new())),
+            Column { display_unit, ..Column::from(("boost pressure", "Pa")) },
+            Column::from(("ratio (of two)", "")),
         ]);
         record.push(0.0, &[1e5 / 3.0, -0.0]);
         record.push(0.1 + 0.2, &[f64::NAN, 1e-300]);

@@ -22,17 +22,10 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-impl From<(String, String)> for Column {
+impl<Name: Into<String>, Unit: Into<String>> From<(Name, Unit)> for Column {
     /// A column without values, of a name and a unit.
-    fn from((name, unit): (String, String)) -> Self {
-        Self { name, unit, ..Self::default() }
-    }
-}
-
-impl From<(&str, &str)> for Column {
-    /// A column without values, of a name and a unit.
-    fn from((name, unit): (&str, &str)) -> Self {
-        Self::from((name.to_owned(), unit.to_owned()))
+    fn from((name, unit): (Name, Unit)) -> Self {
+        Self { name: name.into(), unit: unit.into(), ..Self::default() }
     }
 }
 
@@ -61,7 +54,7 @@ impl Column {
         let display_unit =
             self.display_unit.clone().filter(|display| display.offset == 0.0 || display.factor != 1.0);
         let display_unit = display_unit.map(|display| DisplayUnit { offset: 0.0, ..display });
-        Self { display_unit, ..Self::from((self.name.clone(), self.unit.clone())) }
+        Self { display_unit, ..Self::from((&*self.name, &*self.unit)) }
     }
 
     /// The name of a value that has one.

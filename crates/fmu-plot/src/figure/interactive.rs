@@ -19,6 +19,8 @@ const STEPS: f64 = 1e4;
 const LEFT: usize = 64;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
+/// A telephone has room for the labels of so many decades.
+const MOST_DECADES: f64 = 5.0;
 /// The modebar's height.
 const TOP: usize = 28;
 /// Tick labels, and the axis' label.
@@ -90,8 +92,10 @@ impl Panel {
         let (mut x, (from, to)) = (self.x.scale(has_x_label), self.x_extent());
         if self.x.is_logarithmic && to - from > 1.0 {
             // Between decades plotly.js would write small digits.
-            x["dtick"] = 1.into();
-            x["minor"] = json!({ "dtick": "D1", "showgrid": true, "gridcolor": color::RULE.name() });
+            let decades = ((to - from) / MOST_DECADES).ceil();
+            let minor = if decades > 1.0 { json!(1) } else { json!("D1") };
+            x["dtick"] = decades.into();
+            x["minor"] = json!({ "dtick": minor, "showgrid": true, "gridcolor": color::RULE.name() });
         }
         let mut y = self.y.scale(true);
         if !self.lanes.is_empty() {
