@@ -25,6 +25,11 @@ TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 Make = Callable[[], Instance]
 
 
+def csv_lines(path: Path) -> list[str]:
+    """A CSV file's lines without the row of units."""
+    return [line for line in path.read_text().splitlines(keepends=True) if not line.startswith("#")]
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The repository."""

@@ -25,7 +25,7 @@ import documents
 import fmpy.ssp.simulation
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET, Run
+from conftest import ROOT, TARGET, Run, csv_lines
 from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
@@ -320,8 +320,7 @@ def simulate(lab: Run, clone: Path, folder: Path, text: str, *more: str | Path) 
     out = folder / "record.csv"
     done = lab("simulate", scenario, "--fmus", clone / "target" / "fmu", "--out", out, *more, **WITH_PYTHON)
     assert (done.returncode, done.stderr) == (0, "")
-    with out.open(newline="") as file:
-        names, *rows = csv.reader(file)
+    names, *rows = csv.reader(csv_lines(out))
     return Record(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
@@ -373,8 +372,7 @@ def test_lines_of_the_laboratorys_page(clone: Path) -> None:
     for line in lines:
         documents.run(line, clone, **WITH_PYTHON)
     for name in ["surrogate", "pi"]:
-        with (clone / "target" / f"{name}.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(csv_lines(clone / "target" / f"{name}.csv")))
         # The error before the second step.
         assert abs(float(rows[round(22 / SAMPLE_TIME)]["boost_pressure"]) - 150e3) < 100
 
@@ -438,8 +436,7 @@ def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Pat
     out = tmp_path / "out"
     done = lab(*arguments, "--map", ROOT / MAP, "--out", out, **WITH_PYTHON)
     assert done.returncode == 0, done.stderr
-    with (out / "results.csv").open(newline="") as file:
-        one, other = csv.DictReader(file)
+    one, other = csv.DictReader(csv_lines(out / "results.csv"))
     # λ is 0.3 s by default.
     assert float(one["peak"]) == loop(clone, "foreign_plant")["boost_pressure"].max()
     assert other["peak"] != one["peak"]

@@ -11,7 +11,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from conftest import ROOT, Run
+from conftest import ROOT, Run, csv_lines
 from fmpy.ssp.ssd import read_ssv
 from report import Report
 
@@ -101,8 +101,7 @@ class Table:
 
     @classmethod
     def read(cls, path: Path) -> Table:
-        with path.open(newline="") as file:
-            names, *rows = csv.reader(file)
+        names, *rows = csv.reader(csv_lines(path))
         return cls(names, np.array(rows, dtype=float))
 
     def __getitem__(self, name: str) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 from broken import copy_with
-from conftest import ROOT, TARGET, Make, Run
+from conftest import ROOT, TARGET, Make, Run, csv_lines
 from experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
@@ -46,8 +46,7 @@ class Lag(Fmi2Slave):
 
 def read(path: Path) -> dict[str, np.ndarray]:
     """A CSV file's columns by their names."""
-    with path.open(newline="") as file:
-        names, *rows = csv.reader(file)
+    names, *rows = csv.reader(csv_lines(path))
     return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
@@ -267,10 +266,10 @@ def test_claims_are_printed_with_the_accepted_range_and_the_papers_number(
         None,
     )
     for expected in [
-        f"  holds    actuator_pressure_change          {change['value']:.0f} Pa "
-        "(accepted: 2450 to 2550; paper: 2500)\n",
-        f"  holds    overshoot_up                      {overshoot['value']:.0f} Pa "
-        "(accepted: at most 5000; paper: 5000)\n",
+        f"  holds    actuator_pressure_change          {change['value'] / 1e3:.3g} kPa "
+        "(accepted: 2.45 to 2.55 kPa; paper: 2.5 kPa)\n",
+        f"  holds    overshoot_up                      {overshoot['value'] / 1e3:.3g} kPa "
+        "(accepted: at most 5 kPa; paper: 5 kPa)\n",
         f"\n{len(claims) - 1} of {len(claims)} claims hold; 1 differs for a known reason\n",
     ]:
         assert expected in done.stdout
@@ -449,14 +448,15 @@ def test_one_fmu_runs_with_its_default_experiment(
     lab: Run, exported: Path, tmp_path: Path, plant_fmu: Fmu
 ) -> None:
     out = tmp_path / "plant.csv"
-    done = lab(
-        "simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--units", "--out", out
-    )
+    done = lab("simulate", exported / "BoostPlant.fmu", "--set", "hp_wastegate_pwm=60", "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     found = read(out)
-    assert found["time (s)"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)
-    assert set(found["hp_wastegate_pwm (%)"]) == {60.0}
-    assert set(plant_fmu.named("output")) <= {name.split(" (")[0] for name in found}
+    assert found["time"][-1] == float(plant_fmu.description.defaultExperiment.stopTime)
+    assert set(found["hp_wastegate_pwm"]) == {60.0}
+    assert set(plant_fmu.named("output")) <= set(found)
+    names, units, _ = out.read_text().split("\n", 2)
+    units = dict(zip(names.split(","), units.removeprefix("# ").split(","), strict=True))
+    assert (units["time"], units["hp_wastegate_pwm"], units["boost_pressure"]) == ("s", "%", "Pa")
 
 
 def test_an_fmu_that_the_scenario_does_not_have_is_refused(lab: Run, exported: Path, tmp_path: Path) -> None:
@@ -500,7 +500,7 @@ def test_every_line_of_the_documents_is_run() -> None:
     # test_readme.py runs the first; tests/run builds the second to test it, with the lock file.
     assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
     assert "cargo test --release --locked --package boost-lab" in (ROOT / "tests" / "run").read_text()
-    assert len(LAB_LINES) - len(FOREIGN_LINES) == 13
+    assert len(LAB_LINES) - len(FOREIGN_LINES) == 14
 
 
 def outputs(line: str) -> list[str]:
@@ -553,8 +553,7 @@ def test_study_of_the_document(lab: Run, clone: Path) -> None:
     (folder / "mine.toml").write_text(text.replace("runs = 200", "runs = 2"))
     done = lab("sweep", folder / "mine.toml", "--fmus", clone / "target" / "fmu", "--out", folder / "out")
     assert (done.returncode, done.stderr) == (0, "")
-    with (folder / "out" / "results.csv").open(newline="") as file:
-        runs = list(csv.DictReader(file))
+    runs = list(csv.DictReader(csv_lines(folder / "out" / "results.csv")))
     assert [run["run"] for run in runs] == ["0", "1"]
     study = tomllib.loads(text)
     for run in runs:

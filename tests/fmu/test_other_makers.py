@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET
+from conftest import ROOT, TARGET, csv_lines
 from fmpy import simulate_fmu
 from scipy.integrate import solve_ivp
 from test_validate import MODESTPY, OPEN_MODELICA, REFERENCE
@@ -43,8 +43,7 @@ def simulate_of_cargo(*arguments: str | Path, **environment: str) -> subprocess.
 
 def read(path: Path) -> dict[str, np.ndarray]:
     """The columns of numbers, an array's elements in columns of their own."""
-    with path.open(newline="") as file:
-        names, *rows = csv.reader(file)
+    names, *rows = csv.reader(csv_lines(path))
     columns = {}
     for name, values in zip(names, zip(*rows, strict=True), strict=True):
         elements = np.array([value.replace("false", "0").split(" ") for value in values]).T

@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 from broken import copy_with
-from conftest import ROOT, TARGET, Run
+from conftest import ROOT, TARGET, Run, csv_lines
 from dask.distributed import Client, LocalCluster
 
 SCENARIO = """
@@ -73,8 +73,7 @@ def write_study(folder: Path, text: str, scenario: str = SCENARIO) -> Path:
 
 def rows(path: Path) -> list[dict[str, str]]:
     """A results file's rows."""
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+    return list(csv.DictReader(csv_lines(path)))
 
 
 @pytest.fixture(scope="module")
@@ -113,9 +112,8 @@ def test_measures_are_those_of_the_records(results: Path) -> None:
         assert path.exists() == (row["error"] == "")
         if row["error"]:
             continue
-        with path.open(newline="") as file:
-            names, *lines = csv.reader(file)
-        record = dict(zip(names, np.array(lines, dtype=float).T, strict=True))
+        names, *values = csv.reader(csv_lines(path))
+        record = dict(zip(names, np.array(values, dtype=float).T, strict=True))
         t, boost = record["time"], record["boost_pressure"]
         assert len(t) == 321
         first, second = (t >= 1 - 1e-9) & (t <= 2.5 + 1e-9), t >= 2.5 - 1e-9

@@ -8,8 +8,8 @@
 //! - [`live`] writes a page that runs both FMUs in a browser.
 //! - [`command`] is the command line.
 //!
-//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`cargo_fmu::run`] has `simulate`, `compare` and
-//! `sweep`.
+//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`cargo_fmu::run`] has `simulate`, `compare`,
+//! `linearize` and `sweep`.
 #![deny(unsafe_code)]
 
 mod command;

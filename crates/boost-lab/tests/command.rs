@@ -290,7 +290,7 @@ fn an_existing_file_stays_when_writing_fails() {
     );
     assert!(bench.read("out/journal.jsonl").ends_with("}\n"));
     bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
-    assert_eq!(bench.read("out/results.csv").lines().count(), 3001);
+    assert_eq!(bench.read("out/results.csv").lines().count(), 3002);
 }
 
 /// What is in a PNG's header, at offsets of its specification.
@@ -340,14 +340,12 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
 }
 
 #[test]
-fn a_record_is_what_its_ending_says_and_has_units_if_asked_for() {
+fn a_record_is_what_its_ending_says_and_has_units() {
     let bench = Bench::new();
-    for name in ["plain.csv", "record.parquet"] {
+    for name in ["record.csv", "record.parquet"] {
         bench.succeeds(&["simulate", "scenario.toml", "--out", name]);
     }
-    bench.succeeds(&["simulate", "scenario.toml", "--out", "units.csv", "--units"]);
-    assert!(bench.read("plain.csv").starts_with("time,level\n"));
-    assert!(bench.read("units.csv").starts_with("time (s),level (Pa)\n"));
+    assert!(bench.read("record.csv").starts_with("time,level\n# s,Pa\n0.0,"));
     let parquet = fs::read(bench.path("record.parquet")).unwrap();
     assert!(parquet.starts_with(b"PAR1"));
     let metadata = String::from_utf8_lossy(&parquet);
@@ -361,12 +359,8 @@ fn a_record_is_what_its_ending_says_and_has_units_if_asked_for() {
         assert!(!bench.path(name).exists());
     }
     let printed = |arguments: &[&str]| String::from_utf8(bench.run(arguments).stdout).unwrap();
-    let compared = printed(&["compare", "units.csv", "record.parquet", "plain.csv", "--plot", "all.html"]);
-    assert_eq!(
-        compared,
-        "record.parquet minus units.csv:\n  level           equal\nplain.csv minus units.csv:\n  level           \
-         equal\nall.html\n"
-    );
+    let compared = printed(&["compare", "record.csv", "record.parquet", "--plot", "all.html"]);
+    assert_eq!(compared, "record.parquet minus record.csv:\n  level           equal\nall.html\n");
 }
 
 /// `level` is the integral of `input`.
@@ -380,7 +374,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     let alone = ["simulate", "careless.fmu", "--step", "0.125"];
     let message = bench.refusal(&alone);
     assert!(message.contains("careless.fmu: it says not when a run ends: give --stop-time"), "{message}");
-    let alone = [&alone[..], &["--stop-time", "2"]].concat();
+    let alone = [&alone[..], &["--stop-time", "2", "--out", "careless.csv"]].concat();
     bench.succeeds(&alone);
     // The start value of the input is 1.
     assert_eq!(last(&bench.read("careless.csv")).to_bits(), 2.0_f64.to_bits());
@@ -428,12 +422,15 @@ fn values_of_the_command_line_replace_those_of_the_scenario() {
         1.0,
         "values = { input = 5, flag = true }\nrun_in = { duration = 1, during = { fail = \"no\" } }",
     );
-    bench.succeeds(&["simulate", "scenario.toml", "--set", "input=7", "--stop-time", "2"]);
+    let out = ["--out", "scenario.csv"];
+    bench.succeeds(
+        &[&["simulate", "scenario.toml", "--set", "input=7", "--stop-time", "2"][..], &out].concat(),
+    );
     // From the run-in with the same input, one second long.
     assert_eq!(last(&bench.read("scenario.csv")).to_bits(), 21.0_f64.to_bits());
     bench.scenario(1.0, "values = { flag = true }\n[inputs]\ninput = { steps = [[0, 1], [0.5, 2]] }");
     for name in ["input=4", "alone:input=4"] {
-        bench.succeeds(&["simulate", "scenario.toml", "--set", name, "--out", "scenario.csv"]);
+        bench.succeeds(&[&["simulate", "scenario.toml", "--set", name][..], &out].concat());
         assert_eq!(last(&bench.read("scenario.csv")).to_bits(), 4.0_f64.to_bits(), "{name}");
     }
     for (options, reason) in [
@@ -493,10 +490,13 @@ fn write_system(bench: &Bench, old: &str, new: &str) {
 fn a_system_runs_with_its_connections_start_values_and_parameters() {
     let bench = Bench::new();
     write_system(&bench, "", "");
-    let system = ["simulate", "chain.ssp", "--step", "0.125"];
+    let system = ["simulate", "chain.ssp", "--step", "0.125", "--out", "chain.csv"];
     bench.succeeds(&system);
     let table = bench.read("chain.csv");
-    assert!(table.starts_with("time,drive,first:level,second:level\n0.0,3.0,0.0,0.0\n"), "{table}");
+    assert!(
+        table.starts_with("time,drive,first:level,second:level\n# s,,Pa,Pa\n0.0,3.0,0.0,0.0\n"),
+        "{table}"
+    );
     // In turn: the sum over k from 1 to 8 of 0.125 s · 2 · (3 · 0.125 k).
     assert!(table.ends_with("\n1.0,3.0,3.0,3.375\n"), "{table}");
     bench.succeeds(
@@ -544,6 +544,34 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
     assert!(message.contains("cannot import chain.ssp/resources/careless.fmu: "), "{message}");
 }
 
+/// Of the chain, in which nothing returns.
+#[test]
+fn what_cannot_be_linearized_is_named_and_a_cut_chain_has_no_gain() {
+    let bench = Bench::new();
+    write_system(&bench, "", "");
+    let system = ["linearize", "chain.ssp", "--step", "0.125"];
+    let cut = bench.run(&[&system[..], &["--loop", "second:input", "--frequencies", "0.5,2"]].concat());
+    assert_eq!(String::from_utf8(cut.stderr).unwrap(), "");
+    let printed = String::from_utf8(cut.stdout).unwrap();
+    assert!(printed.ends_with(" frequencies\n  gain margin none\n  phase margin none\n"), "{printed}");
+    for (options, reason) in [
+        (&[][..], "there is nothing to linearize: first and second are without continuous states"),
+        (&["--of", "fist"], "--of fist: there is no such FMU; the nearest is first"),
+        (&["--of", "first"], "first: the FMU has no continuous states"),
+        (&["--loop", "inptu"], "--loop inptu: no FMU gets inptu from another; the nearest is input"),
+        (&["--path", "input,level"], "--path input,level: no linearized FMU has this input and output"),
+        (&["--frequencies", "2,1"], "--frequencies: expected two frequencies in Hz, the lower first"),
+        (&["--loop", "input", "--frequencies", "3,4"], "--frequencies: a loop is measured below 2\u{202f}Hz"),
+        (&["--amplitude", "1"], "--loop <[FMU:]INPUT>"),
+        (&["--at", "0.3"], "0.3 s is not a multiple of the communication step, 0.125 s"),
+        (&["--plot", "loop.svg"], "loop.svg: the page must end with .html"),
+        (&["--out", "chain.ssp"], "the input chain.ssp would be lost"),
+    ] {
+        let message = bench.refusal(&[&system[..], options].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
 #[test]
 fn a_missing_fmu_is_answered_with_what_to_do() {
     let bench = Bench::new();
@@ -579,7 +607,8 @@ fn signals_are_recorded_where_a_replaced_fmu_lacks_the_input() {
     );
     let message = bench.refusal(&["simulate", "record.toml"]);
     assert!(message.contains("inputs.throttle: no FMU has an input throttle"), "{message}");
-    let replaced = bench.run(&["simulate", "record.toml", "--fmu", "alone=careless.fmu"]);
+    let replaced = ["simulate", "record.toml", "--fmu", "alone=careless.fmu", "--out", "record.csv"];
+    let replaced = bench.run(&replaced);
     let notes = String::from_utf8(replaced.stderr).unwrap();
     assert!(replaced.status.success(), "{notes}");
     assert!(
@@ -587,7 +616,7 @@ fn signals_are_recorded_where_a_replaced_fmu_lacks_the_input() {
         "{notes}"
     );
     let table = bench.read("record.csv");
-    assert!(table.starts_with("time,throttle,own,level\n0.0,1.0,5.0,0.0\n"), "{table}");
+    assert!(table.starts_with("time,throttle,own,level\n# s,,,Pa\n0.0,1.0,5.0,0.0\n"), "{table}");
     assert!(table.ends_with("\n1.0,2.0,5.0,1.0\n"), "{table}");
 }
 
@@ -597,14 +626,26 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
     for (name, input) in [("one.csv", "input=1"), ("two.csv", "input=3")] {
         bench.succeeds(&["simulate", "scenario.toml", "--set", input, "--out", name]);
     }
-    let output = bench.run(&["compare", "one.csv", "two.csv"]);
+    let output = bench.run(&["compare", "one.csv", "two.csv", "--plot", "both.html"]);
     let text = String::from_utf8(output.stdout).unwrap();
     // The greatest difference is at the end: 3 - 1 times one second; of 9 rows the root of the mean square of k/4.
     assert!(text.starts_with("two.csv minus one.csv:\n  input  "), "{text}");
-    assert!(text.contains("  level               2 at 1\u{202f}s       1.19 RMS\n"), "{text}");
-    assert!(text.ends_with("\ntarget/comparison.html\n"), "{text}");
-    let page = bench.read("target/comparison.html");
+    // With the unit of the row below the header.
+    assert!(
+        text.contains("  level            2\u{202f}Pa at 1\u{202f}s       1.19\u{202f}Pa RMS\n"),
+        "{text}"
+    );
+    assert!(text.ends_with("\nboth.html\n"), "{text}");
+    let page = bench.read("both.html");
     assert!(page.contains("two.csv minus one.csv") && page.contains("\"y\":[0.0,0.25,0.5"), "{text}");
+    let cells = ["2\u{202f}Pa", "1\u{202f}s", "1.19\u{202f}Pa"];
+    let cells = cells.map(|cell| format!("<td class=\"number\">{cell}</td>")).concat();
+    assert!(page.contains(&format!("<td>level</td>{cells}")), "{page}");
+    // Nothing is written unasked.
+    let before = bench.names(".");
+    bench.succeeds(&["compare", "one.csv", "two.csv"]);
+    bench.succeeds(&["simulate", "scenario.toml"]);
+    assert_eq!(bench.names("."), before);
     for (arguments, reason) in [
         (["one.csv", "none.csv"].as_slice(), "cannot read none.csv: "),
         (&["one.csv"], "2 values required"),
@@ -617,14 +658,14 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
         (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
         (&["empty.csv", "one.csv"], "empty.csv has no rows"),
         (&["one.csv", "hours.csv"], "cannot read hours.csv: its time is in h, not in s"),
-        (&["one.csv", "vast.csv", "--plot", "x.svg"], "level, vast.csv: 1e308 is beyond 1e300"),
-        (&["one.csv", "vast.csv", "--plot", "x.png"], "level, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.svg"], "input, vast.csv: 1e308 is beyond 1e300"),
+        (&["one.csv", "vast.csv", "--plot", "x.png"], "input, vast.csv: 1e308 is beyond 1e300"),
     ] {
         for (name, table) in [
             ("later.csv", "time,level\n2,1\n3,1\n"),
             ("empty.csv", "time,level\n"),
             ("hours.csv", "time (h),level\n0,1\n"),
-            ("vast.csv", "time,level\n0,1\n1,1e308\n"),
+            ("vast.csv", "time,input\n0,1\n1,1e308\n"),
         ] {
             bench.write(name, table);
         }
@@ -640,7 +681,7 @@ fn a_study_has_a_report() {
         .read("study.toml")
         .replace("[1.0, 2.0]", "[1.0, 2.0, 4.0]\n\"alone:fail\" = [\"no\", \"error\"]");
     bench.write("study.toml", &format!("title = \"Some <inputs>\"\n{study}"));
-    let output = bench.run(&["sweep", "study.toml", "--out", "out", "--units"]);
+    let output = bench.run(&["sweep", "study.toml", "--out", "out"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8(output.stdout).unwrap().contains("out/report.html\n"));
     let page = bench.read("out/report.html");
@@ -657,9 +698,8 @@ fn a_study_has_a_report() {
         assert!(page.contains(part), "{part}");
     }
     assert!(page.len() < 6_000_000);
-    assert!(
-        bench.read("out/results.csv").starts_with("run,alone:input,alone:fail,last (Pa),error,warnings\n")
-    );
+    let header = "run,alone:input,alone:fail,last,error,warnings\n#,,,Pa,,\n0,";
+    assert!(bench.read("out/results.csv").starts_with(header));
 }
 
 /// It records what is measured: neither what else is drawn nor what else has noise.
@@ -671,7 +711,7 @@ fn a_study_takes_a_scenario_with_panels_and_noise() {
     bench.write("scenario.toml", &scenario);
     bench.succeeds(&["simulate", "scenario.toml"]);
     let study = bench.read("study.toml");
-    for (records, header) in [("true", "time,level,input\n"), ("false", "")] {
+    for (records, header) in [("true", "time,level,input\n# s,Pa,\n"), ("false", "")] {
         bench.write("study.toml", &study.replace("records = true", &format!("records = {records}")));
         bench.succeeds(&["sweep", "study.toml", "--out", records]);
         assert!(bench.read(&format!("{records}/results.csv")).contains("\n1,2.0,2.0,,\n"));
@@ -721,7 +761,7 @@ fn a_variable_is_recorded_once() {
 fn a_pipe_is_written_to_directly() {
     let bench = Bench::new();
     let output = bench.run(&["simulate", "scenario.toml", "--out", "/dev/stdout"]);
-    assert!(String::from_utf8(output.stdout).unwrap().starts_with("time,level\n0.0,0.0\n"));
+    assert!(String::from_utf8(output.stdout).unwrap().starts_with("time,level\n# s,Pa\n0.0,0.0\n"));
     bench.succeeds(&["simulate", "scenario.toml", "--out", "/dev/null"]);
     assert!(!fs::metadata("/dev/null").unwrap().is_file());
 }

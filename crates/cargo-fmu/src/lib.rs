@@ -119,6 +119,12 @@ Example:
     Compare(run::Compare),
     #[cfg(feature = "simulate")]
     #[command(after_help = "\
+Examples:
+  cargo fmu linearize motor.fmu --path voltage,speed --plot motor.html
+  cargo fmu linearize loop.toml --at 20 --loop controller:speed --plot loop.html --out loop.json")]
+    Linearize(Box<run::Linearize>),
+    #[cfg(feature = "simulate")]
+    #[command(after_help = "\
 Example:
   cargo fmu sweep study.toml --out target/study")]
     Sweep(run::Sweep),
@@ -156,9 +162,11 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) => simulate.run(&run::Maps::NONE, None),
+            Command::Simulate(simulate) => simulate.run(&run::Maps::NONE),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
+            #[cfg(feature = "simulate")]
+            Command::Linearize(linearize) => linearize.run(&run::Maps::NONE),
             #[cfg(feature = "simulate")]
             Command::Sweep(sweep) => sweep.run(&run::Maps::NONE),
             Command::Completions { shell } => {

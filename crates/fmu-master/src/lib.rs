@@ -66,3 +66,4 @@ pub mod system;
 pub use importer::*;
 pub use master::{LoadedFmus, Master, Run};
 pub use name_map::{NameMap, ReadMap};
+pub use recorder::column_of;

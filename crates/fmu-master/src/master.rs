@@ -58,6 +58,20 @@ pub struct Master<'a> {
     recorder: Recorder,
     notes: Vec<String>,
     steps_done: u32,
+    /// The time whose values the signals keep (s).
+    signals_held_at: Option<f64>,
+    tap: Option<Tap>,
+}
+
+/// A connection whose value is changed on its way.
+struct Tap {
+    target: usize,
+    wires: usize,
+    position: usize,
+    /// What is added.
+    added: f64,
+    /// What the connection brought last.
+    brought: f64,
 }
 
 /// An instance with its inputs.
@@ -158,7 +172,16 @@ impl<'a> Master<'a> {
         }
         let noise = noise(scenario, &members)?;
         let recorder = Recorder::new(scenario, &loaded)?;
-        Ok(Self { scenario, members, noise, recorder, notes, steps_done: 0 })
+        Ok(Self {
+            scenario,
+            members,
+            noise,
+            recorder,
+            notes,
+            steps_done: 0,
+            signals_held_at: None,
+            tap: None,
+        })
     }
 
     /// The columns of the record; their values are those recorded so far.
@@ -179,6 +202,53 @@ impl<'a> Master<'a> {
     pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
         let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
+    }
+
+    /// Holds the signals at their present values.
+    pub fn hold_signals(&mut self) {
+        self.signals_held_at = Some(self.time());
+    }
+
+    /// Chooses the connection to an input that [`Master::step_adding`] changes. The FMU's name and a colon precede an
+    /// input's that several FMUs have.
+    ///
+    /// # Errors
+    /// When there is no such connection, or several.
+    pub fn tap(&mut self, input: &str) -> Result<()> {
+        let mut known = vec![];
+        let mut found = vec![];
+        for (target, coupled) in self.members.iter().enumerate() {
+            for (wires, connections) in coupled.wires.iter().enumerate() {
+                for (position, name) in connections.inputs.names().iter().enumerate() {
+                    let full = format!("{}:{name}", coupled.member.name);
+                    if input == name || input == full {
+                        found.push((
+                            full.clone(),
+                            Tap { target, wires, position, added: 0.0, brought: f64::NAN },
+                        ));
+                    }
+                    known.extend([name.clone(), full]);
+                }
+            }
+        }
+        let names: Vec<_> = found.iter().map(|(name, _)| name.as_str()).collect();
+        match names[..] {
+            [_] => self.tap = found.pop().map(|(_, tap)| tap),
+            [] => bail!("no FMU gets {input} from another{}", like(input, known.iter().map(String::as_str))),
+            _ => bail!("several FMUs get it: use {}", names.join(" or ")),
+        }
+        Ok(())
+    }
+
+    /// Makes a step as [`Master::step`] does, with a number added to what the tapped connection brings, in the unit of
+    /// its input. Returns what the connection brought.
+    ///
+    /// # Errors
+    /// When a call fails, or no connection is tapped.
+    pub fn step_adding(&mut self, added: f64) -> Result<f64> {
+        self.tap.as_mut().context("no connection is tapped")?.added = added;
+        self.step()?;
+        Ok(self.tap.as_ref().map_or(f64::NAN, |tap| tap.brought))
     }
 
     /// What is recorded so far.
@@ -238,7 +308,7 @@ impl<'a> Master<'a> {
     pub fn step(&mut self) -> Result<()> {
         let (time, size) = (self.time(), self.scenario.step);
         for coupled in &mut self.members {
-            coupled.drive(time)?;
+            coupled.drive(self.signals_held_at.unwrap_or(time))?;
         }
         match self.scenario.stepping {
             Stepping::InTurn => {
@@ -310,6 +380,10 @@ impl<'a> Master<'a> {
             }
             for (position, conversion) in &wires.conversions {
                 wires.values[*position] = conversion.apply(wires.values[*position]);
+            }
+            if let Some(tap) = self.tap.as_mut().filter(|tap| (tap.target, tap.wires) == (target, index)) {
+                tap.brought = wires.values[tap.position];
+                wires.values[tap.position] += tap.added;
             }
             taker.instance.write(&mut wires.inputs, &wires.values)?;
         }

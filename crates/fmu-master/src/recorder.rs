@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fmu_package::{FmuVariable, ValueType};
+use fmu_package::{FmuDescription, FmuVariable, ValueType};
 use fmu_record::{Column, Record};
 use fmu_terms::like;
 
@@ -167,18 +167,24 @@ impl Found {
         };
         let with_unit = declared().find(|(_, variable)| !variable.unit.is_empty());
         let Some((description, variable)) = with_unit.or_else(|| declared().next()) else {
-            return Column::from((name.to_owned(), String::new()));
+            return Column::from((name, ""));
         };
-        let enumeration = || description.enumeration(&variable.declared_type);
-        Column {
-            display_unit: description.display_unit(variable).cloned(),
-            is_discrete: variable.is_discrete(),
-            items: match variable.value_type() {
-                ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
-                ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),
-                _ => vec![],
-            },
-            ..Column::from((name.to_owned(), variable.unit.clone()))
-        }
+        column_of(name, variable, description)
+    }
+}
+
+/// A column of this name for values of a variable.
+#[must_use]
+pub fn column_of(name: &str, variable: &FmuVariable, description: &FmuDescription) -> Column {
+    let enumeration = || description.enumeration(&variable.declared_type);
+    Column {
+        display_unit: description.display_unit(variable).cloned(),
+        is_discrete: variable.is_discrete(),
+        items: match variable.value_type() {
+            ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
+            ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),
+            _ => vec![],
+        },
+        ..Column::from((name, variable.unit.as_str()))
     }
 }

@@ -94,7 +94,7 @@ pub struct Figure {
     note: String,
 }
 
-/// A frame with linear axes and what is drawn in it.
+/// A frame with its axes and what is drawn in it.
 #[derive(Clone, Debug)]
 #[must_use]
 pub struct Panel {
@@ -105,6 +105,7 @@ pub struct Panel {
     lanes: Vec<Lane>,
     bands: Vec<Band>,
     height: u32,
+    has_equal_scales: bool,
 }
 
 /// The states of a signal over time, as a logic analyser draws them.
@@ -130,6 +131,7 @@ struct State {
 struct Axis {
     label: String,
     range: Option<(f64, f64)>,
+    is_logarithmic: bool,
 }
 
 /// A line through points, in the units of its panel's axes. Values that are not finite are gaps.
@@ -215,12 +217,13 @@ impl Panel {
     pub fn new(x_label: &str, y_label: &str) -> Self {
         Self {
             title: None,
-            x: Axis { label: x_label.to_owned(), range: None },
-            y: Axis { label: y_label.to_owned(), range: None },
+            x: Axis { label: x_label.to_owned(), ..Axis::default() },
+            y: Axis { label: y_label.to_owned(), ..Axis::default() },
             lines: vec![],
             lanes: vec![],
             bands: vec![],
             height: 170,
+            has_equal_scales: false,
         }
     }
 
@@ -255,6 +258,18 @@ impl Panel {
         self
     }
 
+    /// A logarithmic horizontal axis, for lines at positive places.
+    pub fn logarithmic_x(mut self) -> Self {
+        self.x.is_logarithmic = true;
+        self
+    }
+
+    /// A unit is as long on both axes, for a curve in a plane.
+    pub fn equal_scales(mut self) -> Self {
+        self.has_equal_scales = true;
+        self
+    }
+
     /// Adds a line, drawn over the others.
     pub fn line(mut self, line: Line) -> Self {
         self.lines.push(line);
@@ -273,25 +288,41 @@ impl Panel {
         self
     }
 
-    /// The lines, thinned to at most this many pixel columns.
+    /// The lines, thinned to at most this many pixel columns; on a logarithmic axis, over decades.
     fn thinned_lines(&self, columns: usize) -> impl Iterator<Item = (&Line, Vec<(f64, f64)>)> {
         let x = self.x_extent();
         let cells = [(x, columns), (self.y_extent(), self.height as usize)];
         self.lines.iter().map(move |line| {
+            let points: Vec<_> = line.points.iter().map(|point| (self.x.place(point.0), point.1)).collect();
             let points = match line.marks {
-                Marks::Dots => distinct(&line.points, cells),
-                Marks::Stroke | Marks::StrokeAndDots => thinned(&line.points, cells[0]),
+                Marks::Dots => distinct(&points, cells),
+                // A curve that turns back is kept whole.
+                _ if self.has_equal_scales => points,
+                Marks::Stroke | Marks::StrokeAndDots => thinned(&points, cells[0]),
             };
             (line, points)
         })
     }
 
     fn x_extent(&self) -> (f64, f64) {
-        self.x.range.unwrap_or_else(|| extent(&self.lines, |point| point.0))
+        let range = self.x.range.map(|(from, to)| (self.x.place(from), self.x.place(to)));
+        range.unwrap_or_else(|| extent(&self.lines, |point| self.x.place(point.0)))
     }
 
     fn y_extent(&self) -> (f64, f64) {
         self.y.range.unwrap_or_else(|| extent(&self.lines, |point| point.1))
+    }
+}
+
+impl Axis {
+    /// Where a value is: on a logarithmic axis, in decades.
+    fn place(&self, value: f64) -> f64 {
+        if self.is_logarithmic { value.log10() } else { value }
+    }
+
+    /// The value at a place.
+    fn value(&self, place: f64) -> f64 {
+        if self.is_logarithmic { 10_f64.powf(place) } else { place }
     }
 }
 
@@ -446,6 +477,12 @@ fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
         _ => 1.0,
     };
     if least <= most { (least - half, most + half) } else { (-half, half) }
+}
+
+/// A label with its unit in brackets, if there is one.
+#[must_use]
+pub fn labelled(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
 }
 
 /// A text escaped for HTML, in elements and attributes; control characters are made visible.

@@ -7,7 +7,7 @@
 //! use fmu_record::Record;
 //!
 //! # fn main() -> anyhow::Result<()> {
-//! let mut record = Record::new([("h".to_owned(), "m".to_owned()), ("v".to_owned(), "m/s".to_owned())]);
+//! let mut record = Record::new([("h", "m"), ("v", "m/s")]);
 //! for step in 0..=40 {
 //!     let time = 0.01 * f64::from(step);
 //!     record.push(time, &[1.0 - 4.905 * time * time, -9.81 * time]);
@@ -47,7 +47,7 @@ pub mod panels;
 #[cfg(feature = "html")]
 mod report;
 
-pub use figure::{Color, Figure, Line, Panel, color, escaped};
+pub use figure::{Color, Figure, Line, Panel, color, escaped, labelled};
 #[cfg(feature = "html")]
 pub use format::PlotFormat;
 #[cfg(feature = "html")]

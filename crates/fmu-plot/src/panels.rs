@@ -1,10 +1,8 @@
 //! The plot of a record: which variables share a panel, and how each is drawn.
 
-use fmu_record::numbers;
 use fmu_record::{Column, Record};
-use fmu_terms::Linear;
 
-use crate::figure::{Figure, Lane, Line, Panel, color};
+use crate::figure::{Figure, Lane, Line, Panel, color, labelled};
 
 /// Lines share a panel if each uses at least this part of its scale.
 const LEAST_SHARE: f64 = 1.0 / 3.0;
@@ -147,33 +145,22 @@ fn size(columns: &[&Column]) -> f64 {
     if least <= most { least.abs().max(most.abs()) } else { 0.0 }
 }
 
-/// The unit in which a column is plotted, and the function to it.
-fn scale(column: &Column, size: f64) -> (String, Linear) {
-    column.display().unwrap_or_else(|| {
-        let (unit, factor) = shown(&column.unit, size);
-        (unit, Linear { factor, offset: 0.0 })
-    })
-}
-
 fn panel(time: &[f64], columns: &[&Column]) -> Panel {
     let largest = size(columns);
-    let of_one_unit: Vec<_> = columns.iter().map(|column| scale(column, largest)).collect();
+    let of_one_unit: Vec<_> = columns.iter().map(|column| column.scale(largest)).collect();
     let has_one_unit = columns.windows(2).all(|pair| pair[0].unit == pair[1].unit)
         && of_one_unit.windows(2).all(|pair| pair[0] == pair[1]);
     let scales = if has_one_unit {
         of_one_unit
     } else {
-        columns.iter().map(|column| scale(column, size(&[column]))).collect()
+        columns.iter().map(|column| column.scale(size(&[column]))).collect()
     };
     let label = scales.first().filter(|_| has_one_unit).map_or("", |(unit, _)| unit);
     let mut colors = color::CYCLE.iter().cycle();
     let mut lines = vec![];
     for (column, (unit, function)) in columns.iter().zip(&scales) {
         let is_reference = columns.iter().any(|other| leads(&column.name, &other.name));
-        let label = match unit.as_str() {
-            unit if !has_one_unit && !unit.is_empty() => format!("{} ({unit})", column.name),
-            _ => column.name.clone(),
-        };
+        let label = labelled(&column.name, if has_one_unit { "" } else { unit });
         let line = Line::new(time, column.values.iter().map(|value| function.apply(*value)));
         let line = line.label(&label).source(&column.name, *function);
         let line = if column.is_discrete { line.held() } else { line };
@@ -188,16 +175,6 @@ fn panel(time: &[f64], columns: &[&Column]) -> Panel {
     lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }
 
-/// The unit in which values up to a size are plotted, and the factor to it: that of [`numbers::shown`], but kPa from 1
-/// kPa on.
-#[must_use]
-pub fn shown(unit: &str, size: f64) -> (String, f64) {
-    match unit {
-        "Pa" if (1e3..1e4).contains(&size) => ("kPa".to_owned(), 1e-3),
-        other => numbers::shown(other, size),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use fmu_terms::DisplayUnit;
@@ -206,7 +183,7 @@ mod tests {
 
     /// Columns with a first and a last value.
     fn record(columns: &[(&str, &str, [f64; 2])]) -> Record {
-        let mut record = Record::new(columns.iter().map(|(name, unit, _)| ((*name).into(), (*unit).into())));
+        let mut record = Record::new(columns.iter().map(|(name, unit, _)| (*name, *unit)));
         for row in 0..2_u8 {
             let values: Vec<_> = columns.iter().map(|(_, _, values)| values[usize::from(row)]).collect();
             record.push(f64::from(row), &values);
@@ -277,14 +254,16 @@ mod tests {
     fn declared() -> Record {
         let display =
             |name: &str, factor, offset| Some(DisplayUnit { name: name.to_owned(), factor, offset });
-        let column = |name: &str, unit: &str| Column::from((name.to_owned(), unit.to_owned()));
         let mut record = Record::new([
-            Column { display_unit: display("%", 100.0, 0.0), ..column("valve", "1") },
-            Column { display_unit: display("degC", 1.0, -273.15), ..column("temperature", "K") },
-            Column { items: vec![("off".to_owned(), 1), ("cranking".to_owned(), 2)], ..column("mode", "") },
-            Column { is_discrete: true, ..column("fault_code", "1") },
-            Column { is_discrete: true, ..column("pwm", "%") },
-            Column { display_unit: display("%", 100.0, 0.0), ..column("throttle", "1") },
+            Column { display_unit: display("%", 100.0, 0.0), ..Column::from(("valve", "1")) },
+            Column { display_unit: display("degC", 1.0, -273.15), ..Column::from(("temperature", "K")) },
+            Column {
+                items: vec![("off".to_owned(), 1), ("cranking".to_owned(), 2)],
+                ..Column::from(("mode", ""))
+            },
+            Column { is_discrete: true, ..Column::from(("fault_code", "1")) },
+            Column { is_discrete: true, ..Column::from(("pwm", "%")) },
+            Column { display_unit: display("%", 100.0, 0.0), ..Column::from(("throttle", "1")) },
         ]);
         record.push(0.0, &[0.0, 298.15, 1.0, 0.0, 40.0, 0.5]);
         record.push(0.5, &[0.0, 298.15, 2.0, 4.0, 41.0, 0.5]);

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::table::{Header, Table};
+use crate::table::Table;
 use crate::{csv, parquet};
 
 /// What a table is written as.
@@ -38,18 +38,18 @@ impl TableFormat {
 }
 
 impl Table<'_> {
-    /// Writes the table. Numbers read back as the same doubles; missing values are empty in CSV and null in Parquet.
-    /// `header` is for CSV: Parquet has the units in its metadata, a JSON object under the key `units`.
+    /// Writes the table. Numbers read back as the same doubles; missing values are empty in CSV and null in Parquet. Units
+    /// are in CSV a row below the header that begins with `#`, in Parquet a JSON object in the metadata, under `units`.
     ///
     /// # Errors
     /// When the columns have different numbers of rows, the feature that the format needs is off, or `writer` fails.
-    pub fn write(&self, format: TableFormat, header: Header, writer: impl Write + Send) -> io::Result<()> {
+    pub fn write(&self, format: TableFormat, writer: impl Write + Send) -> io::Result<()> {
         if !self.0.windows(2).all(|pair| pair[0].cells.len() == pair[1].cells.len()) {
             let message = "the columns have different numbers of rows";
             return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
         }
         match format {
-            TableFormat::Csv => csv::write(self, header, writer),
+            TableFormat::Csv => csv::write(self, writer),
             TableFormat::Parquet => parquet::write(self, writer),
         }
     }

@@ -7,16 +7,16 @@
 //! ```
 //! use std::fs::File;
 //!
-//! use fmu_record::{Header, Record, TableFormat};
+//! use fmu_record::{Record, TableFormat};
 //!
 //! # fn main() -> anyhow::Result<()> {
-//! let mut record = Record::new([("h".to_owned(), "m".to_owned()), ("v".to_owned(), "m/s".to_owned())]);
+//! let mut record = Record::new([("h", "m"), ("v", "m/s")]);
 //! record.push(0.0, &[1.0, 0.0]);
 //! record.push(0.1, &[0.951, -0.981]);
 //!
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("ball.csv");
-//! record.table().write(TableFormat::Csv, Header::NamesAndUnits, File::create(&path)?)?;
+//! record.table().write(TableFormat::Csv, File::create(&path)?)?;
 //!
 //! let read = Record::read(&path)?;
 //! assert_eq!(read.time(), [0.0, 0.1]);
@@ -34,7 +34,7 @@ mod parquet;
 mod record;
 mod table;
 
-pub use csv::name_and_unit;
+pub use csv::headings;
 pub use format::TableFormat;
 pub use record::Record;
-pub use table::{Cells, Column, Header, Table, TableColumn, expect_seconds};
+pub use table::{Cells, Column, Table, TableColumn, expect_seconds};

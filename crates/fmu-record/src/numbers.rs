@@ -51,6 +51,15 @@ pub fn shown(unit: &str, value: f64) -> (String, f64) {
     (format!("{prefix}{base}"), 10_f64.powi(scale - exponent))
 }
 
+/// The unit for an axis of values up to a size, and the factor to it: that of [`shown`], but kPa from 1 kPa on.
+#[must_use]
+pub fn axis(unit: &str, size: f64) -> (String, f64) {
+    match unit {
+        "Pa" if (1e3..1e4).contains(&size) => ("kPa".to_owned(), 1e-3),
+        other => shown(other, size),
+    }
+}
+
 /// A number with three significant digits, or all those before the point; from a million on and below 0.001, with a
 /// power of ten.
 #[must_use]

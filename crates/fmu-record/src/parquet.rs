@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use fmu_terms::DisplayUnit;
 use parquet::basic::{ConvertedType, Repetition, Type as PhysicalType};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::column::writer::ColumnWriter;
@@ -22,6 +23,8 @@ use crate::table::{Cells, Column, Table};
 
 /// The key in a Parquet file's metadata under which the columns' units are, as a JSON object.
 const UNITS: &str = "units";
+/// The key of their display units, each a name, a factor and an offset.
+const DISPLAY_UNITS: &str = "display_units";
 
 /// The columns of a file.
 pub(crate) fn read(path: &Path) -> Result<Vec<Column>> {
@@ -40,10 +43,15 @@ fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Res
 fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
     let reader = SerializedFileReader::new(File::open(path)?)?;
     let metadata = reader.metadata().file_metadata();
-    let units = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == UNITS);
-    let units = units.and_then(|pair| pair.value.as_deref()).unwrap_or("{}");
+    let text = |key: &str| {
+        let pair = metadata.key_value_metadata().into_iter().flatten().find(|pair| pair.key == key);
+        pair.and_then(|pair| pair.value.as_deref()).unwrap_or("{}")
+    };
+    let broken = |key: &str| format!("its metadata {key}");
     let mut units: BTreeMap<String, String> =
-        serde_json::from_str(units).with_context(|| format!("its metadata {UNITS}"))?;
+        serde_json::from_str(text(UNITS)).with_context(|| broken(UNITS))?;
+    let mut display_units: BTreeMap<String, (String, f64, f64)> =
+        serde_json::from_str(text(DISPLAY_UNITS)).with_context(|| broken(DISPLAY_UNITS))?;
     let schema = metadata.schema_descr();
     let mut columns = vec![];
     for (index, description) in schema.columns().iter().enumerate() {
@@ -59,7 +67,9 @@ fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
             column.read_records(rows, None, None, &mut values)?;
         }
         let unit = units.remove(&name).unwrap_or_default();
-        columns.push(Column { values, ..Column::from((name, unit)) });
+        let display_unit = display_units.remove(&name);
+        let display_unit = display_unit.map(|(name, factor, offset)| DisplayUnit { name, factor, offset });
+        columns.push(Column { display_unit, values, ..Column::from((name, unit)) });
     }
     Ok(columns)
 }
@@ -81,8 +91,14 @@ fn write_all(table: &Table<'_>, writer: impl Write + Send) -> Result<()> {
     let schema = Arc::new(Type::group_type_builder("table").with_fields(fields).build()?);
     let units = table.0.iter().filter(|column| !column.unit.is_empty());
     let units: BTreeMap<_, _> = units.map(|column| (&column.name, &column.unit)).collect();
-    let units = KeyValue::new(UNITS.to_owned(), serde_json::to_string(&units)?);
-    let properties = WriterProperties::builder().set_key_value_metadata(Some(vec![units]));
+    let shown = table.0.iter().filter_map(|column| {
+        let DisplayUnit { name, factor, offset } = column.display_unit.as_ref()?;
+        Some((&column.name, (name, factor, offset)))
+    });
+    let shown: BTreeMap<_, _> = shown.collect();
+    let texts = [(UNITS, serde_json::to_string(&units)?), (DISPLAY_UNITS, serde_json::to_string(&shown)?)];
+    let pairs = texts.map(|(key, text)| KeyValue::new(key.to_owned(), text)).to_vec();
+    let properties = WriterProperties::builder().set_key_value_metadata(Some(pairs));
     let properties = Arc::new(properties.build());
     let mut file = SerializedFileWriter::new(writer, schema, properties)?;
     let mut rows = file.next_row_group()?;

@@ -62,17 +62,13 @@ impl Record {
     /// The record as a table to write: the column `time` in s, then the variables.
     #[must_use]
     pub fn table(&self) -> Table<'_> {
-        let column = |name: &str, unit: &str, values| TableColumn {
-            name: name.to_owned(),
-            unit: unit.to_owned(),
-            cells: Cells::Numbers(values),
-        };
-        let columns = self.columns.iter().map(|own| column(&own.name, &own.unit, &own.values));
-        Table([column(TIME, "s", &self.time)].into_iter().chain(columns).collect())
+        let time = TableColumn::new(&(TIME, "s").into(), Cells::Numbers(&self.time));
+        let columns = self.columns.iter().map(|own| TableColumn::new(own, Cells::Numbers(&own.values)));
+        Table([time].into_iter().chain(columns).collect())
     }
 
-    /// Reads a `.csv` or `.parquet` file whose first column is `time`. The header of a CSV file may have units, as in
-    /// `name (unit)`; its lines that begin with `#` are comments.
+    /// Reads a `.csv` or `.parquet` file whose first column is `time`. A CSV file's units are in a row below the header
+    /// that begins with `#`, or with the names, as in `name (unit)`; other lines that begin with `#` are comments.
     ///
     /// # Errors
     /// When the file cannot be read, is Parquet while the feature `parquet` is off, or is not a record: its first
@@ -117,12 +113,16 @@ mod tests {
     use std::fs::{self, File};
     use std::io::Write;
 
+    use fmu_terms::DisplayUnit;
+
     use super::*;
-    use crate::table::Header;
 
     fn record() -> Record {
-        let mut record =
-            Record::new([("boost pressure".into(), "Pa".into()), ("ratio (of two)".into(), String::new())]);
+        let display_unit = Some(DisplayUnit { name: "kPa".to_owned(), factor: 1e-3, offset: 0.1 });
+        let mut record = Record::new([
+            Column { display_unit, ..Column::from(("boost pressure", "Pa")) },
+            Column::from(("ratio (of two)", "")),
+        ]);
         record.push(0.0, &[1e5 / 3.0, -0.0]);
         record.push(0.1 + 0.2, &[f64::NAN, 1e-300]);
         record
@@ -131,12 +131,10 @@ mod tests {
     #[test]
     fn a_record_is_read_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
-        let files =
-            [("a.csv", Header::Names), ("b.csv", Header::NamesAndUnits), ("c.Parquet", Header::Names)];
-        for (name, header) in files.into_iter().take(if cfg!(feature = "parquet") { 3 } else { 2 }) {
+        for name in ["a.csv", "b.Parquet"].into_iter().take(if cfg!(feature = "parquet") { 2 } else { 1 }) {
             let path = folder.path().join(name);
             let format = TableFormat::of(&path).unwrap();
-            record().table().write(format, header, File::create(&path).unwrap()).unwrap();
+            record().table().write(format, File::create(&path).unwrap()).unwrap();
             let read = Record::read(&path).unwrap();
             let bits = |record: &Record| -> Vec<Vec<u64>> {
                 let columns = record.columns.iter().map(|column| &column.values);
@@ -147,21 +145,40 @@ mod tests {
                     .collect()
             };
             assert_eq!(bits(&read), bits(&record()), "{name}");
-            assert_eq!(read.columns[0].name, "boost pressure");
-            assert_eq!(read.columns[0].unit, if name == "a.csv" { "" } else { "Pa" }, "{name}");
+            let headings = |record: &Record| -> Vec<_> {
+                record.columns.iter().map(|column| (column.name.clone(), column.unit.clone())).collect()
+            };
+            assert_eq!(headings(&read), headings(&record()), "{name}");
+            // CSV has no place for it.
+            let display_unit = if name == "a.csv" { None } else { record().columns[0].display_unit.clone() };
+            assert_eq!(read.columns[0].display_unit, display_unit, "{name}");
         }
-        let text = fs::read_to_string(folder.path().join("b.csv")).unwrap();
-        assert!(text.starts_with("time (s),boost pressure (Pa),ratio (of two)\n"), "{text}");
+        let text = fs::read_to_string(folder.path().join("a.csv")).unwrap();
+        assert!(text.starts_with("time,boost pressure,ratio (of two)\n# s,Pa,\n0.0,"), "{text}");
+    }
+
+    #[test]
+    fn units_are_read_below_the_header_or_in_it() {
+        for (text, expected) in [
+            ("time,p\n# s,kPa\n0,1\n", [("time", "s"), ("p", "kPa")]),
+            ("# by hand\n\ntime, p\n#s, kPa\n0,1\n", [("time", "s"), ("p", "kPa")]),
+            ("time (s),p [kPa]\n0,1\n", [("time", "s"), ("p", "kPa")]),
+            ("time(s),p[kPa]\n# a comment\n0,1\n", [("time", "s"), ("p", "kPa")]),
+            // An element of an array, and a comment that is no row of units.
+            ("time,p[2]\n# a, b, c\n0,1\n", [("time", ""), ("p[2]", "")]),
+            ("time,\"p[2,7]\"\n0,1\n", [("time", ""), ("p[2,7]", "")]),
+        ] {
+            let headings = crate::headings(text).unwrap();
+            assert_eq!(headings, expected.map(|(name, unit)| (name.to_owned(), unit.to_owned())), "{text}");
+        }
     }
 
     #[test]
     fn columns_of_different_lengths_are_refused() {
-        let cells = [[1.0, 2.0].as_slice(), &[1.0]];
-        let column =
-            |cells| TableColumn { name: "a".into(), unit: String::new(), cells: Cells::Numbers(cells) };
-        let table = Table(cells.map(column).into());
+        let column = |cells| TableColumn::new(&("a", "").into(), Cells::Numbers(cells));
+        let table = Table([[1.0, 2.0].as_slice(), &[1.0]].map(column).into());
         for format in [TableFormat::Csv, TableFormat::Parquet] {
-            let refusal = table.write(format, Header::Names, vec![]).unwrap_err();
+            let refusal = table.write(format, vec![]).unwrap_err();
             assert_eq!(refusal.to_string(), "the columns have different numbers of rows");
         }
     }
@@ -192,7 +209,7 @@ mod tests {
     fn a_damaged_parquet_file_is_read_or_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.parquet");
-        record().table().write(TableFormat::Parquet, Header::Names, File::create(&path).unwrap()).unwrap();
+        record().table().write(TableFormat::Parquet, File::create(&path).unwrap()).unwrap();
         let whole = fs::read(&path).unwrap();
         let mut panics = 0;
         for index in 0..whole.len() {

@@ -3,16 +3,7 @@
 use anyhow::{Result, bail};
 use fmu_terms::{DisplayUnit, Linear};
 
-use crate::numbers::{number, quantity};
-
-/// How a CSV file's header names a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Header {
-    /// By its name alone.
-    Names,
-    /// As `name (unit)`, where there is a unit.
-    NamesAndUnits,
-}
+use crate::numbers::{self, number, quantity};
 
 /// A recorded variable.
 #[derive(Clone, Debug, Default)]
@@ -31,20 +22,39 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-impl From<(String, String)> for Column {
+impl<Name: Into<String>, Unit: Into<String>> From<(Name, Unit)> for Column {
     /// A column without values, of a name and a unit.
-    fn from((name, unit): (String, String)) -> Self {
-        Self { name, unit, ..Self::default() }
+    fn from((name, unit): (Name, Unit)) -> Self {
+        Self { name: name.into(), unit: unit.into(), ..Self::default() }
     }
 }
 
 impl Column {
     /// The declared display unit's symbol, and the function to it.
-    #[must_use]
-    pub fn display(&self) -> Option<(String, Linear)> {
+    fn display(&self) -> Option<(String, Linear)> {
         let DisplayUnit { name, factor, offset } = self.display_unit.as_ref()?;
         let symbol = if name == "degC" { "\u{b0}C" } else { name };
         Some((symbol.to_owned(), Linear { factor: *factor, offset: *offset }))
+    }
+
+    /// The unit for an axis of values up to a size, and the function to it: the declared display unit, else that of
+    /// [`numbers::axis`].
+    #[must_use]
+    pub fn scale(&self, size: f64) -> (String, Linear) {
+        self.display().unwrap_or_else(|| {
+            let (unit, factor) = numbers::axis(&self.unit, size);
+            (unit, Linear { factor, offset: 0.0 })
+        })
+    }
+
+    /// A column for differences of this one's values: those of temperatures shown in \u{b0}C are in K.
+    #[must_use]
+    #[allow(clippy::float_cmp)] // as declared
+    pub fn of_differences(&self) -> Self {
+        let display_unit =
+            self.display_unit.clone().filter(|display| display.offset == 0.0 || display.factor != 1.0);
+        let display_unit = display_unit.map(|display| DisplayUnit { offset: 0.0, ..display });
+        Self { display_unit, ..Self::from((&*self.name, &*self.unit)) }
     }
 
     /// The name of a value that has one.
@@ -86,8 +96,19 @@ pub struct TableColumn<'a> {
     pub name: String,
     /// The unit of the cells; empty where there is none.
     pub unit: String,
+    /// The unit to show them in.
+    pub display_unit: Option<DisplayUnit>,
     /// One for each row.
     pub cells: Cells<'a>,
+}
+
+impl<'a> TableColumn<'a> {
+    /// Cells under a column's name and units.
+    #[must_use]
+    pub fn new(column: &Column, cells: Cells<'a>) -> Self {
+        let Column { name, unit, display_unit, .. } = column;
+        Self { name: name.clone(), unit: unit.clone(), display_unit: display_unit.clone(), cells }
+    }
 }
 
 /// The cells of a column, all of one type; those that are `None` are missing.
@@ -102,15 +123,6 @@ pub enum Cells<'a> {
     Truth(Vec<Option<bool>>),
     /// Texts.
     Text(Vec<Option<String>>),
-}
-
-impl TableColumn<'_> {
-    pub(crate) fn header(&self, header: Header) -> String {
-        match header {
-            Header::NamesAndUnits if !self.unit.is_empty() => format!("{} ({})", self.name, self.unit),
-            _ => self.name.clone(),
-        }
-    }
 }
 
 impl Cells<'_> {

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, Run
 from playwright.sync_api import Browser, Page
-from visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
+from visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, REPORTS, Visit
 
 SWEEP = """
 scenario = "{scenario}"
@@ -50,13 +50,16 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
     system = folder / "system.html"
     pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60"]
     run("simulate", exported / "Boost.ssp", *pumping, "--out", folder, "--plot", system)
+    linear = folder / f"{LINEAR}.html"
+    loop = ["--at", "24", "--path", "hp_wastegate_pwm,boost_pressure", "--loop", "controller:boost_pressure"]
+    run("linearize", steps, "--fmus", exported, *loop, "--plot", linear)
     # This strategy fails, so that the report explains cases.
     run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
     sweep = folder / "sweep.toml"
     sweep.write_text(SWEEP.format(scenario=steps.with_name("figure_1.toml")))
     run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
     reports = {name: folder / name / "report.html" for name in REPORTS}
-    return {**files, **reports, "simulation": plot, "system": system, LIVE: live}
+    return {**files, **reports, "simulation": plot, "system": system, LINEAR: linear, LIVE: live}
 
 
 @pytest.fixture

@@ -146,6 +146,13 @@ def test_search_counts_and_names_what_is_not_found(opened: Callable[..., Page]) 
     assert said.text_content().startswith("None of ")
 
 
+def test_axes_of_a_sweep_have_display_units(files: dict[str, Path]) -> None:
+    """The volume is in m³, its display unit is l."""
+    page = files["sweep"].read_text()
+    assert "plant:tank.volume (l)" in page
+    assert "2 values from 1\u202fl to 2\u202fl" in page
+
+
 def test_exponents_of_units_are_raised(opened: Callable[..., Page]) -> None:
     """`Pa/%3` and `mm2`, on the page and in a report."""
     page = opened("BoostPlant", 1280)

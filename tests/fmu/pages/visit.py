@@ -17,7 +17,9 @@ REPORTS = ["reproduction", "identification", "tuning", "simulation", "system", "
 
 LIVE = "live"
 
-PAGES = [*FMUS, *REPORTS, LIVE]
+LINEAR = "linearization"
+
+PAGES = [*FMUS, *REPORTS, LINEAR, LIVE]
 
 PICTURES = TARGET / "pages"
 """Which `sheet.py` puts on one sheet."""

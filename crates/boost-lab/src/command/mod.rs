@@ -40,8 +40,10 @@ struct Arguments {
 enum Command {
     /// Run a scenario, a system or a single FMU
     Simulate(Simulate),
-    /// Compare records: overlaid in one plot, with their differences in numbers
+    /// Compare records: their differences in numbers, and overlaid in a plot
     Compare(run::Compare),
+    /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
+    Linearize(Linearize),
     /// Run scenarios and show them on one page
     Show {
         /// The scenarios (see docs/simulate.md)
@@ -91,6 +93,15 @@ enum Command {
 struct Simulate {
     #[command(flatten)]
     simulate: Box<run::Simulate>,
+    #[command(flatten)]
+    maps: MapArguments,
+}
+
+/// `linearize` with maps of names.
+#[derive(Args)]
+struct Linearize {
+    #[command(flatten)]
+    linearize: Box<run::Linearize>,
     #[command(flatten)]
     maps: MapArguments,
 }
@@ -155,11 +166,9 @@ enum Identify {
 /// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(Simulate { simulate, maps }) => {
-            let out = |name: &str| format!("{name}.csv").into();
-            simulate.run(&maps.maps(), Some(&out)).map(|()| true)
-        }
+        Command::Simulate(Simulate { simulate, maps }) => simulate.run(&maps.maps()).map(|()| true),
         Command::Compare(compare) => compare.run().map(|()| true),
+        Command::Linearize(Linearize { linearize, maps }) => linearize.run(&maps.maps()).map(|()| true),
         Command::Show { scenarios, fmus, title, out } => {
             show::run(&scenarios, &fmus, &title, &out).map(|()| true)
         }

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 use fmu_io::terminal::number as shown;
+use fmu_record::headings;
 
 /// A quantity that a column of the data can hold.
 struct Quantity {
@@ -140,7 +141,7 @@ pub struct Data {
 }
 
 impl Data {
-    /// Reads a CSV file. A header may give a unit in brackets: `tank_pressure (kPa)`.
+    /// Reads a CSV file, with units below its header or in it: `tank_pressure (kPa)`.
     pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
         Self::parse(&reading::text(path)?, naming).with_context(|| path.display().to_string())
     }
@@ -153,7 +154,7 @@ impl Data {
         }
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-        let header: Vec<_> = reader.headers()?.iter().map(Heading::read).collect();
+        let header = headings(text)?;
         let found: Vec<_> =
             QUANTITIES.iter().map(|quantity| find(quantity, &header, naming)).collect::<Result<_>>()?;
         let mut values: Vec<Vec<f64>> = vec![vec![]; QUANTITIES.len()];
@@ -167,7 +168,7 @@ impl Data {
                 let text = row.get(*index).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
                 let number = number.with_context(|| {
-                    format!("line {line}, {}: expected a number, found \"{text}\"", header[*index].name)
+                    format!("line {line}, {}: expected a number, found \"{text}\"", header[*index].0)
                 })?;
                 let value = factor * number + offset;
                 let (least, most) = quantity.range;
@@ -177,7 +178,7 @@ impl Data {
                     bail!(
                         "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; give another unit in \
                          the header's brackets or with --unit {}=UNIT",
-                        header[*index].name,
+                        header[*index].0,
                         quantity.name
                     );
                 }
@@ -217,26 +218,6 @@ impl Data {
     }
 }
 
-struct Heading {
-    name: String,
-    unit: Option<String>,
-}
-
-impl Heading {
-    fn read(text: &str) -> Self {
-        for (open, close) in [('(', ')'), ('[', ']')] {
-            if let Some(text) = text.strip_suffix(close)
-                && let Some((name, unit)) = text.rsplit_once(open)
-                && !name.trim().is_empty()
-                && unit.parse::<u32>().is_err()
-            {
-                return Self { name: name.trim().to_owned(), unit: Some(unit.trim().to_owned()) };
-            }
-        }
-        Self { name: text.to_owned(), unit: None }
-    }
-}
-
 /// The column of a quantity, and its conversion.
 struct DataColumn {
     index: usize,
@@ -245,19 +226,19 @@ struct DataColumn {
     is_relative: bool,
 }
 
-fn column_name<'a>(found: &[Option<DataColumn>], header: &'a [Heading]) -> &'a str {
-    found[0].as_ref().map_or("", |column| &header[column.index].name)
+fn column_name<'a>(found: &[Option<DataColumn>], header: &'a [(String, String)]) -> &'a str {
+    found[0].as_ref().map_or("", |column| &header[column.index].0)
 }
 
-fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Option<DataColumn>> {
+fn find(quantity: &Quantity, header: &[(String, String)], naming: &Naming) -> Result<Option<DataColumn>> {
     let named = naming.columns.iter().find(|(name, _)| name == quantity.name);
     let candidates = named.map_or_else(|| quantity.columns.to_vec(), |(_, column)| vec![column.as_str()]);
-    let position = |name: &&str| header.iter().position(|heading| heading.name == *name);
+    let position = |name: &&str| header.iter().position(|(heading, _)| heading == name);
     let Some(index) = candidates.iter().find_map(position) else {
         if !quantity.is_required && named.is_none() {
             return Ok(None);
         }
-        let names: Vec<_> = header.iter().map(|heading| heading.name.as_str()).collect();
+        let names: Vec<_> = header.iter().map(|(heading, _)| heading.as_str()).collect();
         bail!(
             "line 1: expected a column {} ({}), found {}; name another with --column {}=NAME",
             candidates.join(" or "),
@@ -266,22 +247,17 @@ fn find(quantity: &Quantity, header: &[Heading], naming: &Naming) -> Result<Opti
             quantity.name
         );
     };
-    let heading = &header[index];
+    let (heading, of_header) = &header[index];
     let given = naming.units.iter().find(|(name, _)| name == quantity.name).map(|(_, unit)| unit);
-    let unit = given.or(heading.unit.as_ref());
-    let known = match unit {
-        None if heading.name == "hp_wastegate_position" => Some(("1", 1.0, 0.0)),
-        None => Some(quantity.units[0]),
-        Some(unit) => quantity.units.iter().find(|(name, ..)| name == unit).copied(),
+    let unit = given.unwrap_or(of_header);
+    let known = match unit.as_str() {
+        "" if heading == "hp_wastegate_position" => Some(("1", 1.0, 0.0)),
+        "" => Some(quantity.units[0]),
+        unit => quantity.units.iter().find(|(name, ..)| *name == unit).copied(),
     };
     let Some((name, factor, offset)) = known else {
         let names: Vec<_> = quantity.units.iter().map(|(name, ..)| *name).collect();
-        bail!(
-            "line 1, {}: expected one of the units {}, found {}",
-            heading.name,
-            names.join(", "),
-            unit.map_or("", |unit| unit)
-        );
+        bail!("line 1, {heading}: expected one of the units {}, found {unit}", names.join(", "));
     };
     Ok(Some(DataColumn { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
 }

@@ -173,8 +173,8 @@ function showResults(experiment, measures) {
     const known = claim.knownDifference ? ` Known difference: ${claim.knownDifference}.` : "";
     const row = make(
       "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}${known}` })),
-      cell("paper", claim.inPaper && inUnit(claim.inPaper, claim.unit)), cell("here", inUnit(number(claim.factor * value), claim.unit)),
-      cell("laboratory", claim.found), cell("accepted", inUnit(claim.asked, claim.unit)),
+      cell("paper", claim.inPaper), cell("here", inUnit(number(claim.factor * value), claim.unit)),
+      cell("laboratory", claim.found), cell("accepted", claim.asked),
       make("td", {}, make("span", { className: verdict, textContent: verdict })),
     );
     row.dataset.claim = claim.name;
@@ -271,13 +271,13 @@ function change({ fmu, name, value, isOf }) {
   }
 }
 
-// Saves the records; numbers read back as the same doubles.
+// Saves the records, with units below the names; numbers read back as the same doubles.
 function saveCsv() {
   const { experiment } = state;
   runsOf().forEach((run, index) => {
-    const header = run.scenario.record.map(name => [name, unitOf(name)]).map(([name, unit]) => (unit ? `${name} (${unit})` : name));
-    const columns = [run.time, ...run.scenario.record.map(name => run.columns.get(name))];
-    const rows = [["time (s)", ...header], ...run.time.map((_, row) => columns.map(values => values[row]))];
+    const { record } = run.scenario;
+    const columns = [run.time, ...record.map(name => run.columns.get(name))];
+    const rows = [["time", ...record], ["# s", ...record.map(unitOf)], ...run.time.map((_, row) => columns.map(values => values[row]))];
     const text = `${rows.map(row => row.join(",")).join("\n")}\n`;
     const name = experiment ? `figure_${experiment.number}_run_${index + 1}.csv` : "boost.csv";
     const link = make("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name });

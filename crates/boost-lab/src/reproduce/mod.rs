@@ -27,7 +27,7 @@ use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Figure, Line, panels};
 use fmu_record::Record;
-use fmu_record::numbers::{number, shown};
+use fmu_record::numbers::{axis, number};
 
 pub use self::report::{html, json};
 
@@ -240,29 +240,32 @@ impl Claim {
 
     /// The FMUs' result with its unit.
     pub fn found(&self) -> String {
-        let (unit, factor) = self.scale();
-        format!("{} {unit}", number(factor * self.value)).trim_end().to_owned()
+        self.text(self.value)
     }
 
-    /// The accepted range, in the unit of [`Self::found`].
+    /// The accepted range, likewise.
     pub fn asked(&self) -> String {
-        let shown = |value| number(self.scale().1 * value);
         match (self.least, self.most) {
-            (Some(least), Some(most)) => format!("{} to {}", shown(least), shown(most)),
-            (Some(least), None) => format!("at least {}", shown(least)),
-            (None, Some(most)) => format!("at most {}", shown(most)),
+            (Some(least), Some(most)) => format!("{} to {}", number(self.scale().1 * least), self.text(most)),
+            (Some(least), None) => format!("at least {}", self.text(least)),
+            (None, Some(most)) => format!("at most {}", self.text(most)),
             (None, None) => String::new(),
         }
     }
 
-    /// The paper's number in the same unit.
+    /// The paper's number, likewise.
     pub fn in_paper(&self) -> Option<String> {
-        self.paper_value.map(|value| number(self.scale().1 * value))
+        self.paper_value.map(|value| self.text(value))
     }
 
-    /// A unit suited to the range, and the factor to it.
+    fn text(&self, value: f64) -> String {
+        let (unit, factor) = self.scale();
+        format!("{} {unit}", number(factor * value)).trim_end().to_owned()
+    }
+
+    /// The unit of the figure's axes, by the range, and the factor to it.
     pub fn scale(&self) -> (String, f64) {
-        shown(self.unit, self.most.or(self.least).unwrap_or(self.value))
+        axis(self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }
 

@@ -10,9 +10,8 @@ use super::draw::Case;
 use super::names::{MODEL, SHAFT};
 use super::{Explained, Outcome, Study, outside};
 use fmu_master::measure::greatest;
-use fmu_plot::panels::shown;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, escaped};
-use fmu_record::numbers::{number, quantity};
+use fmu_record::numbers::{axis, number, quantity};
 
 /// The shares of the cases below the quantiles of the tables.
 const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
@@ -262,7 +261,7 @@ impl StudyReport<'_> {
             .enumerate()
             .map(|(column, (name, unit))| {
                 let values: Vec<_> = drawn.iter().map(|values| values[column].1).collect();
-                let (unit, factor) = shown(unit, greatest(values.iter().map(|value| value.abs())));
+                let (unit, factor) = axis(unit, greatest(values.iter().map(|value| value.abs())));
                 let label = format!("{name} ({})", if unit.is_empty() { "share" } else { &unit });
                 let correlation = rank_correlation(&values, &deviations);
                 (label, correlation, values.into_iter().map(|value| factor * value).collect::<Vec<_>>())

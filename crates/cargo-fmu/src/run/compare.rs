@@ -1,21 +1,17 @@
 //! `compare`: records overlaid, with their differences in numbers.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::comparison::Comparison;
-use super::make_folder;
-use anyhow::Result;
+use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 use fmu_plot::PlotFormat;
 use fmu_record::Record;
 
-/// The default plot.
-const PLOT: &str = "target/comparison.html";
-
-/// Compare records: overlaid in one plot, with their differences in numbers
+/// Compare records: their differences in numbers, and overlaid in a plot
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Compare {
@@ -26,8 +22,8 @@ pub struct Compare {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     variables: Option<Vec<String>>,
     /// Plot of the overlaid records and their differences; an HTML page includes the numbers
-    #[arg(long, value_name = "FILE.svg|png|html", default_value = PLOT)]
-    plot: PathBuf,
+    #[arg(long, value_name = "FILE.svg|png|html")]
+    plot: Option<PathBuf>,
 }
 
 impl Compare {
@@ -37,11 +33,8 @@ impl Compare {
     /// When records cannot be compared, or a file cannot be read or written.
     pub fn run(&self) -> Result<()> {
         let Self { records: files, variables, plot } = self;
-        let format = PlotFormat::of(plot)?;
-        if plot == Path::new(PLOT) {
-            make_folder(plot.parent().unwrap_or(Path::new("")))?;
-        }
-        writing::refuse_overlap(std::slice::from_ref(plot), files)?;
+        let plot = plot.as_ref().map(|plot| Ok::<_, Error>((plot, PlotFormat::of(plot)?))).transpose()?;
+        writing::refuse_overlap(&plot.iter().map(|(plot, _)| (*plot).clone()).collect::<Vec<_>>(), files)?;
         let names = short(files);
         let records: Vec<_> = names
             .into_iter()
@@ -53,9 +46,12 @@ impl Compare {
             complain(&format!("note: {note}"));
         }
         print(&comparison.text())?;
-        let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.html())?;
-        writing::write(plot, |writer| writer.write_all(&drawn))?;
-        Ok(print(&format!("{}\n", plot.display()))?)
+        if let Some((plot, format)) = plot {
+            let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.html())?;
+            writing::write(plot, |writer| writer.write_all(&drawn))?;
+            print(&format!("{}\n", plot.display()))?;
+        }
+        Ok(())
     }
 }
 

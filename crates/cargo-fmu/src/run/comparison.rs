@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use anyhow::{Result, bail};
 use fmu_terms::like;
 
-use fmu_plot::panels::shown;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color};
 use fmu_record::numbers::quantity;
 use fmu_record::{Column, Record};
@@ -22,8 +21,8 @@ pub struct Comparison<'a> {
 
 /// A variable common to all records.
 struct Variable<'a> {
-    name: &'a str,
-    unit: &'a str,
+    /// Its name and units, without values.
+    heading: Column,
     /// In the order of the records.
     columns: Vec<&'a Column>,
     /// One for each record after the first.
@@ -97,9 +96,11 @@ impl<'a> Comparison<'a> {
                 continue;
             }
             let differences = others.iter().zip(&columns[1..]);
+            // CSV files have no display units.
+            let display_unit = columns.iter().find_map(|column| column.display_unit.clone());
+            let heading = (column.name.clone(), units.first().copied().unwrap_or_default().to_owned());
             variables.push(Variable {
-                name: &column.name,
-                unit: units.first().copied().unwrap_or_default(),
+                heading: Column { display_unit, ..Column::from(heading) },
                 differences: differences
                     .map(|((_, record), other)| Difference::new(first.time(), column, record.time(), other))
                     .collect(),
@@ -120,13 +121,19 @@ impl<'a> Comparison<'a> {
 
     /// The differences as a text.
     pub fn text(&self) -> String {
-        let longest = self.variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
+        let names = self.variables.iter().map(|variable| variable.heading.name.chars().count());
+        let longest = names.max().unwrap_or(0);
         let mut text = String::new();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             let _ = writeln!(text, "{name} minus {}:", self.records[0].0);
             for variable in &self.variables {
-                let [greatest, time, rest] = variable.row(index);
-                let row = format!("  {:longest$}  {greatest:>14} {time:<12} {rest}", variable.name);
+                let [greatest, time, root_mean_square, undefined] = variable.row(index);
+                let more = match (time.as_str(), root_mean_square.as_str()) {
+                    ("", _) => undefined,
+                    (time, size) if undefined.is_empty() => format!("at {time:<9} {size} RMS"),
+                    (time, size) => format!("at {time:<9} {size} RMS; {undefined}"),
+                };
+                let row = format!("  {:longest$}  {greatest:>14} {more}", variable.heading.name);
                 let _ = writeln!(text, "{}", row.trim_end());
             }
         }
@@ -138,10 +145,10 @@ impl<'a> Comparison<'a> {
         let mut report = Report::default();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             report.section(&format!("{name} minus {}", self.records[0].0));
-            let mut table = Table::new(["Variable", "Largest difference", "At", "RMS"]);
+            let mut table = Table::new(["Variable", "Largest difference", "At", "RMS", ""]);
             for variable in &self.variables {
                 let cells = variable.row(index).map(|cell| Cell::number(&cell));
-                table.row([variable.name.into()].into_iter().chain(cells));
+                table.row([variable.heading.name.as_str().into()].into_iter().chain(cells));
             }
             report.table(&table);
         }
@@ -156,22 +163,24 @@ impl<'a> Comparison<'a> {
         let row = |variable: &Variable<'_>| {
             let size = variable.columns.iter().flat_map(|column| &column.values);
             let size = size.map(|value| value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
-            let (unit, factor) = shown(variable.unit, size);
+            let (unit, shown) = variable.heading.scale(size);
             let lines = self.records.iter().zip(&variable.columns).zip(colors());
             let lines = lines.map(|(((name, record), column), color)| {
-                Line::new(record.time(), column.values.iter().map(|value| factor * value))
+                Line::new(record.time(), column.values.iter().map(|value| shown.apply(*value)))
                     .label(name)
                     .color(color)
             });
-            let both = Panel::new("time (s)", &unit).title(variable.name).height(130);
+            let both = Panel::new("time (s)", &unit).title(&variable.heading.name).height(130);
             let size = variable.differences.iter().filter_map(|difference| difference.greatest);
-            let (unit, factor) =
-                shown(variable.unit, size.fold(0.0, |most, (value, _)| value.abs().max(most)));
+            let size = size.fold(0.0, |most, (value, _)| value.abs().max(most));
+            let (unit, shown) = variable.heading.of_differences().scale(size);
             let differences = self.records[1..].iter().zip(&variable.differences).zip(colors().skip(1));
             let differences = differences.map(|(((name, _), difference), color)| {
                 let (time, values): (Vec<_>, Vec<_>) = difference.points.iter().copied().unzip();
                 let label = format!("{name} minus {}", self.records[0].0);
-                Line::new(&time, values.into_iter().map(|value| factor * value)).label(&label).color(color)
+                Line::new(&time, values.into_iter().map(|value| shown.apply(value)))
+                    .label(&label)
+                    .color(color)
             });
             let apart = Panel::new("time (s)", &unit).title("difference").height(130);
             [lines.fold(both, Panel::line), differences.fold(apart, Panel::line)]
@@ -181,22 +190,19 @@ impl<'a> Comparison<'a> {
 }
 
 impl Variable<'_> {
-    /// A record's largest difference, its time, and the rest.
-    fn row(&self, record: usize) -> [String; 3] {
+    /// A record's largest difference, its time, the root mean square, and where there is no finite difference.
+    fn row(&self, record: usize) -> [String; 4] {
         let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
         let undefined = match undefined {
             0 => String::new(),
-            rows => format!("; no finite difference in {rows} rows"),
+            rows => format!("no finite difference in {rows} rows"),
         };
-        match greatest {
-            Some((value, time)) => [
-                quantity(*value, self.unit),
-                format!("at {}", quantity(*time, "s")),
-                format!("{} RMS{undefined}", quantity(*root_mean_square, self.unit)),
-            ],
-            None if undefined.is_empty() => ["equal".to_owned(), String::new(), String::new()],
-            None => ["unequal".to_owned(), String::new(), undefined[2..].to_owned()],
-        }
+        let column = self.heading.of_differences();
+        let Some((value, time)) = greatest else {
+            let word = if undefined.is_empty() { "equal" } else { "unequal" };
+            return [word.to_owned(), String::new(), String::new(), undefined];
+        };
+        [column.text(*value), quantity(*time, "s"), column.text(*root_mean_square), undefined]
     }
 }
 
@@ -246,6 +252,8 @@ fn has_times_of(one: &Record, other: &Record) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use fmu_terms::DisplayUnit;
+
     use super::*;
 
     fn record(name: &str, unit: &str, rows: &[(f64, f64)]) -> (String, Record) {
@@ -267,7 +275,7 @@ mod tests {
         let text = comparison.text();
         assert!(text.starts_with("b minus a:\n  p  "), "{text}");
         // The root of (30000² + 4²) / 3.
-        for part in ["\u{2212}30\u{202f}kPa", "at 1\u{202f}s", "17.3\u{202f}kPa RMS", "in 1 rows"] {
+        for part in ["\u{2212}30\u{202f}kPa at 1\u{202f}s", "17.3\u{202f}kPa RMS; no finite", "in 1 rows"] {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert_eq!(comparison.notes, ["own_a is not in b", "own_b is only in b"]);
@@ -275,6 +283,22 @@ mod tests {
         let html = comparison.draw().html();
         assert_eq!(html.matches("class=\"panel\"").count(), 2);
         assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");
+    }
+
+    /// As one of the records declares it.
+    #[test]
+    fn temperatures_are_in_celsius_and_their_differences_in_kelvin() {
+        let celsius = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };
+        let declared = Column { display_unit: Some(celsius), ..Column::from(("t", "K")) };
+        let mut records = [Column::from(("t", "K")), declared].map(|column| Record::new([column]));
+        records[0].push(0.0, &[300.0]);
+        records[1].push(0.0, &[302.5]);
+        let [one, other] = records.map(|record| ("a".to_owned(), record));
+        let records = [one, other];
+        let comparison = Comparison::new(&records, None).unwrap();
+        assert!(comparison.text().contains(" 2.5\u{202f}K at 0\u{202f}s "), "{}", comparison.text());
+        let html = comparison.draw().html();
+        assert!(html.contains("\"y\":[26.85]") && html.contains("\"y\":[2.5]"), "{html}");
     }
 
     #[test]

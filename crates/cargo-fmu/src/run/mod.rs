@@ -2,7 +2,9 @@
 
 mod compare;
 mod comparison;
+mod experiment;
 pub mod journal;
+mod linearize;
 mod simulate;
 mod sweep;
 
@@ -23,6 +25,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
 pub use compare::Compare;
+pub use linearize::Linearize;
 pub use simulate::Simulate;
 pub use sweep::Sweep;
 pub use sweep::design::{Range, latin_fractions};

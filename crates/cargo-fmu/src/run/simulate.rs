@@ -1,26 +1,20 @@
-//! `simulate`: a model of this folder, an FMU, a system or a scenario, to a summary, a record and a plot.
+//! `simulate`: an experiment, to a summary, a record and a plot.
 
-use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::{FmuArguments, Maps, finite, inputs, name_and_value, positive, progress_bar};
-use crate::Export;
-use anyhow::{Context, Error, Result, anyhow, bail};
+use super::experiment::{End, Experiment};
+use super::{Maps, finite, progress_bar};
+use anyhow::{Error, Result};
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fmu_io::temporary::Folder;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
-use fmu_master::scenario::{Assignment, Input, Location, Member, Recorded, Scenario, Signal, read_signals};
-use fmu_master::system::{self, Times};
-use fmu_master::{Interface, LoadedFmus, Master};
-use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
+use fmu_master::scenario::{Location, Recorded, Scenario};
+use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{PlotFormat, panels};
-use fmu_record::{Header, Record, TableFormat};
-use fmu_terms::like;
+use fmu_record::{Record, TableFormat};
 
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
@@ -29,204 +23,90 @@ const STEPS_PER_LOOK: u32 = 256;
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Simulate {
-    /// An FMU, a system, or a scenario, which docs/simulate.md describes [default: the model of this folder, exported
-    /// first]
-    #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SCENARIO.toml")]
-    subject: Option<PathBuf>,
     #[command(flatten)]
-    fmus: FmuArguments,
-    /// Set a variable before initialization, or an input throughout, in its own or the given unit:
-    /// tank.volume=0.002, plant:tank.volume=2e-3, "level=50 %"
-    #[arg(long = "set", value_name = "[FMU:]NAME=VALUE", value_parser = name_and_value::<String>("NAME=VALUE"))]
-    values: Vec<(String, String)>,
-    /// Parameter set, for the FMU that has its parameters; may be given several times
-    #[arg(long, value_name = "FILE.ssv")]
-    parameters: Vec<PathBuf>,
+    experiment: Experiment,
     /// Override the stop time (s)
     #[arg(long, value_name = "SECONDS", value_parser = finite())]
     stop_time: Option<f64>,
-    /// Override the communication step of a system or single FMU (s)
-    #[arg(long, value_name = "SECONDS", value_parser = positive())]
-    step: Option<f64>,
-    /// Relative tolerance of the FMUs' integrators [default: their own; 1e-6 in Model Exchange]
-    #[arg(long, value_name = "NUMBER", value_parser = positive())]
-    tolerance: Option<f64>,
-    /// How the FMUs run: co-simulation, or Model Exchange by the exporter's integrator [default: co-simulation where an
-    /// FMU offers it]
-    #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
-    interface: Option<Interface>,
-    /// Inputs over time, in columns under their names after the time (s): on lines between rows, or held if discrete
-    #[arg(long, value_name = "FILE.csv")]
-    input: Option<PathBuf>,
     /// Override what is recorded, as in a scenario
     #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
     record: Option<Vec<String>>,
-    /// The record to write, or its folder
+    /// The record to write, or its folder [default: none, but a summary]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
-    /// Write units in the CSV header: `name (unit)`. Parquet files always have them in their metadata
-    #[arg(long)]
-    units: bool,
     /// Plot the record in the scenario's panels
     #[arg(long, value_name = "FILE.svg|png|html")]
     plot: Option<PathBuf>,
 }
 
 impl Simulate {
-    /// Runs it; `out` is where the record goes if the command line does not say, in the folder at hand.
+    /// Runs it.
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
-    pub fn run(&self, maps: &Maps<'_>, out: Option<&dyn Fn(&str) -> PathBuf>) -> Result<()> {
-        let subject = match &self.subject {
-            Some(subject) => subject.clone(),
-            None => model_of_this_folder()?,
-        };
-        let (scenario, folder) = self.scenario(&subject, maps).map_err(|error| {
-            let message = format!("{error:#}");
-            if message.ends_with(system::NO_STOP_TIME) {
-                anyhow!("{message}: give --stop-time")
-            } else {
-                error
+    pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
+        let subject = self.experiment.subject()?;
+        let name = subject.file_stem().unwrap_or_default().to_string_lossy();
+        let out = self.out.as_ref().map(|out| {
+            let file = if out.is_dir() { out.join(format!("{name}.csv")) } else { out.clone() };
+            Ok::<_, Error>((TableFormat::of(&file)?, file))
+        });
+        let out = out.transpose()?;
+        let plot = self.plot.as_ref().map(|plot| Ok::<_, Error>((PlotFormat::of(plot)?, plot.clone())));
+        let plot = plot.transpose()?;
+        let outputs: Vec<_> =
+            out.iter().map(|(_, file)| file).chain(plot.iter().map(|(_, file)| file)).cloned().collect();
+        let end = End { time: self.stop_time, option: "stop-time" };
+        self.experiment.run(&subject, maps, end, &outputs, |mut scenario, loaded| {
+            if let Some(names) = &self.record {
+                let location = Location::argument("--record");
+                let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
+                scenario.record = Some(names.iter().map(recorded).collect());
+                scenario.panels = None;
             }
-        })?;
-        self.simulate(&subject, scenario, maps, out).map_err(|error| match &folder {
-            Some(folder) => system::named(&error, &subject, folder),
-            None => error,
+            let (record, taken) = record(&scenario, loaded)?;
+            match &out {
+                Some((format, path)) => {
+                    writing::write(path, |writer| record.table().write(*format, writer))?;
+                    print(&format!("{}  {} rows\n", path.display(), record.time().len()))?;
+                }
+                None => print(&summary(&name, &scenario, &record, taken))?,
+            }
+            if let Some((format, path)) = &plot {
+                let title = scenario.title.as_deref().unwrap_or(&name);
+                let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
+                let drawn = format.drawn(&figure, title, "")?;
+                writing::write(path, |writer| writer.write_all(&drawn))?;
+                print(&format!("{}\n", path.display()))?;
+            }
+            Ok(())
         })
     }
-
-    fn simulate(
-        &self,
-        subject: &Path,
-        mut scenario: Scenario,
-        maps: &Maps<'_>,
-        out: Option<&dyn Fn(&str) -> PathBuf>,
-    ) -> Result<()> {
-        let name = subject.file_stem().unwrap_or_default().to_string_lossy();
-        let out = match &self.out {
-            Some(out) if out.is_dir() => Some(out.join(format!("{name}.csv"))),
-            Some(out) => Some(out.clone()),
-            None => out.map(|out| out(&name)),
-        };
-        let out = out.map(|out| Ok::<_, Error>((TableFormat::of(&out)?, out))).transpose()?;
-        let plot =
-            self.plot.as_ref().map(|plot| Ok::<_, Error>((plot, PlotFormat::of(plot)?))).transpose()?;
-        let outputs = out.iter().map(|(_, out)| out).chain(plot.map(|(plot, _)| plot));
-        let files = [inputs(&scenario, maps), self.parameters.clone(), self.input.iter().cloned().collect()];
-        writing::refuse_overlap(&outputs.cloned().collect::<Vec<_>>(), &files.concat())?;
-        let mut loaded = LoadedFmus::default();
-        scenario.tolerance = self.tolerance;
-        if let Some(path) = &self.input {
-            let location = Location::argument(&format!("--input {}", path.display()));
-            take_inputs(&mut scenario, &mut loaded, path, &location)?;
-        }
-        for (name, value) in &self.values {
-            let location = Location::argument(&format!("--set {name}={value}"));
-            set(&mut scenario, &mut loaded, name, value, &location)?;
-        }
-        for path in &self.parameters {
-            let location = Location::argument(&format!("--parameters {}", path.display()));
-            let set = ParameterSet::read(path)?;
-            let member = location.locate(owner(&mut scenario, &mut loaded, &set))?;
-            member.parameters.push((set, location));
-        }
-        let master = Master::new(&scenario, &mut loaded)?;
-        for note in master.notes() {
-            complain(&format!("note: {note}"));
-        }
-        let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
-        let begin = Instant::now();
-        let run = master.run(|step| {
-            if step % STEPS_PER_LOOK == 0 {
-                bar.set_position(u64::from(step));
-            }
-        });
-        bar.finish_and_clear();
-        let run = run?;
-        let taken = begin.elapsed();
-        if let Some(ended) = &run.ended {
-            complain(&format!("note: {ended}"));
-        }
-        for (name, message) in &run.warnings {
-            complain(&format!("warning: {name}: {}", message.text));
-        }
-
-        let header = if self.units { Header::NamesAndUnits } else { Header::Names };
-        match &out {
-            Some((format, path)) => {
-                writing::write(path, |writer| run.record.table().write(*format, header, writer))?;
-                print(&format!("{}  {} rows\n", path.display(), run.record.time().len()))?;
-            }
-            None => print(&summary(&name, &scenario, &run.record, taken))?,
-        }
-        if let Some((path, format)) = plot {
-            let title = scenario.title.as_deref().unwrap_or(&name);
-            let figure = panels::draw(&run.record, title, scenario.panel_names().as_deref());
-            let drawn = format.drawn(&figure, title, "")?;
-            writing::write(path, |writer| writer.write_all(&drawn))?;
-            print(&format!("{}\n", path.display()))?;
-        }
-        Ok(())
-    }
-
-    /// What to run, and the temporary folder of a system's FMUs, which must outlive the run.
-    fn scenario(&self, subject: &Path, maps: &Maps<'_>) -> Result<(Scenario, Option<Folder>)> {
-        let Self { fmus, stop_time, step, .. } = self;
-        let times = Times { start: None, stop: *stop_time, step: *step };
-        let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
-        let (mut scenario, folder) = match ending.to_str() {
-            Some("fmu") => {
-                fmus.refuse_files("single FMUs")?;
-                let mut scenario = system::alone(subject, times)?;
-                fmus.give(&mut scenario, maps)?;
-                (scenario, None)
-            }
-            Some("ssp") => {
-                fmus.refuse_files("systems")?;
-                maps.refuse("a system defines its own conversions")?;
-                let (scenario, folder) = system::read(subject, times)?;
-                (scenario, Some(folder))
-            }
-            _ => {
-                if step.is_some() {
-                    bail!("--step is for a system or a single FMU; {} sets its own", subject.display());
-                }
-                let mut scenario = Scenario::read(subject, &fmus.folder, maps.read)?;
-                if let Some(stop_time) = stop_time {
-                    let end = scenario.end_at(*stop_time);
-                    Location::argument(&format!("--stop-time {stop_time}")).locate(end)?;
-                }
-                fmus.give(&mut scenario, maps)?;
-                (scenario, None)
-            }
-        };
-        if self.interface.is_some() {
-            scenario.fmus.iter_mut().for_each(|member| member.interface = self.interface);
-        }
-        if let Some(names) = &self.record {
-            let location = Location::argument("--record");
-            let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
-            scenario.record = Some(names.iter().map(recorded).collect());
-            scenario.panels = None;
-        }
-        Ok((scenario, folder))
-    }
 }
 
-/// The values of `--interface`.
-fn interface() -> impl TypedValueParser<Value = Interface> {
-    PossibleValuesParser::new(["cs", "me"]).try_map(|text| text.parse::<Interface>())
-}
-
-/// The FMU of the model in this folder, which is exported.
-fn model_of_this_folder() -> Result<PathBuf> {
-    let mut fmus = Export::of_this_folder().plan()?.run(&[], &[])?;
-    if fmus.len() == 1 {
-        return Ok(fmus.remove(0));
+/// Runs a scenario to its end; prints notes and warnings.
+fn record(scenario: &Scenario, loaded: &mut LoadedFmus) -> Result<(Record, Duration)> {
+    let master = Master::new(scenario, loaded)?;
+    for note in master.notes() {
+        complain(&format!("note: {note}"));
     }
-    let names: Vec<_> = fmus.iter().map(|fmu| fmu.display().to_string()).collect();
-    bail!("this folder has several models; name one: {}", names.join(", "))
+    let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
+    let begin = Instant::now();
+    let run = master.run(|step| {
+        if step % STEPS_PER_LOOK == 0 {
+            bar.set_position(u64::from(step));
+        }
+    });
+    bar.finish_and_clear();
+    let run = run?;
+    let taken = begin.elapsed();
+    if let Some(ended) = &run.ended {
+        complain(&format!("note: {ended}"));
+    }
+    for (name, message) in &run.warnings {
+        complain(&format!("warning: {name}: {}", message.text));
+    }
+    Ok((run.record, taken))
 }
 
 /// What ran, how long, and where each variable began and ended.
@@ -246,167 +126,4 @@ fn summary(name: &str, scenario: &Scenario, record: &Record, taken: Duration) ->
         let _ = writeln!(text, "  {:width$}  {first} to {last}", column.name);
     }
     text
-}
-
-/// Drives inputs by the columns of a file.
-fn take_inputs(
-    scenario: &mut Scenario,
-    loaded: &mut LoadedFmus,
-    path: &Path,
-    location: &Location,
-) -> Result<()> {
-    for (name, points) in location.locate(read_signals(path))? {
-        let mut known = vec![];
-        let mut signal = None;
-        for member in &scenario.fmus {
-            let fmu = loaded.get(member)?;
-            let inputs = || fmu.description().of_causality("input");
-            if let Some(variable) = inputs().find(|variable| variable.name == name) {
-                let kind = if variable.is_discrete() { Signal::Steps } else { Signal::Lines };
-                signal = Some(kind(points.clone()));
-            }
-            known.extend(inputs().map(|variable| variable.name.clone()));
-        }
-        let Some(signal) = signal else {
-            let like = like(&name, known.iter().map(String::as_str));
-            return Err(location.error(format!("no FMU has an input {name}{like}")));
-        };
-        scenario.inputs.retain(|input| input.name != name);
-        scenario.inputs.push(Input { name, signal, location: location.clone() });
-    }
-    Ok(())
-}
-
-/// Sets a variable before initialization, or an input's signal.
-fn set(
-    scenario: &mut Scenario,
-    loaded: &mut LoadedFmus,
-    name: &str,
-    text: &str,
-    location: &Location,
-) -> Result<()> {
-    let mut found = vec![];
-    for (index, member) in scenario.fmus.iter().enumerate() {
-        let fmu = loaded.get(member)?;
-        let own = name.strip_prefix(&format!("{}:", member.name));
-        // A system's inputs are named after its connectors.
-        let driven = scenario.inputs_of(member, &fmu, name).into_iter().next().filter(|_| own.is_none());
-        let wanted = own.or(driven.map(|(input, _)| input)).unwrap_or(name);
-        let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
-        else {
-            continue;
-        };
-        let value = location.locate(value(variable, text).and_then(|value| {
-            if let Some(meant) = value.meant_unit(variable, fmu.description()) {
-                let FmuVariable { name, start, unit, .. } = variable;
-                complain(&format!(
-                    "note: {name} = {text} {unit} is far from its start value, {start} {unit}; in {meant}: --set \"{name}={text} \
-                     {meant}\""
-                ));
-            }
-            let fitted = value.fit(variable, &[], fmu.description())?;
-            fitted.check_range(variable)?;
-            Ok(fitted)
-        }))?;
-        found.push((index, variable.clone(), value, driven.map(|(_, conversion)| conversion)));
-    }
-    let [(index, variable, value, conversion), others @ ..] = &found[..] else {
-        return Err(location.error(not_found(scenario, loaded, name)?));
-    };
-    let number = value.number();
-    if let (Some(conversion), Some(number)) = (conversion, number) {
-        // A plain number is in the signal's own unit.
-        let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
-        let input = Input { name: name.to_owned(), signal, location: location.clone() };
-        for member in &mut scenario.fmus {
-            member.inputs.retain(|input| input.name != name);
-        }
-        scenario.inputs.retain(|input| input.name != name);
-        scenario.inputs.push(input);
-        return Ok(());
-    }
-    if !others.is_empty() {
-        let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
-        return Err(location.error(format!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))));
-    }
-    let member = &mut scenario.fmus[*index];
-    if let (true, Some(number)) = (variable.causality == "input", number) {
-        member.inputs.retain(|input| input.name != variable.name);
-        let signal = Signal::Constant(number);
-        member.inputs.push(Input { name: variable.name.clone(), signal, location: location.clone() });
-        return Ok(());
-    }
-    let mut in_run_in = member.run_in.iter().flat_map(|run_in| run_in.during.iter().chain(&run_in.after));
-    if in_run_in.any(|assignment| assignment.name == variable.name) {
-        return Err(
-            location.error(format!("the scenario sets {} in the run_in of {}", variable.name, member.name))
-        );
-    }
-    member.values.retain(|assignment| assignment.name != variable.name);
-    let (name, value) = (variable.name.clone(), value.clone());
-    member.values.push(Assignment { name, value, location: location.clone() });
-    Ok(())
-}
-
-fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result<String> {
-    let mut known = vec![];
-    for member in &scenario.fmus {
-        let fmu = loaded.get(member)?;
-        let settable = fmu.description().variables.iter().filter(|variable| variable.is_settable());
-        for variable in settable {
-            known.push(variable.name.clone());
-            known.push(format!("{}:{}", member.name, variable.name));
-        }
-    }
-    let like = like(name, known.iter().map(String::as_str));
-    Ok(format!("no FMU has a settable variable {name}{like}"))
-}
-
-/// Parses a variable's value; a number may be followed by a space and a unit.
-fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
-    let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
-    Ok(match variable.value_type() {
-        ValueType::Real => match text.split_once(' ') {
-            Some((value, unit)) => {
-                let value = number(value).context("expected a number and a unit")?;
-                Value::Real(value, Some(unit.trim().to_owned()))
-            }
-            None => Value::Real(number(text).context("expected a number")?, None),
-        },
-        ValueType::Integer => Value::Integer(text.parse().ok().context("expected a whole number")?),
-        ValueType::Boolean => match text {
-            "true" | "1" => Value::Boolean(true),
-            "false" | "0" => Value::Boolean(false),
-            _ => bail!("expected true or false"),
-        },
-        ValueType::Enumeration => {
-            text.parse().map_or_else(|_| Value::Enumeration(text.to_owned()), Value::Integer)
-        }
-        _ => Value::String(text.to_owned()),
-    })
-}
-
-/// The FMU that has most of a set's parameters.
-fn owner<'a>(
-    scenario: &'a mut Scenario,
-    loaded: &mut LoadedFmus,
-    set: &ParameterSet,
-) -> Result<&'a mut Member> {
-    let mut counts = vec![];
-    for member in &scenario.fmus {
-        let fmu = loaded.get(member)?;
-        let has = |name: &str| fmu.description().variable(name).is_some();
-        counts.push(set.parameters.iter().filter(|parameter| has(&parameter.name)).count());
-    }
-    let most = counts.iter().copied().max().filter(|most| *most > 0);
-    let most = most.with_context(|| format!("no FMU has a parameter of the set {}", set.name))?;
-    let owners: Vec<_> = counts.iter().enumerate().filter(|(_, count)| **count == most).collect();
-    let [(index, _)] = owners[..] else {
-        let names = owners.iter().map(|(index, _)| scenario.fmus[*index].name.as_str());
-        let names = names.collect::<Vec<_>>().join(" and ");
-        bail!(
-            "{names} both have its parameters: assign it in a scenario, by the key parameters of one of them"
-        );
-    };
-    Ok(&mut scenario.fmus[index])
 }

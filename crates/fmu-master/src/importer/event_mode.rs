@@ -3,6 +3,7 @@
 use std::ffi::c_int;
 
 use anyhow::{Result, bail};
+use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 
@@ -160,7 +161,7 @@ impl EventMode {
             "{}: the event at {} s does not end: after {MOST_ITERATIONS} iterations discrete states still change, or \
              clocks tick",
             calls.name,
-            number(time)
+            Seconds(time)
         );
     }
 

@@ -68,7 +68,7 @@ impl Fmu {
 pub struct Instance {
     pub(super) calls: Calls,
     /// In Model Exchange, and for clocks.
-    events: Option<EventMode>,
+    pub(super) events: Option<EventMode>,
     /// In Model Exchange, once initialized.
     integration: Option<Integration>,
 }
@@ -231,6 +231,11 @@ impl Instance {
     pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         self.refuse_other(selection)?;
         self.prepare_to_set()?;
+        self.write_groups(selection, values)
+    }
+
+    /// The same between events, for continuous inputs.
+    pub(super) fn write_groups(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         for group in &mut selection.groups {
             // Elements not selected keep their values.
             if !group.arrays.is_empty() {

@@ -1,11 +1,11 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
 use anyhow::{Error, Result, bail};
+use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::{Integrator, System, Tolerance};
 use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events};
-use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
@@ -51,13 +51,8 @@ impl Integration {
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
-        let flag = if calls.fmu.functions.is_fmi3() {
-            "providesDirectionalDerivatives"
-        } else {
-            "providesDirectionalDerivative"
-        };
         let (mut derivatives, mut states) = (vec![], vec![]);
-        if calls.fmu.has_capability(flag) {
+        if calls.fmu.has_directional_derivatives() {
             derivatives.extend(calls.fmu.states.iter().map(|state| state.derivative));
             states.extend(calls.fmu.states.iter().map(|state| state.reference));
             derivatives.dedup();
@@ -150,7 +145,7 @@ impl Integration {
                         "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
                          {relative:?}, or its derivative is not finite",
                         calls.name,
-                        number(self.time),
+                        Seconds(self.time),
                         calls.fmu.states[failure.state].name
                     ),
                 };
@@ -180,8 +175,8 @@ impl Integration {
                 bail!(
                     "{}: the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events",
                     calls.name,
-                    number(start),
-                    number(self.time)
+                    Seconds(start),
+                    Seconds(self.time)
                 );
             }
         }
@@ -199,7 +194,7 @@ fn read_indicators(calls: &mut Calls, indicators: &mut [f64], time: f64) -> Resu
             calls.name,
             wrong + 1,
             indicators[wrong],
-            number(time)
+            Seconds(time)
         ),
         None => Ok(()),
     }

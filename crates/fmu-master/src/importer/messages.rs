@@ -3,7 +3,7 @@
 use std::ffi::c_int;
 use std::fmt;
 
-use fmu_io::terminal::number;
+use fmu_export::display::Seconds;
 use fmu_package::{FmuDescription, FmuVariable};
 
 /// A status, as the FMU returned it.
@@ -127,7 +127,7 @@ impl fmt::Display for CallFailed {
             write!(formatter, "{last}")?;
         }
         if let Some(time) = self.time {
-            write!(formatter, " at {} s", number(time))?;
+            write!(formatter, " at {} s", Seconds(time))?;
         }
         match self.status {
             Some(status) => {
@@ -137,7 +137,7 @@ impl fmt::Display for CallFailed {
             None => write!(formatter, " made no instance")?,
         }
         if let Some(time) = self.last_successful_time {
-            write!(formatter, ", having reached {} s", number(time))?;
+            write!(formatter, ", having reached {} s", Seconds(time))?;
         }
         if self.messages.is_empty() {
             return write!(formatter, "; the FMU does not say why");
@@ -159,7 +159,7 @@ pub struct Ended {
 
 impl fmt::Display for Ended {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: the FMU asks for the end at {} s", self.instance, number(self.time))
+        write!(formatter, "{}: the FMU asks for the end at {} s", self.instance, Seconds(self.time))
     }
 }
 

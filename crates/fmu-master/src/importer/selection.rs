@@ -125,6 +125,13 @@ impl Group {
             };
         }
     }
+
+    /// Distributes derivatives of the group's values, in the FMU's own units.
+    pub fn scatter_derivatives(&self, derivatives: &[f64], values: &mut [f64]) {
+        for Slot { value, position, .. } in &self.slots {
+            values[*position] = derivatives[*value];
+        }
+    }
 }
 
 /// The name of Booleans in their functions.

@@ -13,7 +13,7 @@ use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Translation, Value};
 
 use self::careless::DESCRIPTION;
-use super::{CallFailed, Fmu, Instance, Interface, Status};
+use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
 use crate::scenario::Scenario;
 use crate::{LoadedFmus, Master};
 
@@ -370,6 +370,12 @@ fn failures_of_fmi_3_are_reported() {
     assert!(error.starts_with("late: fmi3EnterInitializationMode at 1 s gave fmi3Error"), "{error}");
 }
 
+#[test]
+fn times_in_messages_have_no_round_off() {
+    let ended = Ended { instance: "ball".to_owned(), time: 6.162_500_000_000_000_5 };
+    assert_eq!(ended.to_string(), "ball: the FMU asks for the end at 6.1625 s");
+}
+
 /// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.
 const BALL: &str = include_str!("../../tests/careless/exchange.xml");
 
@@ -414,6 +420,31 @@ fn model_exchange_is_integrated_from_event_to_event() {
     assert!(largest_error(&mut ball, 0..24, height) < 1e-8);
     // Every 0.25 s, at the steps' ends and within.
     assert_eq!(bits(&mut ball, &["time_events", "step_events"]), [4.0_f64, 1.0].map(f64::to_bits));
+}
+
+/// Of dh/dt = v and dv/dt = g. An FMU without directional derivatives is differentiated by differences.
+#[test]
+fn a_ball_is_linearized_where_it_is_and_falls_on() {
+    let mut ball = ball(BALL);
+    let falls = ball.linearize(&["g"], &["v"]).unwrap();
+    assert_eq!(falls.states, [("h".to_owned(), 1.0), ("v".to_owned(), 0.0)]);
+    assert_eq!((falls.derivatives.as_slice(), falls.is_exact), ([0.0, -10.0].as_slice(), false));
+    assert_eq!(
+        (&falls.inputs, &falls.outputs),
+        (&vec![("g".to_owned(), -10.0)], &vec![("v".to_owned(), 0.0)])
+    );
+    let numbers = [falls.a, falls.b, falls.c, falls.d].concat().concat();
+    let expected = [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0];
+    assert_eq!(numbers.len(), expected.len());
+    // Differences of linear equations have no error but rounding: 10 · 1e-16 over 6e-6.
+    let is_near = |(found, expected): (&f64, &f64)| (found - expected).abs() < 1e-9;
+    assert!(numbers.iter().zip(&expected).all(is_near), "{numbers:?}");
+    // It is where it was, after a changed input, too.
+    assert!(largest_error(&mut ball, 0..4, height) < 1e-8);
+    ball.set("g", -20.0).unwrap();
+    assert_eq!(ball.linearize(&[], &[]).unwrap().derivatives[1].to_bits(), (-20.0_f64).to_bits());
+    let error = ball.linearize(&["gg"], &[]).unwrap_err().to_string();
+    assert!(error.contains("has no variable gg"), "{error}");
 }
 
 #[test]

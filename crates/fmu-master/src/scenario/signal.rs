@@ -9,7 +9,7 @@ use fmu_io::terminal::number as shown;
 use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
-use fmu_record::{Record, expect_seconds, name_and_unit};
+use fmu_record::{Record, expect_seconds, headings};
 
 /// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING: f64 = 1e-9;
@@ -186,10 +186,10 @@ pub fn read_signals(path: &Path) -> Result<Vec<(String, Points)>> {
 fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-    let header = reader.headers()?.clone();
-    expect_seconds(name_and_unit(header.get(0).unwrap_or_default()).1)?;
-    let Some(column) = header.iter().skip(1).position(|known| known == name) else {
-        let names: Vec<_> = header.iter().skip(1).collect();
+    let header = headings(text)?;
+    expect_seconds(header.first().map_or("", |(_, unit)| unit))?;
+    let Some(column) = header.iter().skip(1).position(|(known, _)| known == name) else {
+        let names: Vec<_> = header.iter().skip(1).map(|(name, _)| name.as_str()).collect();
         bail!("its header has no column {name}: there are {}", names.join(", "));
     };
     let column = column + 1;
@@ -201,7 +201,7 @@ fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
             let text = row.get(index).unwrap_or_default();
             let number = text.parse().ok().filter(|number: &f64| number.is_finite());
             number.with_context(|| {
-                format!("line {line}, {}: expected a number, found \"{text}\"", &header[index])
+                format!("line {line}, {}: expected a number, found \"{text}\"", header[index].0)
             })
         };
         let point = (number(0)?, number(column)?);
@@ -210,7 +210,7 @@ fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
         {
             bail!(
                 "line {line}, {}: expected a time after {} s, found {} s",
-                &header[0],
+                header[0].0,
                 shown(before),
                 shown(point.0)
             );

@@ -189,8 +189,11 @@ int fmi2GetReal(void *instance, const unsigned *references, size_t count, double
 
 int fmi2SetReal(void *instance, const unsigned *references, size_t count, const double *values)
 {
-    for (size_t i = 0; i < count; ++i)
-        in(instance, SETTABLE)->values[references[i]] = values[i];
+    for (size_t i = 0; i < count; ++i) {
+        /* A continuous input may be set between events. */
+        unsigned modes = SETTABLE | (references[i] == G ? 1u << CONTINUOUS : 0);
+        in(instance, modes)->values[references[i]] = values[i];
+    }
     return OK;
 }
 

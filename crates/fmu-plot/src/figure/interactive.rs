@@ -1,16 +1,11 @@
-//! Figures in HTML: the crate `plotly` describes them and ships plotly.js, which is embedded and draws them when the
-//! page opens; `interactive.js` applies the page's colours and links the axes.
+//! Figures in HTML: plotly.js, which the crate `plotly` ships, is embedded and draws them when the page opens;
+//! `interactive.js` applies the page's colours and links the axes.
 
 use fmu_terms::Linear;
-use plotly::common::{Anchor, DashType, Line as Stroke, LineShape, Marker, Mode, Title};
-use plotly::layout::{
-    Annotation, Axis as Scale, BarMode, HoverMode, Layout, Margin, Shape, ShapeLayer, ShapeLine, ShapeType,
-    TicksDirection, UniformText, UniformTextMode,
-};
-use plotly::{Plot, Scatter, Trace};
+use plotly::Plot;
 use serde_json::{Value, json};
 
-use super::{Axis, Band, Figure, Lane, Line, Marks, Panel, STATE, STATE_FONT, State, color, escaped};
+use super::{Axis, Band, Color, Figure, Lane, Line, Marks, Panel, STATE, STATE_FONT, State, color, escaped};
 
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
@@ -24,6 +19,8 @@ const STEPS: f64 = 1e4;
 const LEFT: usize = 64;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
+/// A telephone has room for the labels of so many decades.
+const MOST_DECADES: f64 = 5.0;
 /// The modebar's height.
 const TOP: usize = 28;
 /// Tick labels, and the axis' label.
@@ -69,99 +66,110 @@ impl Panel {
             .map_or_else(String::new, |title| format!("<p class=\"title\">{}</p>\n", escaped(title)));
         let entries = self.lines.iter().enumerate().filter_map(|(index, line)| line.entry(index));
         let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
-        let lines = self.thinned_lines(columns).map(|(line, points)| line.trace(&points, round).to_json());
-        let lanes =
-            self.lanes.iter().rev().enumerate().map(|(place, lane)| lane.trace(place as f64).to_string());
+        let lines = self.thinned_lines(columns).map(|(line, points)| line.trace(&points, &self.x, round));
+        let lanes = self.lanes.iter().rev().enumerate().map(|(place, lane)| lane.trace(place as f64));
         let traces: Vec<_> = lines.chain(lanes).collect();
-        // Escaped so that no `<` ends the script.
-        let plot =
-            format!("{{\"data\":[{}],\"layout\":{}}}", traces.join(","), self.layout(bottom, has_x_label));
+        let plot = json!({ "data": traces, "layout": self.layout(bottom, has_x_label) }).to_string();
         format!(
             "<div class=\"panel\"{axis}>\n{title}<p class=\"legend\">{}</p>\n<div class=\"plot\" style=\"height:{}px\">\
              </div>\n<script type=\"application/json\">{}</script>\n</div>\n",
             entries.collect::<String>(),
             self.height as usize + TOP + bottom,
+            // So that no `<` ends the script.
             plot.replace('<', "\\u003c"),
         )
     }
 
-    fn layout(&self, bottom: usize, has_x_label: bool) -> String {
+    fn layout(&self, bottom: usize, has_x_label: bool) -> Value {
         // Along a curve that turns back, one place has several values.
         let ascends = |line: &Line| line.marks != Marks::Dots && line.points.is_sorted_by(|a, b| a.0 <= b.0);
-        let hover = if self.lines.iter().all(ascends) { HoverMode::XUnified } else { HoverMode::Closest };
         let names = self.lanes.iter().rev().enumerate().map(|(place, lane)| {
-            let top = place as f64 + 0.95;
-            let text = Annotation::new().text(escaped(&lane.name)).show_arrow(false);
-            text.x_ref("paper").x(0.0).x_anchor(Anchor::Left).y_ref("y").y(top).y_anchor(Anchor::Top)
+            json!({
+                "text": escaped(&lane.name), "showarrow": false, "xref": "paper", "x": 0, "xanchor": "left",
+                "yref": "y", "y": place as f64 + 0.95, "yanchor": "top",
+            })
         });
-        let y = self.y.scale(true);
-        let y = if self.lanes.is_empty() {
-            y
-        } else {
-            y.show_tick_labels(false).show_grid(false).fixed_range(true)
-        };
-        Layout::new()
-            .annotations(names.collect())
-            .bar_mode(BarMode::Overlay)
-            .uniform_text(UniformText::new().mode(UniformTextMode::Hide).min_size(STATE_FONT.into()))
-            .margin(Margin::new().left(LEFT).right(RIGHT).top(TOP).bottom(bottom))
-            .show_legend(false)
-            .hover_mode(hover)
-            .x_axis(self.x.scale(has_x_label))
-            .y_axis(y)
-            .shapes(self.bands.iter().map(Band::shape).collect())
-            .to_json()
+        let (mut x, (from, to)) = (self.x.scale(has_x_label), self.x_extent());
+        if self.x.is_logarithmic && to - from > 1.0 {
+            // Between decades plotly.js would write small digits.
+            let decades = ((to - from) / MOST_DECADES).ceil();
+            let minor = if decades > 1.0 { json!(1) } else { json!("D1") };
+            x["dtick"] = decades.into();
+            x["minor"] = json!({ "dtick": minor, "showgrid": true, "gridcolor": color::RULE.name() });
+        }
+        let mut y = self.y.scale(true);
+        if !self.lanes.is_empty() {
+            y["showticklabels"] = false.into();
+            y["showgrid"] = false.into();
+            y["fixedrange"] = true.into();
+        }
+        if self.has_equal_scales {
+            y["scaleanchor"] = "x".into();
+        }
+        json!({
+            "annotations": names.collect::<Vec<_>>(),
+            "barmode": "overlay",
+            "uniformtext": { "mode": "hide", "minsize": STATE_FONT },
+            "margin": { "l": LEFT, "r": RIGHT, "t": TOP, "b": bottom },
+            "showlegend": false,
+            "hovermode": if self.lines.iter().all(ascends) { "x unified" } else { "closest" },
+            "xaxis": x,
+            "yaxis": y,
+            "shapes": self.bands.iter().map(Band::shape).collect::<Vec<_>>(),
+        })
     }
 }
 
 impl Axis {
-    fn scale(&self, has_label: bool) -> Scale {
-        let scale = Scale::new()
-            .show_line(true)
-            .mirror(true)
-            .ticks(TicksDirection::Inside)
-            .zero_line(false)
-            .spike_thickness(1)
-            .spike_color(color::FAINT.name())
-            .line_color(color::FAINT.name())
-            .tick_color(color::FAINT.name())
-            .grid_color(color::RULE.name());
-        let scale = if has_label { scale.title(Title::with_text(escaped(&self.label))) } else { scale };
-        match self.range {
-            Some((from, to)) => scale.range(vec![from, to]),
-            None => scale,
+    fn scale(&self, has_label: bool) -> Value {
+        let [faint, rule] = [color::FAINT, color::RULE].map(Color::name);
+        let mut scale = json!({
+            "showline": true, "mirror": true, "ticks": "inside", "zeroline": false, "spikethickness": 1,
+            "spikecolor": faint, "linecolor": faint, "tickcolor": faint, "gridcolor": rule,
+        });
+        if has_label {
+            scale["title"] = json!({ "text": escaped(&self.label) });
         }
+        if self.is_logarithmic {
+            scale["type"] = "log".into();
+        }
+        if let Some((from, to)) = self.range {
+            scale["range"] = json!([self.place(from), self.place(to)]);
+        }
+        scale
     }
 }
 
 impl Line {
-    fn trace(&self, points: &[(f64, f64)], [x, y]: [f64; 2]) -> Box<Scatter<f64, f64>> {
+    fn trace(&self, points: &[(f64, f64)], axis: &Axis, [x, y]: [f64; 2]) -> Value {
         let rounded = |value: f64, factor: f64| (value * factor).round() / factor;
-        let (x, y) = points.iter().map(|point| (rounded(point.0, x), rounded(point.1, y))).unzip();
-        let mut stroke = Stroke::new().color(self.color.name()).width(self.width);
+        let places = points.iter().map(|point| axis.value(rounded(point.0, x)));
+        let values = points.iter().map(|point| rounded(point.1, y));
+        let color = self.color.name();
+        let mut trace = json!({
+            "type": "scatter",
+            "x": places.collect::<Vec<_>>(),
+            "y": values.collect::<Vec<_>>(),
+            "mode": match self.marks {
+                Marks::Stroke => "lines",
+                Marks::StrokeAndDots => "lines+markers",
+                Marks::Dots => "markers",
+            },
+            "name": self.label.as_deref().map_or_else(String::new, escaped),
+            "line": { "color": color, "width": self.width },
+            "marker": { "size": 5, "color": color },
+        });
         if self.is_dashed {
-            stroke = stroke.dash(DashType::Dash);
+            trace["line"]["dash"] = "dash".into();
         }
         if self.is_held {
-            stroke = stroke.shape(LineShape::Hv);
+            trace["line"]["shape"] = "hv".into();
         }
-        let mode = match self.marks {
-            Marks::Stroke => Mode::Lines,
-            Marks::StrokeAndDots => Mode::LinesMarkers,
-            Marks::Dots => Mode::Markers,
-        };
-        let trace = Scatter::new(x, y).mode(mode).line(stroke);
-        let trace = trace.marker(Marker::new().size(5).color(self.color.name()));
-        let trace = match &self.source {
-            // One text, as the crate has it.
-            Some((name, Linear { factor, offset: 0.0 })) => trace.meta(format!("{factor:?} {name}")),
-            Some((name, Linear { factor, offset })) => trace.meta(format!("{factor:?}{offset:+?} {name}")),
-            None => trace,
-        };
-        match &self.label {
-            Some(label) => trace.name(escaped(label)),
-            None => trace.name(""),
+        if let Some((name, Linear { factor, offset })) = &self.source {
+            let offset = if *offset == 0.0 { String::new() } else { format!("{offset:+?}") };
+            trace["meta"] = format!("{factor:?}{offset} {name}").into();
         }
+        trace
     }
 
     /// The legend entry, which toggles the line.
@@ -181,8 +189,7 @@ impl Line {
 }
 
 impl Lane {
-    /// The states as bars at a place on the vertical axis, which hide texts that do not fit. The crate's bars have no
-    /// base.
+    /// The states as bars at a place on the vertical axis, which hide texts that do not fit.
     fn trace(&self, place: f64) -> Value {
         let each = |value: fn(&State) -> Value| self.states.iter().map(value).collect::<Vec<_>>();
         let [base, top] = STATE.map(|height| place + height);
@@ -200,17 +207,13 @@ impl Lane {
 }
 
 impl Band {
-    fn shape(&self) -> Shape {
-        let shape = Shape::new()
-            .shape_type(ShapeType::Rect)
-            .layer(ShapeLayer::Below)
-            .fill_color(color::SHADE.name())
-            .line(ShapeLine::new().width(0.0));
-        if self.is_of_x {
-            shape.y_ref("paper").x0(self.from).x1(self.to).y0(0).y1(1)
-        } else {
-            shape.x_ref("paper").x0(0).x1(1).y0(self.from).y1(self.to)
-        }
+    fn shape(&self) -> Value {
+        let [across, along] = if self.is_of_x { ["y", "x"] } else { ["x", "y"] };
+        json!({
+            "type": "rect", "layer": "below", "fillcolor": color::SHADE.name(), "line": { "width": 0 },
+            format!("{across}ref"): "paper", format!("{across}0"): 0, format!("{across}1"): 1,
+            format!("{along}0"): self.from, format!("{along}1"): self.to,
+        })
     }
 }
 

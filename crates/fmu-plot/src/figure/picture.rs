@@ -169,7 +169,9 @@ impl Panel {
         density: u32,
         has_x_label: bool,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let [x, y] = [self.x_extent(), self.y_drawn()];
+        let ([x, y], (width, _)) = ([self.x_extent(), self.y_drawn()], area.dim_in_pixel());
+        let frame = [width.saturating_sub(density * (LEFT + GAP + RIGHT)), density * self.height];
+        let [x, y] = if self.has_equal_scales { equalized([x, y], frame) } else { [x, y] };
         let mut chart = ChartBuilder::on(area);
         chart.margin_top(density * TOP).margin_left(density * GAP).margin_right(density * RIGHT);
         chart.y_label_area_size(density * LEFT).x_label_area_size(density * BOTTOM[usize::from(has_x_label)]);
@@ -190,7 +192,8 @@ impl Panel {
         mesh.axis_style(thin(color::FAINT)).bold_line_style(thin(color::RULE)).light_line_style(TRANSPARENT);
         mesh.set_all_tick_mark_size(density * TICK);
         mesh.label_style(text(FONT_SIZE, density)).y_desc(&self.y.label);
-        mesh.x_label_formatter(&|value| number(*value)).y_label_formatter(&|value| number(*value));
+        let x_number = |place: &f64| number(self.x.value(*place));
+        mesh.x_label_formatter(&x_number).y_label_formatter(&|value| number(*value));
         mesh.y_labels(if self.height < 130 { 4 } else { 6 });
         if !self.lanes.is_empty() {
             mesh.y_labels(0).disable_y_mesh();
@@ -295,6 +298,17 @@ impl Line {
         };
         parts.map(|part| if self.is_held { with_corners(part) } else { part.to_vec() }).collect()
     }
+}
+
+/// Two ranges, one of which is widened about its middle, so that a unit has as many pixels on both axes.
+fn equalized(ranges: [(f64, f64); 2], pixels: [u32; 2]) -> [(f64, f64); 2] {
+    let of_pixel = |index: usize| (ranges[index].1 - ranges[index].0) / f64::from(pixels[index].max(1));
+    let most = of_pixel(0).max(of_pixel(1));
+    [0, 1].map(|index| {
+        let (from, to) = ranges[index];
+        let more = (most * f64::from(pixels[index]) - (to - from)) / 2.0;
+        (from - more, to + more)
+    })
 }
 
 /// A tick's number.

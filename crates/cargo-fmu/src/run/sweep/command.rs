@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
-use fmu_record::{Header, TableFormat};
+use fmu_record::TableFormat;
 
 /// Run a scenario for many parameter values, on all cores; resumes if interrupted
 #[derive(Args, Debug)]
@@ -23,9 +23,6 @@ pub struct Sweep {
     /// The folder for report.html, results.csv, results.parquet, the journal and the records
     #[arg(long, value_name = "DIR", default_value = "target/sweep")]
     out: PathBuf,
-    /// Write units in the header of results.csv: `name (unit)`
-    #[arg(long)]
-    units: bool,
     /// Number of runs in parallel [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -37,7 +34,7 @@ impl Sweep {
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
     pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
-        let Self { study, fmus, out, units, threads: wanted } = self;
+        let Self { study, fmus, out, threads: wanted } = self;
         let mut study = Study::read(study, &fmus.folder, maps)?;
         fmus.give(&mut study.scenario, maps)?;
         refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario, maps))?;
@@ -62,10 +59,9 @@ impl Sweep {
         bar.finish_and_clear();
 
         let table = results::table(&study, &outcomes);
-        let header = if *units { Header::NamesAndUnits } else { Header::Names };
         for (name, format) in [(results::CSV, TableFormat::Csv), (results::PARQUET, TableFormat::Parquet)] {
             let file = out.join(name);
-            writing::write(&file, |writer| table.write(format, header, writer))?;
+            writing::write(&file, |writer| table.write(format, writer))?;
             print(&format!("{}\n", file.display()))?;
         }
         write(out, [(report::HTML, report::html(&study, &outcomes))])?;

@@ -6,7 +6,7 @@ use fmu_io::terminal::number;
 use fmu_master::measure::{Following, between, greatest, least};
 use fmu_master::scenario::document::{Node, TomlTable};
 use fmu_master::scenario::{Location, Scenario, Signal};
-use fmu_record::Record;
+use fmu_record::{Column, Record};
 
 /// A measure of a run.
 #[derive(Clone, Debug)]
@@ -149,12 +149,16 @@ impl Measure {
         }
     }
 
-    /// Its unit, by that of its variable.
-    pub fn unit<'a>(&self, variable: &'a str) -> &'a str {
-        match self.kind {
-            Kind::Step { quality: Quality::RiseTime, .. } => "s",
-            _ => variable,
-        }
+    /// Its name and units, by those of its variable.
+    pub fn column(&self, variable: &Column) -> Column {
+        let column = match self.kind {
+            Kind::Step { quality: Quality::RiseTime, .. } => {
+                Column { unit: "s".to_owned(), ..Column::default() }
+            }
+            Kind::Step { .. } => variable.of_differences(),
+            Kind::Statistic { .. } => variable.clone(),
+        };
+        Column { name: self.name.clone(), ..column }
     }
 
     /// For the journal.

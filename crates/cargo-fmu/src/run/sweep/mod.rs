@@ -29,8 +29,8 @@ use crate::run::journal::{Journal, digest};
 use crate::run::{Maps, make_folder};
 use fmu_master::scenario::document::Document;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
-use fmu_master::{Fmu, LoadedFmus, Master};
-use fmu_record::{Header, TableFormat};
+use fmu_master::{Fmu, LoadedFmus, Master, column_of};
+use fmu_record::{Column, TableFormat};
 
 /// The journal in the folder of the results.
 const JOURNAL: &str = "journal.jsonl";
@@ -69,8 +69,9 @@ pub struct Loaded {
     fmus: LoadedFmus,
     /// The variable of each parameter.
     variables: Vec<FmuVariable>,
-    /// The unit of each measure; empty where there is none.
-    measure_units: Vec<String>,
+    /// The name and units of each parameter, and of each measure.
+    parameter_columns: Vec<Column>,
+    measure_columns: Vec<Column>,
     /// Notes on what the scenario names and the FMUs lack.
     pub notes: Vec<String>,
 }
@@ -120,17 +121,17 @@ impl Study {
     pub fn load(self) -> Result<Loaded> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
-        let mut measure_units = vec![];
+        let mut measure_columns = vec![];
         for measure in &self.measures {
             let Some(column) = master.recorded().find(|column| column.name == measure.variable) else {
                 let message = format!("{} is not among what the scenario records", measure.variable);
                 return Err(measure.location.error(message));
             };
-            measure_units.push(measure.unit(&column.unit).to_owned());
+            measure_columns.push(measure.column(column));
         }
         let notes = master.notes().to_vec();
         drop(master);
-        let mut variables = vec![];
+        let (mut variables, mut parameter_columns) = (vec![], vec![]);
         for (index, parameter) in self.parameters.iter().enumerate() {
             let (member, name) = parameter.parts()?;
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
@@ -149,8 +150,9 @@ impl Study {
                 parameter.location.locate(fitted.map_err(anyhow::Error::from))?;
             }
             variables.push(variable.clone());
+            parameter_columns.push(column_of(&parameter.name, variable, fmu.description()));
         }
-        Ok(Loaded { study: self, fmus, variables, measure_units, notes })
+        Ok(Loaded { study: self, fmus, variables, parameter_columns, measure_columns, notes })
     }
 }
 
@@ -311,9 +313,7 @@ impl Loaded {
             .collect::<Result<_>>()?;
         if self.study.keeps_records {
             let path = records.join(format!("{run}.csv"));
-            writing::write(&path, |writer| {
-                finished.record.table().write(TableFormat::Csv, Header::Names, writer)
-            })?;
+            writing::write(&path, |writer| finished.record.table().write(TableFormat::Csv, writer))?;
         }
         Ok(outcome)
     }

@@ -6,9 +6,8 @@ use std::cmp::Ordering;
 use super::outcome::Outcome;
 use super::{Loaded, written};
 use fmu_package::Value;
-use fmu_plot::panels::shown;
-use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color};
-use fmu_record::numbers::{number, quantity};
+use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, labelled};
+use fmu_record::Column;
 
 pub const HTML: &str = "report.html";
 
@@ -31,25 +30,24 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
         scenario.map_or_else(String::new, |title| format!(" of the scenario “{title}”")),
         failed.len(),
     ));
-    let measures = || study.measures.iter().zip(&loaded.measure_units).enumerate();
+    let measures = || loaded.measure_columns.iter().enumerate();
     report.section("Measures");
     let mut table = Table::new(["Measure", "Minimum", "Median", "Maximum", "Undefined"]);
-    for (index, (measure, unit)) in measures() {
-        table.row(summary(&measure.name, unit, index, outcomes));
+    for (index, measure) in measures() {
+        table.row(summary(measure, index, outcomes));
     }
     report.table(&table);
     report.section("Parameters");
     let mut table = Table::new(["Parameter", "Values"]);
-    for (index, parameter) in study.parameters.iter().enumerate() {
+    for (index, parameter) in loaded.parameter_columns.iter().enumerate() {
         let values: Vec<_> = study.points.iter().filter_map(|point| point[index].as_ref()).collect();
-        let range = range(&values, &loaded.variables[index].unit);
-        table.row([parameter.name.as_str().into(), range.into()]);
+        table.row([parameter.name.as_str().into(), range(&values, parameter).into()]);
     }
     report.table(&table);
-    for (index, (measure, unit)) in measures() {
+    for (index, measure) in measures() {
         report.section(&measure.name);
         let caption = format!("{} over each parameter; one dot per run.", measure.name);
-        report.figure(&drawing(loaded, outcomes, index, unit), &caption);
+        report.figure(&drawing(loaded, outcomes, index), &caption);
     }
     if !failed.is_empty() {
         report.section("Failed runs");
@@ -66,28 +64,34 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
 }
 
 /// A measure's row: minimum, median and maximum, with their runs.
-fn summary(name: &str, unit: &str, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
+fn summary(measure: &Column, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
     let mut found: Vec<_> =
         outcomes.iter().filter_map(|outcome| Some((outcome.measures[index]?, outcome.run))).collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let cell = |place: Option<&(f64, usize)>| match place {
-        Some((value, run)) => Cell::number(&format!("{} (run {run})", quantity(*value, unit))),
+        Some((value, run)) => Cell::number(&format!("{} (run {run})", measure.text(*value))),
         None => Cell::number(""),
     };
     let undefined = Cell::number(&format!("{} runs", outcomes.len() - found.len()));
-    [name.into(), cell(found.first()), cell(found.get(found.len() / 2)), cell(found.last()), undefined]
+    [
+        measure.name.as_str().into(),
+        cell(found.first()),
+        cell(found.get(found.len() / 2)),
+        cell(found.last()),
+        undefined,
+    ]
 }
 
 /// A measure over each numeric parameter. Of two parameters, the other one's values have colours.
-fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) -> Figure {
+fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize) -> Figure {
     let study = loaded.study();
     let size =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
     let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
-    let (unit, factor) = shown(unit, most);
-    let y_label = labelled(&study.measures[measure].name, &unit);
+    let (unit, y) = loaded.measure_columns[measure].scale(most);
+    let y_label = labelled(&loaded.measure_columns[measure].name, &unit);
     let mut panels = vec![];
-    for (index, parameter) in study.parameters.iter().enumerate() {
+    for (index, parameter) in loaded.parameter_columns.iter().enumerate() {
         let value = |outcome: &Outcome| study.points[outcome.run][index].as_ref().and_then(Value::number);
         let drawn = outcomes.iter().filter(|outcome| outcome.measures[measure].is_some());
         let drawn: Vec<_> = drawn.filter(|outcome| value(outcome).is_some()).collect();
@@ -95,7 +99,7 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
             continue;
         }
         let most = size(&mut drawn.iter().filter_map(|outcome| value(outcome)));
-        let (x_unit, x_factor) = shown(&loaded.variables[index].unit, most);
+        let (x_unit, x) = parameter.scale(most);
         let panel = Panel::new(&labelled(&parameter.name, &x_unit), &y_label);
         let (panel, groups) = match study.parameters.len() {
             2 => {
@@ -106,9 +110,9 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize, unit: &str) ->
             _ => (panel, vec![(None, drawn)]),
         };
         let lines = groups.into_iter().zip(color::CYCLE).map(|((label, group), color)| {
-            let points = group.into_iter().filter_map(|outcome| {
-                Some((x_factor * value(outcome)?, factor * outcome.measures[measure]?))
-            });
+            let points = group
+                .into_iter()
+                .filter_map(|outcome| Some((x.apply(value(outcome)?), y.apply(outcome.measures[measure]?))));
             let mut points: Vec<_> = points.collect();
             points.sort_by(|one, other| one.0.total_cmp(&other.0));
             let is_function = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
@@ -136,15 +140,10 @@ fn groups<'a>(
 ) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
     let study = loaded.study();
     let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
-    let numbers = drawn.iter().filter_map(|outcome| value(outcome).and_then(Value::number));
-    let most = numbers.fold(0.0, |most: f64, value| most.max(value.abs()));
-    let (unit, factor) = shown(&loaded.variables[parameter].unit, most);
+    let column = &loaded.parameter_columns[parameter];
     let name = |outcome: &Outcome| match value(outcome) {
         None => "default".to_owned(),
-        Some(value) => match value.number() {
-            Some(value) => format!("{} {unit}", number(factor * value)).trim_end().to_owned(),
-            None => written(value),
-        },
+        Some(value) => value.number().map_or_else(|| written(value), |value| column.text(value)),
     };
     let mut sorted = drawn.to_vec();
     sorted.sort_by(|one, other| {
@@ -162,12 +161,8 @@ fn groups<'a>(
     thirds.map(|group| (Some((range(group), false)), group.to_vec())).collect()
 }
 
-fn labelled(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
-}
-
 /// A summary of a parameter's values.
-fn range(values: &[&Value], unit: &str) -> String {
+fn range(values: &[&Value], parameter: &Column) -> String {
     let mut numbers: Vec<_> = values.iter().filter_map(|value| value.number()).collect();
     numbers.sort_by(f64::total_cmp);
     numbers.dedup();
@@ -178,11 +173,9 @@ fn range(values: &[&Value], unit: &str) -> String {
             texts.dedup();
             texts.join(", ")
         }
-        [only] => quantity(only, unit),
+        [only] => parameter.text(only),
         [least, .., most] => {
-            let (unit, factor) = shown(unit, most);
-            let both = [least, most].map(|value| number(factor * value));
-            format!("{} values from {} to {} {unit}", numbers.len(), both[0], both[1]).trim_end().to_owned()
+            format!("{} values from {} to {}", numbers.len(), parameter.text(least), parameter.text(most))
         }
     }
 }

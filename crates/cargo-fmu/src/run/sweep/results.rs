@@ -33,13 +33,12 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
 
 /// The results of a study; `outcomes` are those of all runs, in their order.
 pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
-    let column =
-        |name: &str, unit: &str, cells| TableColumn { name: name.to_owned(), unit: unit.to_owned(), cells };
+    let plain = |name, cells| TableColumn::new(&(name, "").into(), cells);
     let study = loaded.study();
     let whole = |value| i32::try_from(value).ok();
     let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
-    let mut columns = vec![column(RUN, "", Cells::Whole(runs))];
-    for (index, (parameter, variable)) in study.parameters.iter().zip(&loaded.variables).enumerate() {
+    let mut columns = vec![plain(RUN, Cells::Whole(runs))];
+    for (index, (heading, variable)) in loaded.parameter_columns.iter().zip(&loaded.variables).enumerate() {
         let values = study.points.iter().map(|point| point[index].as_ref());
         let cells = match variable.value_type() {
             ValueType::Real => Cells::Number(values.map(|value| value?.number()).collect()),
@@ -55,16 +54,16 @@ pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
             ),
             _ => Cells::Text(values.map(|value| value.map(written)).collect()),
         };
-        columns.push(column(&parameter.name, &variable.unit, cells));
+        columns.push(TableColumn::new(heading, cells));
     }
-    for (index, (measure, unit)) in study.measures.iter().zip(&loaded.measure_units).enumerate() {
+    for (index, heading) in loaded.measure_columns.iter().enumerate() {
         let values = outcomes.iter().map(|outcome| outcome.measures[index]).collect();
-        columns.push(column(&measure.name, unit, Cells::Number(values)));
+        columns.push(TableColumn::new(heading, Cells::Number(values)));
     }
     let errors = outcomes.iter().map(|outcome| outcome.error.clone()).collect();
-    columns.push(column(ERROR, "", Cells::Text(errors)));
+    columns.push(plain(ERROR, Cells::Text(errors)));
     let joined = |outcome: &Outcome| (!outcome.warnings.is_empty()).then(|| outcome.warnings.join("\n"));
     let warnings = outcomes.iter().map(joined).collect();
-    columns.push(column(WARNINGS, "", Cells::Text(warnings)));
+    columns.push(plain(WARNINGS, Cells::Text(warnings)));
     Table(columns)
 }
