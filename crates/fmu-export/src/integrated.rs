@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
-use crate::integrator::{Integrator, StepFailure, System, Tolerance};
+use crate::integrator::{Directions, Integrator, MOST_DENSE, Pattern, StepFailure, System, Tolerance};
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
@@ -34,7 +34,7 @@ const TIME_TOLERANCE: f64 = 1e-9;
 ///
 /// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
 /// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Integrated<E: Equations> {
     /// The model of equations.
     pub equations: E,
@@ -47,8 +47,28 @@ pub struct Integrated<E: Equations> {
     /// The time in s between two points that are searched for events, where indicators change faster than states.
     look: f64,
     events: Events,
-    /// The states, as an array.
+    /// Memory for the states as an array, which does not belong to a clone.
     states: Vec<f64>,
+}
+
+impl<E: Equations> Clone for Integrated<E> {
+    fn clone(&self) -> Self {
+        Self {
+            equations: self.equations.clone(),
+            integrator: self.integrator.clone(),
+            events: self.events.clone(),
+            states: vec![],
+            ..*self
+        }
+    }
+
+    fn clone_from(&mut self, source: &Self) {
+        let Self { equations, integrator, time, elapsed, look, events, states: _ } = self;
+        equations.clone_from(&source.equations);
+        integrator.clone_from(&source.integrator);
+        (*time, *elapsed, *look) = (source.time, source.elapsed, source.look);
+        events.clone_from(&source.events);
+    }
 }
 
 impl<E: Equations> Default for Integrated<E> {
@@ -72,7 +92,7 @@ impl<E: Equations> Default for Integrated<E> {
             elapsed: 0.0,
             look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
-            states: vec![0.0; states],
+            states: vec![],
         }
     }
 }
@@ -132,7 +152,7 @@ impl<E: Equations> Model for Integrated<E> {
             return self.equations.advance(variables, step, context);
         }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
-        let mut states = mem::take(&mut self.states);
+        let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             let stops = Stops { events: EventsLeft::None, internal_steps: false };
             self.advance::<false>(variables, step, tolerance, &mut states, stops, context)
@@ -264,7 +284,7 @@ impl<E: Equations> EventMode for Integrated<E> {
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
-        let mut states = mem::take(&mut self.states);
+        let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             self.advance::<true>(variables, step, tolerance, &mut states, stops, context)
         });
@@ -281,9 +301,15 @@ impl<E: Equations> EventMode for Integrated<E> {
 }
 
 impl<E: Equations> Integrated<E> {
+    fn take_states(&mut self) -> Vec<f64> {
+        let mut states = mem::take(&mut self.states);
+        states.resize(E::Variables::STATE_NAMES.len(), 0.0);
+        states
+    }
+
     /// Computes everything at the start time.
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
-        *self = Self { time: context.experiment.start_time, ..Self::default() };
+        self.clone_from(&Self { time: context.experiment.start_time, ..Self::default() });
         self.equations.prepare(variables, context)?;
         self.equations.take_parameters(variables);
         variables.states_from_start();
@@ -547,9 +573,10 @@ impl<E: Equations> Trajectory for Solution<'_, E> {
         let Self { model, variables, step, states } = self;
         model.elapsed = elapsed;
         model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-        model.integrator.states_at(elapsed, states);
-        Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start }
-            .evaluate(elapsed, states);
+        let mut system =
+            Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start };
+        model.integrator.states_at(&mut system, elapsed, states);
+        system.evaluate(elapsed, states);
         model.find_changes(variables)
     }
 }
@@ -578,6 +605,8 @@ impl<E: Equations> Equated<'_, E> {
 }
 
 impl<E: Equations> System for Equated<'_, E> {
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NAMES.len() > MOST_DENSE;
+
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
         self.set(elapsed, states);
         if self.variables.first_beyond().is_some() {
@@ -588,19 +617,26 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
-    fn linearize(&mut self, elapsed: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+    fn linearize(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    ) {
         self.set(elapsed, states);
         let time = self.start + elapsed;
-        let size = states.len();
         let constant = |value: f64, _| Dual::from(value);
         let mut duals = self.variables.combined(self.variables, constant);
-        for column in 0..size {
+        let count = directions.count();
+        for direction in 0..count {
             E::Variables::set_states(&mut duals, |state| {
-                Dual::new(states[state], if state == column { 1.0 } else { 0.0 })
+                Dual::new(states[state], directions.component(direction, state))
             });
             evaluate(self.equations, Dual::from(time), &mut duals);
             E::Variables::each_derivative(&duals, |row, rate: Dual| {
-                jacobian[row * size + column] = rate.derivative;
+                products[row * count + direction] = rate.derivative;
             });
         }
         if !self.inputs.is_constant() {
@@ -611,5 +647,23 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
         evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
         E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+    }
+
+    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
+        self.set(elapsed, states);
+        let mut tape = Tape::new();
+        tape.clear();
+        let tape = &tape;
+        let constant = |value: f64, _| Recorded::from(value);
+        let mut recorded = self.variables.combined(self.variables, constant);
+        let variables: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+        E::Variables::set_states(&mut recorded, |state| variables[state]);
+        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
+        let mut rates = variables;
+        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
+        let mut reached = vec![];
+        Pattern::of_rows(states.len(), |row, columns| {
+            tape.add_dependencies(rates[row], row, states.len(), &mut reached, columns);
+        })
     }
 }

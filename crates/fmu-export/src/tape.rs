@@ -87,6 +87,33 @@ impl Tape {
         })
     }
 
+    /// Adds the positions of the variables, the first numbers on the tape, on which a result depends. `reached` holds
+    /// which number was last reached from which `result`.
+    pub(crate) fn add_dependencies(
+        &self,
+        of: Recorded<'_>,
+        result: usize,
+        variables: usize,
+        reached: &mut Vec<usize>,
+        dependencies: &mut Vec<usize>,
+    ) {
+        let operations = self.operations.borrow();
+        reached.resize(operations.len(), usize::MAX);
+        let mut next = vec![of.place];
+        while let Some(place) = next.pop() {
+            let reached = &mut reached[place as usize];
+            if place == 0 || *reached == result {
+                continue;
+            }
+            *reached = result;
+            if place as usize <= variables {
+                dependencies.push(place as usize - 1);
+            } else {
+                next.extend(operations[place as usize].operands);
+            }
+        }
+    }
+
     /// The derivative of the weighted sum with respect to a number.
     #[must_use]
     #[inline(never)]
