@@ -602,6 +602,24 @@ impl<E: Equations> Equated<'_, E> {
         self.set(elapsed, states);
         evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
+
+    /// Records an evaluation on an empty tape. Returns the states on it, the first numbers there, and their derivatives.
+    fn record<'t>(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        tape: &'t Tape,
+    ) -> (Vec<Recorded<'t>>, Vec<Recorded<'t>>) {
+        self.set(elapsed, states);
+        let constant = |value: f64, _| Recorded::from(value);
+        let mut recorded = self.variables.combined(self.variables, constant);
+        let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+        E::Variables::set_states(&mut recorded, |state| states[state]);
+        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
+        let mut rates = states.clone();
+        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
+        (states, rates)
+    }
 }
 
 impl<E: Equations> System for Equated<'_, E> {
@@ -649,21 +667,28 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
     }
 
-    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
-        self.set(elapsed, states);
+    fn gradients(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        rows: &[usize],
+        mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
         let mut tape = Tape::new();
         tape.clear();
-        let tape = &tape;
-        let constant = |value: f64, _| Recorded::from(value);
-        let mut recorded = self.variables.combined(self.variables, constant);
-        let variables: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
-        E::Variables::set_states(&mut recorded, |state| variables[state]);
-        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
-        let mut rates = variables;
-        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
-        let mut reached = vec![];
-        Pattern::of_rows(states.len(), |row, columns| {
-            tape.add_dependencies(rates[row], row, states.len(), &mut reached, columns);
+        let (states, rates) = self.record(elapsed, states, &tape);
+        for &row in rows {
+            tape.differentiate(rates[row]);
+            take(row, &|column| tape.derivative(states[column]));
+        }
+    }
+
+    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
+        let (size, mut tape, mut reached) = (states.len(), Tape::new(), vec![]);
+        tape.clear();
+        let (_, rates) = self.record(elapsed, states, &tape);
+        Pattern::of_rows(size, |row, columns| {
+            tape.add_dependencies(rates[row], row, size, &mut reached, columns);
         })
     }
 }

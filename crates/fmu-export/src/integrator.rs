@@ -6,10 +6,13 @@
 //! where it serves several steps, the Jacobian.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
-//! columns are computed in groups and whose factors are sparse. A product with one more direction checks the pattern
-//! whenever the Jacobian is renewed, so that an element that another branch of the equations adds is not missed.
+//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A
+//! product with one more direction checks the pattern whenever the Jacobian is renewed, so that an element that another
+//! branch of the equations adds is not missed. A Jacobian serves steps with little error, or any with a method that
+//! allows it.
 //!
-//! Memory for a step is allocated in the first one, and where the pattern changes. It does not belong to a clone.
+//! Memory for a step is allocated in the first one, where the pattern changes, and for the long rows. It does not belong
+//! to a clone.
 //!
 //! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
@@ -34,7 +37,7 @@ pub use pattern::Pattern;
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
 /// The most states whose linear equations are always dense.
-pub const MOST_DENSE: usize = 40;
+pub const MOST_DENSE: usize = 20;
 
 /// The safety factor on the length that would just meet the tolerance.
 const SAFETY: f64 = 0.9;
@@ -64,6 +67,16 @@ pub trait System {
         products: &mut [f64],
         by_time: &mut [f64],
     );
+    /// Computes rows of the Jacobian, each as a function of the column, for a system that gives a pattern.
+    fn gradients(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        rows: &[usize],
+        take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let _ = (time, states, rows, take);
+    }
     /// Where the Jacobian has elements at this time and these states; full if unknown.
     fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
         let _ = (time, states);
@@ -165,7 +178,7 @@ impl Integrator {
                 *next = if by_error >= most { allowed.max(*next) } else { allowed };
                 work.length = length;
                 work.has_dense = false;
-                jacobian.count_step();
+                jacobian.count_step::<S>(error.largest);
                 return Ok(if length >= left { end } else { time + length });
             }
             rejected = true;
@@ -173,7 +186,7 @@ impl Integrator {
             if *next <= SHORTEST_STEP * time.abs().max(end.abs()) || *next < f64::MIN_POSITIVE {
                 return Err(StepFailure { state: error.state });
             }
-            if S::METHOD.jacobian_serves > 1 && !jacobian.is_fresh() {
+            if !jacobian.is_fresh() {
                 jacobian.discard();
                 work.linearize(system, jacobian);
             }
@@ -456,6 +469,16 @@ mod tests {
             by_time: &mut [f64],
         ) {
             self.0.linearize(time, states, directions, products, by_time);
+        }
+
+        fn gradients(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            rows: &[usize],
+            take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+        ) {
+            self.0.gradients(time, states, rows, take);
         }
 
         fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
@@ -851,8 +874,10 @@ mod tests {
                 conduct(&mut full, &mut integrators[1], from, to, &mut dense);
             }
             assert_eq!(patterned.counts[1], 2, "the pattern is found again, once");
-            assert_eq!(patterned.counts[0], full.counts[0] + 1, "with another Jacobian");
-            assert_same(&sparse, &dense);
+            // The Jacobian with the pattern serves several steps, of some hundred: within a hundred tolerances.
+            for (sparse, dense) in sparse.iter().zip(dense) {
+                assert!((sparse - dense).abs() < 1e-4, "{sparse} instead of {dense}");
+            }
         }
     }
 
