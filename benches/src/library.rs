@@ -92,9 +92,8 @@ impl Library {
     #[must_use]
     pub fn references(&self, names: &[&str]) -> Vec<ValueReference> {
         let reference = |name| {
-            let position = self.variables.iter().position(|variable| variable.name == name);
-            let position = position.unwrap_or_else(|| panic!("there is no variable {name}"));
-            ValueReference::try_from(position).expect("there are few variables")
+            let found = self.variables.iter().find(|variable| variable.name == name);
+            found.unwrap_or_else(|| panic!("there is no variable {name}")).value_reference
         };
         names.iter().map(|name| reference(*name)).collect()
     }

@@ -1,6 +1,6 @@
 //! Checks that a model's equations set every calculated variable, and nothing else.
 
-use crate::description::{DataType, ValueReference, Variability, VariableDescription};
+use crate::description::{DataType, ScalarVariable, ValueReference, Variability};
 use crate::error::Error;
 use crate::variables::Variables;
 
@@ -48,10 +48,7 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
 }
 
 /// The first discrete variable with different values.
-pub(crate) fn first_discrete_difference<V: Variables>(
-    one: &V,
-    other: &V,
-) -> Option<&'static VariableDescription> {
+pub(crate) fn first_discrete_difference<V: Variables>(one: &V, other: &V) -> Option<ScalarVariable> {
     let mut discrete = V::described().filter(|(_, variable)| variable.variability == Variability::Discrete);
     discrete
         .find(|&(reference, variable)| !are_equal(one, other, reference, variable.data_type))

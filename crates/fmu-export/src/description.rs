@@ -2,6 +2,7 @@
 //! 2.0.5, section 2.2).
 
 use core::fmt;
+use core::ops::Deref;
 
 /// An importer's handle for a variable.
 pub type ValueReference = u32;
@@ -13,7 +14,7 @@ pub struct ModelDescription {
     pub model_identifier: &'static str,
     /// The hash of the XML's content that the importer passes to `fmi2Instantiate`.
     pub guid: &'static str,
-    /// All variables, ordered by value reference.
+    /// All variables and arrays, ordered by value reference.
     pub variables: &'static [VariableDescription],
     /// The declared log categories.
     pub log_categories: &'static [&'static str],
@@ -55,13 +56,22 @@ pub struct Capabilities {
     pub adjoint_derivatives: bool,
     /// `hasEventMode` of FMI 3.0.
     pub event_mode: bool,
+    /// `providesPerElementDependencies` of FMI 3.0.
+    pub per_element_dependencies: bool,
 }
 
-/// A variable's attributes (FMI 2.0.5, section 2.2.7).
+/// A variable's attributes (FMI 2.0.5, section 2.2.7), or those of all elements of an array: whatever differs between
+/// elements follows by rule.
 #[derive(Debug)]
 pub struct VariableDescription {
-    /// The structured name.
+    /// The structured name; an array's without subscripts.
     pub name: &'static str,
+    /// The value reference, of an array that of its first element.
+    pub value_reference: ValueReference,
+    /// An array's sizes; empty if it is a scalar.
+    pub dimensions: &'static [usize],
+    /// The difference between the value references of two consecutive elements, row by row.
+    pub stride: ValueReference,
     /// The data type.
     pub data_type: DataType,
     /// Its role.
@@ -74,10 +84,141 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
+    /// A Real input's position among the Real inputs; of an array that of its first element.
+    pub real_input: Option<usize>,
+    /// Likewise of a continuous-time state among the states.
+    pub state: Option<usize>,
+}
+
+impl VariableDescription {
+    /// The number of elements; 1 of a scalar.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.dimensions.iter().product()
+    }
+
+    /// An element, counted from 0.
+    #[must_use]
+    #[inline]
+    pub fn element(&'static self, element: usize) -> ScalarVariable {
+        let at = |first: usize| first + element;
+        ScalarVariable {
+            name: Name { name: self.name, dimensions: self.dimensions, element },
+            element,
+            real_input: self.real_input.map(at),
+            state: self.state.map(at),
+            description: self,
+        }
+    }
+
+    /// All elements with their value references.
+    pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
+        let references = (self.value_reference..).step_by(self.stride as usize);
+        references.zip(0..self.elements()).map(|(reference, element)| (reference, self.element(element)))
+    }
+}
+
+/// A scalar variable: an element of an array, or one that is in none.
+#[derive(Clone, Copy, Debug)]
+pub struct ScalarVariable {
+    /// The structured name.
+    pub name: Name,
+    /// The number of the element, from 0.
+    pub element: usize,
     /// A Real input's position among the Real inputs.
     pub real_input: Option<usize>,
     /// A continuous-time state's position among the states.
-    pub state: Option<u16>,
+    pub state: Option<usize>,
+    description: &'static VariableDescription,
+}
+
+/// What all elements of an array have in common.
+impl Deref for ScalarVariable {
+    type Target = VariableDescription;
+
+    #[inline]
+    fn deref(&self) -> &VariableDescription {
+        self.description
+    }
+}
+
+/// A scalar variable's name, such as `gain[1,2]`, or `der(x[3])` of an element of the array `der(x)`.
+#[derive(Clone, Copy)]
+pub struct Name {
+    name: &'static str,
+    dimensions: &'static [usize],
+    element: usize,
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (array, rest) = match self.name.strip_suffix(')') {
+            Some(array) => (array, ")"),
+            None => (self.name, ""),
+        };
+        if self.dimensions.is_empty() {
+            return formatter.pad(self.name);
+        }
+        formatter.write_str(array)?;
+        let mut inner = self.dimensions.iter().product::<usize>();
+        for (position, size) in self.dimensions.iter().enumerate() {
+            inner /= size;
+            let separator = if position == 0 { '[' } else { ',' };
+            write!(formatter, "{separator}{}", self.element / inner % size + 1)?;
+        }
+        write!(formatter, "]{rest}")
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "\"{self}\"")
+    }
+}
+
+impl PartialEq<str> for Name {
+    fn eq(&self, other: &str) -> bool {
+        if self.dimensions.is_empty() { self.name == other } else { self.to_string() == other }
+    }
+}
+
+impl PartialEq<String> for Name {
+    fn eq(&self, other: &String) -> bool {
+        *self == **other
+    }
+}
+
+impl PartialEq<&str> for Name {
+    fn eq(&self, other: &&str) -> bool {
+        *self == **other
+    }
+}
+
+/// Scalar unknowns that depend alike: each on the first one's knowns, advanced with it. Those of an array whose
+/// elements read their neighbors are one entry, besides the first and last elements.
+#[derive(Clone, Copy, Debug)]
+pub struct Dependencies {
+    /// The first unknown.
+    pub unknown: ValueReference,
+    /// The number of unknowns.
+    pub count: u32,
+    /// The difference between the value references of two consecutive unknowns.
+    pub stride: ValueReference,
+    /// The first unknown's knowns, each with the difference from one unknown to the next.
+    pub knowns: &'static [(ValueReference, ValueReference)],
+}
+
+impl Dependencies {
+    /// Each unknown with its knowns.
+    pub(crate) fn each(
+        &self,
+    ) -> impl Iterator<Item = (ValueReference, impl Iterator<Item = ValueReference>)> {
+        let Self { unknown, count, stride, knowns } = *self;
+        (0..count).map(move |number| {
+            let knowns = knowns.iter().map(move |(known, stride)| known + number * stride);
+            (unknown + number * stride, knowns)
+        })
+    }
 }
 
 /// A clock's attributes (FMI 3.0.2, section 2.4.4).

@@ -218,14 +218,17 @@ impl<'m, 'a> Page<'m, 'a> {
         words.collect::<Vec<_>>().join(" ")
     }
 
-    /// The value references of a variable's elements, or (1) of their derivatives.
+    /// The value reference of a variable, or (1) of its derivative: those of all elements of an array that is no variable
+    /// itself.
     fn references(&self, field: &Field<'_>, offset: usize) -> String {
         let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
         match references[..] {
-            [first, .., last] if references.windows(2).all(|pair| pair[1] == pair[0] + 1) => {
+            [first, ..] if self.model.is_one_variable(field) => first.to_string(),
+            [first, .., last] if (last - first) as usize + 1 == references.len() => {
                 format!("{first} … {last}")
             }
+            [first, second, _, .., last] => format!("{first}, {second} … {last}"),
             _ => references.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
         }
     }

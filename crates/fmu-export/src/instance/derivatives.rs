@@ -4,7 +4,7 @@
 use super::values::REALS;
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, Initial, ValueReference, VariableDescription, Version};
+use crate::description::{Causality, Initial, ScalarVariable, ValueReference, Version};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
@@ -149,13 +149,13 @@ impl<M: Model> Instance<M> {
                     variable.name
                 )));
             }
-            self.check_unknown(variable)?;
+            self.check_unknown(&variable)?;
         }
         Ok(())
     }
 
     fn check_knowns(&self, knowns: &[ValueReference]) -> Result<(), Error> {
-        knowns.iter().try_for_each(|&known| self.check_known(Self::variable(known, REALS)?))
+        knowns.iter().try_for_each(|&known| self.check_known(&Self::variable(known, REALS)?))
     }
 
     /// Checks the seeds of variables, each of which may occur once.
@@ -178,7 +178,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Checks an unknown: a calculated variable.
-    fn check_unknown(&self, variable: &VariableDescription) -> Result<(), Error> {
+    fn check_unknown(&self, variable: &ScalarVariable) -> Result<(), Error> {
         let calculated = match variable.causality {
             Causality::Output => true,
             // A local state is an unknown of the initialization and a known of the steps.
@@ -202,7 +202,7 @@ impl<M: Model> Instance<M> {
     /// Checks a known: an input, or time if anything depends on it; in initialization mode also a parameter or exact
     /// start value; later a state, and in FMI 3.0 a settable parameter (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
     /// 2.4.8).
-    fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
+    pub(super) fn check_known(&self, variable: &ScalarVariable) -> Result<(), Error> {
         let is_state = variable.state.is_some();
         let initializing = self.memory.phase == Phase::InitializationMode;
         let known = match variable.causality {

@@ -3,7 +3,9 @@
 use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::description::{
+    Causality, DataType, Initial, ScalarVariable, ValueReference, Variability, VariableDescription,
+};
 use crate::display::Shown;
 use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
@@ -40,11 +42,11 @@ impl<M: Model> Instance<M> {
     /// Whether the variable exists and may be set. Separate from setting Real inputs, which is faster without.
     #[inline(never)]
     fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
-        self.check_settable(Self::variable(reference, types)?, value)
+        self.check_settable(&Self::variable(reference, types)?, value)
     }
 
     /// Whether a variable may be set now, and to this value (as a number).
-    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
+    fn check_settable(&self, variable: &ScalarVariable, value: f64) -> Result<(), Error> {
         let settable = match variable.causality {
             Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
             _ => self.is_settable_now(variable),
@@ -89,7 +91,7 @@ impl<M: Model> Instance<M> {
 
     /// Why a variable cannot be set to a value.
     #[cold]
-    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+    fn set_error(&self, variable: &ScalarVariable, value: f64, settable: bool) -> Error {
         Error::new(if !settable {
             format!(
                 "{} ({}, {}) cannot be set in the state {}",
@@ -119,10 +121,11 @@ impl<M: Model> Instance<M> {
     /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
     /// once, since finite differences leave the range repeatedly.
     #[cold]
-    fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
+    fn warn_of_bounds(&mut self, reference: ValueReference, value: f64) -> Status {
+        let variable = Self::checked(reference);
         let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
-        if !self.logged_inputs.contains(&variable.name) {
-            self.logged_inputs.push(variable.name);
+        if !self.logged_inputs.contains(&reference) {
+            self.logged_inputs.push(reference);
         } else if tries {
             return Status::Ok;
         }
@@ -170,7 +173,7 @@ impl<M: Model> Instance<M> {
             write(&mut memory.variables, reference, value);
             if let Some(position) = variable.real_input {
                 if memory.inputs.set_value(position, as_number(value)) {
-                    status = self.warn_of_bounds(variable, as_number(value));
+                    status = self.warn_of_bounds(reference, as_number(value));
                 }
             } else if variable.causality == Causality::Input {
                 memory.inputs.set_others(memory.variables.inputs());
@@ -191,33 +194,33 @@ impl<M: Model> Instance<M> {
         types: &[DataType],
         &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
-        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+        let is_kept = |this: &Self, variable: &ScalarVariable, reference, value| {
             (variable.causality == Causality::Input || variable.variability == Variability::Tunable)
                 && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::variable(reference, types)?;
-            if !is_kept(self, variable, reference, value) {
-                self.check_settable(variable, as_number(value))?;
+            if !is_kept(self, &variable, reference, value) {
+                self.check_settable(&variable, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
-            if is_kept(self, variable, reference, value) {
+            if is_kept(self, &variable, reference, value) {
                 continue;
             }
             let memory = &mut self.memory;
             memory.stale = true;
-            if let Some(state) = variable.state {
-                memory.set_state(state.into(), as_number(value));
+            if variable.state.is_some() {
+                memory.variables.set_state(reference, as_number(value));
                 continue;
             }
             write(&mut memory.variables, reference, value);
             match variable.real_input {
                 Some(position) => {
                     if memory.inputs.set_value(position, as_number(value)) {
-                        status = self.warn_of_bounds(variable, as_number(value));
+                        status = self.warn_of_bounds(reference, as_number(value));
                     }
                 }
                 // A Float32.

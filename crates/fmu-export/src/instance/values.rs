@@ -1,11 +1,11 @@
 //! Variables by value reference, and getting them (FMI 2.0.5, section 2.1.7).
 
-use core::{mem, slice};
+use core::mem;
 use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, ValueReference, VariableDescription, Version};
+use crate::description::{Causality, DataType, ScalarVariable, ValueReference, Version};
 use crate::display::Shown;
 use crate::error::{Error, check_memory};
 use crate::model::Model;
@@ -50,12 +50,9 @@ impl<M: Model> Instance<M> {
     };
 
     /// The variable of a value reference, if its type is one of `types`.
-    pub(super) fn variable(
-        reference: ValueReference,
-        types: &[DataType],
-    ) -> Result<&'static VariableDescription, Error> {
+    pub(super) fn variable(reference: ValueReference, types: &[DataType]) -> Result<ScalarVariable, Error> {
         let variable = M::Variables::description(reference).ok_or_else(|| Self::no_variable(reference))?;
-        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
+        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(&variable)) }
     }
 
     #[cold]
@@ -65,23 +62,19 @@ impl<M: Model> Instance<M> {
 
     /// The error that a variable has another type.
     #[cold]
-    fn type_error(variable: &VariableDescription) -> Error {
+    fn type_error(variable: &ScalarVariable) -> Error {
         let data_type = variable.data_type.name(Self::DESCRIPTION.version);
         Error::new(format!("the variable {} is of the type {data_type}", variable.name))
     }
 
     /// A variable whose value reference was checked.
-    pub(super) fn checked(reference: ValueReference) -> &'static VariableDescription {
+    pub(super) fn checked(reference: ValueReference) -> ScalarVariable {
         M::Variables::description(reference).expect("the value reference was checked")
     }
 
     /// The value references of a variable's elements, or that of a scalar.
-    pub(crate) fn elements(reference: &ValueReference) -> Result<&[ValueReference], Error> {
-        if M::Variables::INNER_ELEMENTS.binary_search(reference).is_ok() {
-            return Err(Self::no_variable(*reference));
-        }
-        let array = M::Variables::ARRAYS.binary_search_by_key(reference, |elements| elements[0]);
-        Ok(array.map_or(slice::from_ref(reference), |array| M::Variables::ARRAYS[array]))
+    pub(crate) fn elements(reference: ValueReference) -> Result<impl Iterator<Item = ValueReference>, Error> {
+        M::Variables::elements(reference).ok_or_else(|| Self::no_variable(reference))
     }
 
     /// Runs a body on the value references of scalars: those of the elements of arrays, which have as many values as
@@ -93,7 +86,7 @@ impl<M: Model> Instance<M> {
         body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
     ) -> Answer {
         // Known to the compiler, so that the body is inlined.
-        if const { M::Variables::ARRAYS.is_empty() } {
+        if const { !M::Variables::HAS_ARRAYS } {
             // In FMI 2.0 both are one argument.
             if const { matches!(Self::DESCRIPTION.version, Version::Three) } {
                 Self::check_values(references.len(), values)?;
@@ -103,8 +96,8 @@ impl<M: Model> Instance<M> {
         let mut scalars = mem::take(&mut self.scalars);
         scalars.clear();
         // Not as many as the importer says, which may be any number.
-        for reference in references {
-            scalars.extend_from_slice(Self::elements(reference)?);
+        for &reference in references {
+            scalars.extend(Self::elements(reference)?);
         }
         Self::check_values(scalars.len(), values)?;
         let answer = body(self, &scalars);
