@@ -24,7 +24,7 @@ fn parameters(random: &mut Random) -> Variables {
     loop {
         let mut variables = Variables::default();
         for (reference, variable) in Variables::described() {
-            let name = variable.name.to_string();
+            let name = variable.name().to_string();
             if variable.causality != Causality::Parameter || random.between(0.0, 1.0) < 0.5 {
                 continue;
             }
@@ -42,7 +42,7 @@ fn parameters(random: &mut Random) -> Variables {
                 DataType::Boolean => variables.set_boolean(reference, random.between(0.0, 1.0) < 0.5),
                 // Mostly mode boost, where most can go wrong.
                 DataType::Enumeration => {
-                    let items = if variable.name == "mode" { 3 } else { 2 };
+                    let items = if variable.name() == "mode" { 3 } else { 2 };
                     let item = (1..items).find(|_| random.between(0.0, 1.0) < 0.7).unwrap_or(items);
                     variables.set_integer(reference, item);
                 }
@@ -66,7 +66,7 @@ fn all_allowed_values_give_finite_outputs() {
         let mut inputs = Inputs::default();
         for number in 0..500 {
             for (_, variable) in Variables::described() {
-                if let Some(position) = variable.real_input
+                if let Some(position) = variable.real_input()
                     && random.between(0.0, 1.0) < 0.1
                 {
                     inputs.set_real(position, value_within(&mut random, variable.min, variable.max));
@@ -83,7 +83,7 @@ fn all_allowed_values_give_finite_outputs() {
                 assert!(
                     value.is_finite() && (variable.min..=variable.max).contains(&value),
                     "{} is {value} with {:?} at {inputs:?}",
-                    variable.name,
+                    variable.name(),
                     bench.variables.parameters
                 );
             }

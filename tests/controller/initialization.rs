@@ -167,7 +167,7 @@ fn initialization_depends_on_what_is_declared() {
     let mut moved: Vec<(String, BTreeSet<String>)> = Vec::new();
     for (_, variable) in Variables::described() {
         if variable.causality == Causality::Output {
-            moved.push((variable.name.to_string(), BTreeSet::new()));
+            moved.push((variable.name().to_string(), BTreeSet::new()));
         }
     }
     let mut bench = Bench::new(&Inputs::default(), |_| {});
@@ -202,11 +202,11 @@ fn initialization_depends_on_what_is_declared() {
         let before = outputs(&variables, &inputs);
         for (reference, variable) in Variables::described() {
             let changed_to = |value: f64| [value * 1.001, value * 0.999, value * 1.5, value * 0.5];
-            if let Some(position) = variable.real_input {
+            if let Some(position) = variable.real_input() {
                 for value in changed_to(inputs.real(position)) {
                     let mut changed = inputs;
                     changed.set_real(position, value.clamp(variable.min, variable.max));
-                    note(variable.name, before, outputs(&variables, &changed));
+                    note(variable.name(), before, outputs(&variables, &changed));
                 }
             } else if variable.causality == Causality::Parameter {
                 // Of the many elements of maps small changes suffice.
@@ -221,7 +221,7 @@ fn initialization_depends_on_what_is_declared() {
                         _ => changed.set_integer(reference, variables.integer(reference) % 2 + 1),
                     }
                     if BoostController::check_parameters(&changed).is_ok() {
-                        note(variable.name, before, outputs(&changed, &inputs));
+                        note(variable.name(), before, outputs(&changed, &inputs));
                     }
                 }
             }

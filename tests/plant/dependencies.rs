@@ -51,11 +51,11 @@ fn attribute(element: &BytesStart<'_>, name: &str) -> String {
 }
 
 pub fn name(reference: ValueReference) -> String {
-    Variables::description(reference).expect("the variable exists").name.to_string()
+    Variables::description(reference).expect("the variable exists").name().to_string()
 }
 
 pub fn reference(wanted: &str) -> ValueReference {
-    Variables::described().find(|(_, variable)| variable.name == wanted).expect("the variable exists").0
+    Variables::described().find(|(_, variable)| variable.name() == wanted).expect("the variable exists").0
 }
 
 /// The Real variables that a condition holds for.

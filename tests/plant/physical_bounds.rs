@@ -79,7 +79,7 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     for (reference, variable) in Variables::described() {
         let value = bench.variables.real(reference);
         let calculated = matches!(variable.causality, Causality::Output | Causality::Local);
-        let name = variable.name.to_string();
+        let name = variable.name().to_string();
         if calculated && !name.starts_with("der(") {
             if name.ends_with("pressure")
                 && !name.starts_with("valve.")

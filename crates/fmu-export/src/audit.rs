@@ -35,14 +35,16 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
         if !is_calculated && differ([variables, &evaluated[0]]) {
             return Err(Error::new(format!(
                 "`evaluate` changes {} ({}, {}), which it may only read",
-                variable.name, variable.causality, variable.variability
+                variable.name(),
+                variable.causality,
+                variable.variability
             )));
         }
     }
     follows.map_or(Ok(()), |variable| {
         Err(Error::new(format!(
             "`evaluate` does not set {}, or computes it from its previous value",
-            variable.name
+            variable.name()
         )))
     })
 }

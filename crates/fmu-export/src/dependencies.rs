@@ -23,12 +23,13 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
     let mut model = M::default();
     model.take_parameters(variables);
     let reals = M::Variables::described().filter(|(_, variable)| {
-        variable.data_type == DataType::Real && (variable.real_input.is_some() || variable.state.is_some())
+        variable.data_type == DataType::Real
+            && (variable.real_input().is_some() || variable.state().is_some())
     });
     let knowns: Vec<_> = reals.map(|(reference, _)| reference).collect();
     let declared = M::Variables::DEPENDENCIES.iter().flat_map(Dependencies::each);
     let is_state =
-        |unknown| M::Variables::description(unknown).is_some_and(|unknown| unknown.state.is_some());
+        |unknown| M::Variables::description(unknown).is_some_and(|unknown| unknown.state().is_some());
     let declared: BTreeMap<_, BTreeSet<_>> = declared
         .filter(|(unknown, _)| !is_state(*unknown))
         .map(|(unknown, knowns)| (unknown, knowns.collect()))
@@ -63,5 +64,5 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
 }
 
 fn name<M: Model>(reference: ValueReference) -> Name {
-    M::Variables::description(reference).expect("it is declared").name
+    M::Variables::description(reference).expect("it is declared").name()
 }

@@ -65,7 +65,7 @@ pub struct Capabilities {
 #[derive(Debug)]
 pub struct VariableDescription {
     /// The structured name; an array's without subscripts.
-    pub name: &'static str,
+    pub base_name: &'static str,
     /// The value reference, of an array that of its first element.
     pub value_reference: ValueReference,
     /// An array's sizes; empty if it is a scalar.
@@ -85,9 +85,9 @@ pub struct VariableDescription {
     /// The largest accepted value.
     pub max: f64,
     /// A Real input's position among the Real inputs; of an array that of its first element.
-    pub real_input: Option<usize>,
+    pub first_real_input: Option<usize>,
     /// Likewise of a continuous-time state among the states.
-    pub state: Option<usize>,
+    pub first_state: Option<usize>,
 }
 
 impl VariableDescription {
@@ -97,39 +97,43 @@ impl VariableDescription {
         self.dimensions.iter().product()
     }
 
-    /// An element, counted from 0.
-    #[must_use]
-    #[inline]
-    pub fn element(&'static self, element: usize) -> ScalarVariable {
-        let at = |first: usize| first + element;
-        ScalarVariable {
-            name: Name { name: self.name, dimensions: self.dimensions, element },
-            element,
-            real_input: self.real_input.map(at),
-            state: self.state.map(at),
-            description: self,
-        }
-    }
-
     /// All elements with their value references.
     pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
-        let references = (self.value_reference..).step_by(self.stride as usize);
-        references.zip(0..self.elements()).map(|(reference, element)| (reference, self.element(element)))
+        let numbered = (0..).zip(0..self.elements());
+        numbered.map(move |(number, element)| {
+            (self.value_reference + number * self.stride, ScalarVariable { description: self, element })
+        })
     }
 }
 
 /// A scalar variable: an element of an array, or one that is in none.
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarVariable {
-    /// The structured name.
-    pub name: Name,
+    pub(crate) description: &'static VariableDescription,
     /// The number of the element, from 0.
-    pub element: usize,
+    pub(crate) element: usize,
+}
+
+impl ScalarVariable {
+    /// The structured name, such as `gain[1,2]`.
+    #[must_use]
+    pub fn name(self) -> Name {
+        Name(self)
+    }
+
     /// A Real input's position among the Real inputs.
-    pub real_input: Option<usize>,
+    #[must_use]
+    #[inline]
+    pub fn real_input(self) -> Option<usize> {
+        self.description.first_real_input.map(|first| first + self.element)
+    }
+
     /// A continuous-time state's position among the states.
-    pub state: Option<usize>,
-    description: &'static VariableDescription,
+    #[must_use]
+    #[inline]
+    pub fn state(self) -> Option<usize> {
+        self.description.first_state.map(|first| first + self.element)
+    }
 }
 
 /// What all elements of an array have in common.
@@ -142,29 +146,24 @@ impl Deref for ScalarVariable {
     }
 }
 
-/// A scalar variable's name, such as `gain[1,2]`, or `der(x[3])` of an element of the array `der(x)`.
+/// A scalar variable's name: `gain[1,2]`, or `der(x[3])` of an element of the array `der(x)`.
 #[derive(Clone, Copy)]
-pub struct Name {
-    name: &'static str,
-    dimensions: &'static [usize],
-    element: usize,
-}
+pub struct Name(ScalarVariable);
 
 impl fmt::Display for Name {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (array, rest) = match self.name.strip_suffix(')') {
-            Some(array) => (array, ")"),
-            None => (self.name, ""),
-        };
-        if self.dimensions.is_empty() {
-            return formatter.pad(self.name);
+        let ScalarVariable { description: VariableDescription { base_name, dimensions, .. }, element } =
+            self.0;
+        if dimensions.is_empty() {
+            return formatter.pad(base_name);
         }
+        let (array, rest) = base_name.strip_suffix(')').map_or((*base_name, ""), |array| (array, ")"));
         formatter.write_str(array)?;
-        let mut inner = self.dimensions.iter().product::<usize>();
-        for (position, size) in self.dimensions.iter().enumerate() {
+        let mut inner = dimensions.iter().product::<usize>();
+        for (position, size) in dimensions.iter().enumerate() {
             inner /= size;
             let separator = if position == 0 { '[' } else { ',' };
-            write!(formatter, "{separator}{}", self.element / inner % size + 1)?;
+            write!(formatter, "{separator}{}", element / inner % size + 1)?;
         }
         write!(formatter, "]{rest}")
     }
@@ -178,7 +177,8 @@ impl fmt::Debug for Name {
 
 impl PartialEq<str> for Name {
     fn eq(&self, other: &str) -> bool {
-        if self.dimensions.is_empty() { self.name == other } else { self.to_string() == other }
+        let VariableDescription { base_name, dimensions, .. } = self.0.description;
+        if dimensions.is_empty() { *base_name == other } else { self.to_string() == other }
     }
 }
 
@@ -204,8 +204,21 @@ pub struct Dependencies {
     pub count: u32,
     /// The difference between the value references of two consecutive unknowns.
     pub stride: ValueReference,
-    /// The first unknown's knowns, each with the difference from one unknown to the next.
-    pub knowns: &'static [(ValueReference, ValueReference)],
+    /// The first unknown's knowns.
+    pub knowns: &'static [Knowns],
+}
+
+/// Known variables, such as neighboring elements of an array.
+#[derive(Clone, Copy, Debug)]
+pub struct Knowns {
+    /// The first one, for the first unknown.
+    pub first: ValueReference,
+    /// The number of knowns.
+    pub count: u32,
+    /// The difference between the value references of two consecutive knowns.
+    pub step: ValueReference,
+    /// Likewise between those of two consecutive unknowns.
+    pub stride: ValueReference,
 }
 
 impl Dependencies {
@@ -215,7 +228,10 @@ impl Dependencies {
     ) -> impl Iterator<Item = (ValueReference, impl Iterator<Item = ValueReference>)> {
         let Self { unknown, count, stride, knowns } = *self;
         (0..count).map(move |number| {
-            let knowns = knowns.iter().map(move |(known, stride)| known + number * stride);
+            let knowns = knowns.iter().flat_map(move |knowns| {
+                let first = knowns.first + number * knowns.stride;
+                (0..knowns.count).map(move |known| first + known * knowns.step)
+            });
             (unknown + number * stride, knowns)
         })
     }

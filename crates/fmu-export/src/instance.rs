@@ -351,7 +351,7 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
 
 #[cold]
 fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
-    let name = V::description(reference).map(|variable| variable.name.to_string()).unwrap_or_default();
+    let name = V::description(reference).map(|variable| variable.name().to_string()).unwrap_or_default();
     let value = Shown(variables.real(reference));
     Error::new(format!("the variable {name} became {value} at {} s", Shown(time)))
 }

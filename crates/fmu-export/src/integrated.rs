@@ -115,7 +115,7 @@ impl<E: Equations> Model for Integrated<E> {
                 return Err(Error::new(format!(
                     "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
                      \"start\" with \"initial\": \"exact\" in the JSON",
-                    variable.name
+                    variable.name()
                 )));
             }
         }

@@ -56,15 +56,26 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const HAS_ARRAYS: bool =
         matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
 
+    /// A variable's attributes, those of its array, if the value reference exists.
+    #[must_use]
+    #[inline]
+    fn attributes(reference: ValueReference) -> Option<&'static VariableDescription> {
+        let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
+        if position < Self::FRONT {
+            Some(&variables[position])
+        } else {
+            find(variables, reference).map(|variable| variable.description)
+        }
+    }
     /// A scalar variable, if the value reference exists.
     #[must_use]
     #[inline]
     fn description(reference: ValueReference) -> Option<ScalarVariable> {
         let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
         if position < Self::FRONT {
-            return Some(variables[position].element(0));
+            return Some(ScalarVariable { description: &variables[position], element: 0 });
         }
-        find(variables, reference).map(|(variable, element)| variable.element(element))
+        find(variables, reference)
     }
     /// The scalar variables, each with its value reference.
     #[must_use]
@@ -83,11 +94,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The name of the state at a position.
     #[must_use]
     fn state_name(position: usize) -> String {
-        let states = Self::DESCRIPTION.variables.iter().filter(|variable| variable.state <= Some(position));
-        let variable = states.max_by_key(|variable| variable.state);
-        let named =
-            variable.and_then(|variable| Some(variable.element(position - variable.state?).name.to_string()));
-        named.unwrap_or_default()
+        let mut states = Self::described().filter(|(_, variable)| variable.state() == Some(position));
+        states.next().map(|(_, variable)| variable.name().to_string()).unwrap_or_default()
     }
     /// The inputs as the importer set them, not clamped.
     fn inputs(&self) -> &Self::Inputs;
@@ -250,16 +258,14 @@ const fn has_arrays(variables: &[VariableDescription]) -> bool {
     false
 }
 
-/// The variable or array with a value reference, and its element, counted from 0.
-fn find(
-    variables: &'static [VariableDescription],
-    reference: ValueReference,
-) -> Option<(&'static VariableDescription, usize)> {
+/// The scalar variable with a value reference.
+fn find(variables: &'static [VariableDescription], reference: ValueReference) -> Option<ScalarVariable> {
     let after = variables.partition_point(|variable| variable.value_reference <= reference);
     // The elements of an array of states alternate with their derivatives.
     variables[after.saturating_sub(2)..after].iter().rev().find_map(|variable| {
         let (distance, stride) = (reference - variable.value_reference, variable.stride);
         let element = (distance / stride) as usize;
-        (distance % stride == 0 && element < variable.elements()).then_some((variable, element))
+        let is_element = distance % stride == 0 && element < variable.elements();
+        is_element.then_some(ScalarVariable { description: variable, element })
     })
 }

@@ -1,4 +1,4 @@
-//! Heat conduction in a rod, in cells of equal length: an array of states, each of which reads its neighbors.
+//! Heat conduction in a rod, in cells of equal length: an array of states that read their neighbors.
 
 use fmu_export::{Equations, Number};
 
@@ -8,21 +8,18 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
-        let Evaluation {
-            parameters: p,
-            inputs,
-            states,
-            derivatives,
-            ..
-        } = variables;
-        let (cells, last) = (&states.t, states.t.len() - 1);
-        let width = p.length / cells.len() as f64;
+        let (p, ends, cells) = (variables.parameters, variables.inputs, &variables.states.t);
+        let n = cells.len();
+        let width = p.length / n as f64;
         let rate = p.diffusivity / (width * width);
-        for (i, slope) in derivatives.t.iter_mut().enumerate() {
-            // An end is half a cell from its cell's center: beyond it the profile goes on straight.
-            let left = if i == 0 { inputs.left * 2.0 - cells[0] } else { cells[i - 1] };
-            let right = if i == last { inputs.right * 2.0 - cells[last] } else { cells[i + 1] };
-            *slope = rate * (left - cells[i] * 2.0 + right);
+        // From 1; beyond an end, half a cell from its cell's center, the profile goes on straight.
+        let at = |cell: usize| match cell {
+            0 => ends.left * 2.0 - cells[0],
+            cell if cell <= n => cells[cell - 1],
+            _ => ends.right * 2.0 - cells[n - 1],
+        };
+        for (cell, slope) in (1..).zip(variables.derivatives.t.iter_mut()) {
+            *slope = rate * (at(cell - 1) - at(cell) * 2.0 + at(cell + 1));
         }
     }
 }

@@ -1,13 +1,13 @@
-//! A layer of a neural network, y = tanh(W u + b): `resources/weights.csv` has a line of b and W for each output.
+//! A layer of a neural network, y = tanh(W u + b), with the weights of a file.
 
 use fmu_export::{Context, Equations, Error, Number, Persistent};
 
 fmu_export::fmu!(equations {Type});
 
-/// A line of `weights.csv` for each output: its bias, then its weights.
+/// What `resources/weights.csv` says of each output: its bias, then its weights.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct {Type} {
-    weights: Vec<Vec<f64>>,
+    rows: Vec<Vec<f64>>,
 }
 
 impl Equations for {Type} {
@@ -18,33 +18,34 @@ impl Equations for {Type} {
         variables: &mut Variables,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let text = String::from_utf8_lossy(&context.resource("weights.csv")?).into_owned();
-        self.weights = weights(&text)?;
-        let sizes = (variables.outputs.y.len(), 1 + variables.inputs.u.len());
-        if self.weights.len() != sizes.0 || self.weights.iter().any(|row| row.len() != sizes.1) {
-            let (rows, columns) = sizes;
-            return Err(Error::new(format!("weights.csv must have {rows} lines of {columns} numbers")));
+        self.rows = rows(&String::from_utf8_lossy(&context.resource("weights.csv")?))?;
+        let (count, length) = (variables.outputs.y.len(), 1 + variables.inputs.u.len());
+        if self.rows.len() == count && self.rows.iter().all(|row| row.len() == length) {
+            Ok(())
+        } else {
+            let message = format!("weights.csv must have {count} rows of {length} numbers");
+            Err(Error::new(message))
         }
-        Ok(())
     }
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
-        let (u, y) = (&variables.inputs.u, &mut variables.outputs.y);
-        for (y, row) in y.iter_mut().zip(&self.weights) {
+        for (y, row) in variables.outputs.y.iter_mut().zip(&self.rows) {
             let mut sum = T::from(row[0]);
-            row[1..].iter().zip(u).for_each(|(&weight, &u)| sum += u * weight);
+            for (&weight, &u) in row[1..].iter().zip(variables.inputs.u.iter()) {
+                sum += u * weight;
+            }
             *y = sum.tanh();
         }
     }
 }
 
-/// The numbers of a CSV file.
-fn weights(text: &str) -> Result<Vec<Vec<f64>>, Error> {
+fn rows(csv: &str) -> Result<Vec<Vec<f64>>, Error> {
     let number = |text: &str| {
         let refused = |error| Error::new(format!("weights.csv: '{text}': {error}"));
         text.trim().parse().map_err(refused)
     };
-    text.lines().map(|line| line.split(',').map(number).collect()).collect()
+    let row = |line: &str| line.split(',').map(number).collect();
+    csv.lines().map(row).collect()
 }
 
 #[cfg(test)]
@@ -52,9 +53,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_file_has_a_line_of_numbers_for_each_output() {
-        let rows = weights(include_str!("../resources/weights.csv")).unwrap();
+    fn the_file_has_a_row_for_each_output() -> Result<(), Error> {
+        let rows = rows(include_str!("../resources/weights.csv"))?;
         assert!(rows.len() == 4 && rows.iter().all(|row| row.len() == 4));
-        assert!(weights("0.5,one").is_err());
+        Ok(())
     }
 }

@@ -165,9 +165,9 @@ impl Generator<'_, '_> {
                 if variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
             let _ = writeln!(
                 variables,
-                "        fmi::VariableDescription {{ name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
+                "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
                  data_type: fmi::DataType::{}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
-                 initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?}, state: {:?} }},",
+                 initial: fmi::Initial::{}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?} }},",
                 scalar.value_reference,
                 variable.sizes,
                 self.stride(variable),
@@ -255,9 +255,25 @@ impl Run {
         let Self { unknown, knowns, count, strides } = self;
         let none = (1, vec![0; knowns.len()]);
         let (stride, strides) = strides.as_ref().unwrap_or(&none);
-        let knowns: Vec<_> = knowns.iter().zip(strides).collect();
+        // Those at equal distances are one entry.
+        let mut runs: Vec<[u32; 4]> = Vec::new();
+        for (&known, &stride) in knowns.iter().zip(strides) {
+            match runs.last_mut() {
+                Some([first, count @ 1, step, same]) if *same == stride && known > *first => {
+                    (*count, *step) = (2, known - *first);
+                }
+                Some([first, count, step, same]) if *same == stride && known == *first + *count * *step => {
+                    *count += 1;
+                }
+                _ => runs.push([known, 1, 1, stride]),
+            }
+        }
+        let runs = runs.iter().map(|[first, count, step, stride]| {
+            format!("fmi::Knowns {{ first: {first}, count: {count}, step: {step}, stride: {stride} }}")
+        });
+        let knowns = runs.collect::<Vec<_>>().join(", ");
         format!(
-            "fmi::Dependencies {{ unknown: {unknown}, count: {count}, stride: {stride}, knowns: &{knowns:?} }}"
+            "fmi::Dependencies {{ unknown: {unknown}, count: {count}, stride: {stride}, knowns: &[{knowns}] }}"
         )
     }
 }

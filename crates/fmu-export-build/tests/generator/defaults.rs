@@ -96,10 +96,10 @@ fn value_references_are_the_declared_ones_and_the_free_ones_between() {
         (100, "force"),
     ];
     let described =
-        Variables::described().map(|(reference, variable)| (reference, variable.name.to_string()));
+        Variables::described().map(|(reference, variable)| (reference, variable.name().to_string()));
     assert!(described.eq(expected.map(|(reference, name)| (reference, name.to_owned()))));
     for (reference, name) in expected {
-        assert_eq!(Variables::description(reference).expect("it is described").name, name);
+        assert_eq!(Variables::description(reference).expect("it is described").name(), name);
         let text = format!(r#"<ScalarVariable name="{name}" valueReference="{reference}""#);
         assert!(Variables::MODEL_DESCRIPTION_XML.contains(&text), "{text}");
     }

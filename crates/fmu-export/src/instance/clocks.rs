@@ -33,11 +33,11 @@ impl<M: Model> Instance<M> {
         let mut clocks = M::Variables::CLOCKS.iter().enumerate();
         clocks
             .find(|(_, clock)| clock.value_reference == reference)
-            .ok_or_else(|| Error::new(format!("{} is not a clock", variable.name)))
+            .ok_or_else(|| Error::new(format!("{} is not a clock", variable.name())))
     }
 
     pub(super) fn clock_name(clock: &ClockDescription) -> Name {
-        Self::checked(clock.value_reference).name
+        Self::checked(clock.value_reference).name()
     }
 
     /// Computes the ticks of the clocks activated by the importer, unless done.
@@ -111,7 +111,7 @@ impl<M: Model> Instance<M> {
             if !clocks.any(ticks) {
                 return Err(Error::new(format!(
                     "the variable {} can be set only while its clock ticks",
-                    variable.name
+                    variable.name()
                 )));
             }
         }

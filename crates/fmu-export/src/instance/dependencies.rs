@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Instance;
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, Dependencies, Initial, ValueReference};
+use crate::description::{Causality, Dependencies, Initial, ScalarVariable, ValueReference};
 use crate::error::Error;
 use crate::model::Model;
 use crate::variables::Variables;
@@ -40,7 +40,7 @@ impl<M: Model> Instance<M> {
             _ => false,
         };
         if !is_unknown {
-            return Err(Error::new(format!("{} has no dependencies", variable.name)));
+            return Err(Error::new(format!("{} has no dependencies", variable.name())));
         }
         let declared =
             if is_initial { M::Variables::INITIAL_DEPENDENCIES } else { M::Variables::DEPENDENCIES };
@@ -61,7 +61,9 @@ impl<M: Model> Instance<M> {
             } else {
                 // It may depend on everything.
                 let variables = Self::DESCRIPTION.variables.iter();
-                let knowns = variables.filter(|known| self.check_known(&known.element(0)).is_ok());
+                let knowns = variables.filter(|known| {
+                    self.check_known(&ScalarVariable { description: known, element: 0 }).is_ok()
+                });
                 dependencies.extend(knowns.map(|known| Dependency {
                     element,
                     independent: known.value_reference,

@@ -82,7 +82,7 @@ impl<M: Model> Instance<M> {
 
 /// A variable's name for messages.
 pub(crate) fn name_of<M: Model>(reference: ValueReference) -> String {
-    M::Variables::description(reference).map_or("unknown".to_owned(), |variable| variable.name.to_string())
+    M::Variables::description(reference).map_or("unknown".to_owned(), |variable| variable.name().to_string())
 }
 
 /// Whether intermediate updates can exchange a variable: `intermediateUpdate`.

@@ -5,7 +5,7 @@ use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, ScalarVariable, ValueReference, Version};
+use crate::description::{Causality, DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::display::Shown;
 use crate::error::{Error, check_memory};
 use crate::model::Model;
@@ -49,10 +49,18 @@ impl<M: Model> Instance<M> {
         Version::Three => &[DataType::Integer],
     };
 
-    /// The variable of a value reference, if its type is one of `types`.
+    /// A scalar variable, if its type is one of `types`.
     pub(super) fn variable(reference: ValueReference, types: &[DataType]) -> Result<ScalarVariable, Error> {
-        let variable = M::Variables::description(reference).ok_or_else(|| Self::no_variable(reference))?;
-        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(&variable)) }
+        Self::attributes(reference, types).map(|_| Self::checked(reference))
+    }
+
+    /// Likewise its attributes.
+    pub(super) fn attributes(
+        reference: ValueReference,
+        types: &[DataType],
+    ) -> Result<&'static VariableDescription, Error> {
+        let variable = M::Variables::attributes(reference).ok_or_else(|| Self::no_variable(reference))?;
+        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(reference)) }
     }
 
     #[cold]
@@ -62,9 +70,10 @@ impl<M: Model> Instance<M> {
 
     /// The error that a variable has another type.
     #[cold]
-    fn type_error(variable: &ScalarVariable) -> Error {
+    fn type_error(reference: ValueReference) -> Error {
+        let variable = Self::checked(reference);
         let data_type = variable.data_type.name(Self::DESCRIPTION.version);
-        Error::new(format!("the variable {} is of the type {data_type}", variable.name))
+        Error::new(format!("the variable {} is of the type {data_type}", variable.name()))
     }
 
     /// A variable whose value reference was checked.
@@ -124,7 +133,7 @@ impl<M: Model> Instance<M> {
         mut read: impl FnMut(&M::Variables, ValueReference, T) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
-            Self::variable(reference, types)?;
+            Self::attributes(reference, types)?;
         }
         let status = self.compute_values()?;
         for (&reference, value) in references.iter().zip(values) {
@@ -137,14 +146,15 @@ impl<M: Model> Instance<M> {
         let time = self.memory.time;
         let mut no_number = Ok(());
         let status = self.get(references, values, REALS, |variables, reference, target| {
-            let variable = Self::checked(reference);
-            let value =
-                if variable.causality == Causality::Independent { time } else { variables.real(reference) };
+            let causality = M::Variables::attributes(reference).map(|variable| variable.causality);
+            let is_time = causality == Some(Causality::Independent);
+            let value = if is_time { time } else { variables.real(reference) };
             // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
                 *target = value;
             } else if no_number.is_ok() {
-                let message = format!("the variable {} is {}", variable.name, Shown(value));
+                let name = Self::checked(reference).name();
+                let message = format!("the variable {name} is {}", Shown(value));
                 no_number = Err(Error::new(message));
             }
             Ok(())
@@ -183,7 +193,7 @@ impl<M: Model> Instance<M> {
         self.get(references, values, FLOATS, |variables, reference, value| {
             let number = variables.float32(reference);
             if !number.is_finite() {
-                let name = Self::checked(reference).name;
+                let name = Self::checked(reference).name();
                 return Err(Error::new(format!("the variable {name} is {}", Shown(number.into()))));
             }
             *value = number;

@@ -104,12 +104,12 @@ fn tables_agree_with_the_xml() {
     assert!(description.capabilities.interpolate_inputs && description.capabilities.get_and_set_state);
     assert_eq!(Variables::described().count(), 23);
     for (reference, variable) in Variables::described() {
-        let text = format!(r#"<ScalarVariable name="{}" valueReference="{reference}""#, variable.name);
+        let text = format!(r#"<ScalarVariable name="{}" valueReference="{reference}""#, variable.name());
         assert!(Variables::MODEL_DESCRIPTION_XML.contains(&text), "{text}");
     }
     let inflow = Variables::description(1).unwrap();
     assert_eq!(
-        (inflow.data_type, inflow.causality, inflow.variability, inflow.initial, inflow.real_input),
+        (inflow.data_type, inflow.causality, inflow.variability, inflow.initial, inflow.real_input()),
         (DataType::Real, Causality::Input, Variability::Continuous, Initial::None, Some(0))
     );
     let mode = Variables::description(14).unwrap();
@@ -121,7 +121,8 @@ fn tables_agree_with_the_xml() {
 #[test]
 fn the_runtime_is_told_event_indicators_and_states() {
     assert_eq!(Variables::EVENT_INDICATORS, ["first_is_empty", "second.is_empty"]);
-    let states = Variables::described().filter_map(|(_, variable)| Some((variable.state?, variable.name)));
+    let states =
+        Variables::described().filter_map(|(_, variable)| Some((variable.state()?, variable.name())));
     let mut states: Vec<_> = states.collect();
     states.sort_unstable_by_key(|(position, _)| *position);
     assert!(states.iter().map(|(position, _)| *position).eq(0..Variables::STATE_NOMINALS.len()));
