@@ -60,12 +60,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     #[must_use]
     #[inline]
     fn attributes(reference: ValueReference) -> Option<&'static VariableDescription> {
-        let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
-        if position < Self::FRONT {
-            Some(&variables[position])
-        } else {
-            find(variables, reference).map(|variable| variable.description)
-        }
+        Self::description(reference).map(|variable| variable.description)
     }
     /// A scalar variable, if the value reference exists.
     #[must_use]
@@ -73,9 +68,12 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn description(reference: ValueReference) -> Option<ScalarVariable> {
         let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
         if position < Self::FRONT {
-            return Some(ScalarVariable { description: &variables[position], element: 0 });
+            Some(ScalarVariable { description: &variables[position], element: 0 })
+        } else if Self::FRONT < variables.len() {
+            find(variables, reference)
+        } else {
+            None
         }
-        find(variables, reference)
     }
     /// The scalar variables, each with its value reference.
     #[must_use]
