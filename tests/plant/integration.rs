@@ -69,7 +69,7 @@ fn settled(change: impl FnOnce(&mut Parameters)) -> Bench {
 
 /// The position of a Real input.
 fn input(name: &str) -> usize {
-    Variables::description(reference(name)).and_then(|variable| variable.real_input).expect("a Real input")
+    Variables::description(reference(name)).and_then(|variable| variable.real_input()).expect("a Real input")
 }
 
 /// Value and first to third derivative of each changing input, at the start: speed rises, the throttle opens to its

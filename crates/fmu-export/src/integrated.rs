@@ -84,7 +84,7 @@ impl<E: Equations> Default for Integrated<E> {
                 "a model that advances itself handles its events within a step: leave out \"event_mode\" in the JSON"
             );
         }
-        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NAMES.len() };
+        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NOMINALS.len() };
         Self {
             equations: E::default(),
             integrator: Integrator::new(states),
@@ -135,7 +135,7 @@ impl<E: Equations> Model for Integrated<E> {
                 return Err(Error::new(format!(
                     "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
                      \"start\" with \"initial\": \"exact\" in the JSON",
-                    variable.name
+                    variable.name()
                 )));
             }
         }
@@ -234,7 +234,7 @@ impl<E: Equations> Model for Integrated<E> {
                 self.equations.initialize::<Recorded<'_>>(variables);
             });
         // A start value acts directly and through its state.
-        let mut by_state = vec![0.0; E::Variables::STATE_NAMES.len()];
+        let mut by_state = vec![0.0; E::Variables::STATE_NOMINALS.len()];
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] = derivative);
         derivatives.states_from_start();
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] += derivative);
@@ -446,8 +446,11 @@ impl<E: Equations> Integrated<E> {
                         .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
                     format!("{events} of them are events, which come ever faster, the last caused by {what}")
                 } else {
-                    let state = E::Variables::STATE_NAMES.get(self.integrator.decisive_state());
-                    let what = state.unwrap_or(&"an event indicator");
+                    let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                        "an event indicator".to_owned()
+                    } else {
+                        E::Variables::state_name(self.integrator.decisive_state())
+                    };
                     format!(
                         "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
                     )
@@ -529,7 +532,7 @@ impl<E: Equations> Integrated<E> {
             "the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
              {tolerance:?}, or its derivative is not finite",
             Shown(self.time),
-            E::Variables::STATE_NAMES[failure.state]
+            E::Variables::state_name(failure.state)
         ))
     }
 }

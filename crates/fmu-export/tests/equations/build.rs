@@ -18,6 +18,7 @@ fn main() {
         "undeclared",
         "draining",
         "falling",
+        "field",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");

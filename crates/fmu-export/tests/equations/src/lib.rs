@@ -12,7 +12,7 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", vessels: "Vessels");
+    falling: "falling", field: "field", vessels: "Vessels");
 
 /// A ball that falls through the ground: its event counts the impact and leaves it there.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -39,6 +39,33 @@ impl Equations for Falling {
         let impacts = &mut variables.outputs.impacts;
         *impacts = if event.is_initial { 0 } else { *impacts + 1 };
         Ok(())
+    }
+}
+
+/// Arrays of each size, of which large ones are on the heap.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Field {}
+
+impl Equations for Field {
+    type Variables = field::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: field::Evaluation<'_, T>) {
+        let field::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
+        let field::States { x, grid, .. } = states;
+        for (i, slope) in derivatives.x.iter_mut().enumerate() {
+            let [left, right] = [x[i.saturating_sub(1)], x[(i + 1).min(299)]];
+            *slope = inputs.gain * (left - x[i] * 2.0 + right) + inputs.heat[i];
+        }
+        for (i, row) in derivatives.grid.iter_mut().enumerate() {
+            for (j, slope) in row.iter_mut().enumerate() {
+                *slope = x[j + 1] - grid[i].iter().fold(T::from(0.0), |sum, &x| sum + x);
+            }
+        }
+        derivatives.last = x[299];
+        for (i, row) in outputs.row.iter_mut().enumerate() {
+            *row = parameters.weight[i].iter().fold(grid[i][1], |sum, &weight| sum + weight);
+        }
+        outputs.warm = std::array::from_fn(|i| x[i] > 5.0);
     }
 }
 

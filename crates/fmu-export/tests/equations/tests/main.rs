@@ -1,5 +1,6 @@
 //! The integrator, on models of equations.
 
+mod arrays;
 mod event_mode;
 mod intermediate_update;
 mod samples;
