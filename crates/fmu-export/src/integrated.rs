@@ -303,7 +303,7 @@ impl<E: Equations> EventMode for Integrated<E> {
 impl<E: Equations> Integrated<E> {
     fn take_states(&mut self) -> Vec<f64> {
         let mut states = mem::take(&mut self.states);
-        states.resize(E::Variables::STATE_NAMES.len(), 0.0);
+        states.resize(E::Variables::STATE_NOMINALS.len(), 0.0);
         states
     }
 
@@ -626,7 +626,7 @@ impl<E: Equations> Equated<'_, E> {
 }
 
 impl<E: Equations> System for Equated<'_, E> {
-    const MAY_BE_SPARSE: bool = E::Variables::STATE_NAMES.len() > MOST_DENSE;
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
         self.set(elapsed, states);
