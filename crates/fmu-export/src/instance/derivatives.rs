@@ -160,16 +160,21 @@ impl<M: Model> Instance<M> {
 
     /// Checks the seeds of variables, each of which may occur once.
     fn check_seeds(role: &str, references: &[ValueReference], seeds: &[f64]) -> Result<(), Error> {
-        for (position, (reference, &seed)) in references.iter().zip(seeds).enumerate() {
-            let name = Self::checked(*reference).name();
+        for (&reference, &seed) in references.iter().zip(seeds) {
             if !seed.is_finite() {
+                let name = Self::checked(reference).name();
                 return Err(Error::new(format!("{} for the seed of {name}", Shown(seed))));
             }
-            if references[..position].contains(reference) {
-                return Err(Error::new(format!("{name} occurs twice among the {role}")));
-            }
         }
-        Ok(())
+        if references.is_sorted_by(|one, next| one < next) {
+            return Ok(());
+        }
+        let mut sorted = references.to_vec();
+        sorted.sort_unstable();
+        sorted.windows(2).find(|pair| pair[0] == pair[1]).map_or(Ok(()), |twice| {
+            let name = Self::checked(twice[0]).name();
+            Err(Error::new(format!("{name} occurs twice among the {role}")))
+        })
     }
 
     /// Whether changing a known has an effect: an input held at a bound stays there.

@@ -18,6 +18,7 @@ fn main() {
         "undeclared",
         "draining",
         "falling",
+        "rod",
         "field",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {

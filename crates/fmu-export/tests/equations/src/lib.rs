@@ -12,7 +12,37 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", field: "field", vessels: "Vessels");
+    falling: "falling", rod: "rod", field: "field", vessels: "Vessels");
+
+/// Conduction along an insulated rod, from a cosine's half wave.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Rod {}
+
+impl Equations for Rod {
+    type Variables = rod::Variables;
+
+    fn initialize<T: Number>(&self, variables: &mut rod::Variables<T>) {
+        let cells = variables.states.t.len() as f64;
+        for (cell, state) in variables.states.t.iter_mut().enumerate() {
+            *state = T::from(((cell as f64 + 0.5) / cells * std::f64::consts::PI).cos() + 1.0);
+        }
+    }
+
+    fn evaluate<T: Number>(&self, _time: T, variables: rod::Evaluation<'_, T>) {
+        let rod::Evaluation { parameters, states, derivatives, .. } = variables;
+        let cells = &states.t;
+        let last = cells.len() - 1;
+        for (cell, slope) in derivatives.t.iter_mut().enumerate() {
+            let (before, after) = (cells[cell.saturating_sub(1)], cells[(cell + 1).min(last)]);
+            *slope = parameters.rate * (before - cells[cell] * 2.0 + after);
+        }
+        derivatives.average = T::from(0.0);
+        if parameters.averages {
+            let sum = cells.iter().fold(T::from(0.0), |sum, &state| sum + state);
+            derivatives.average = sum / T::from(cells.len() as f64);
+        }
+    }
+}
 
 /// A ball that falls through the ground: its event counts the impact and leaves it there.
 #[derive(Clone, Debug, Default, Persistent)]
