@@ -210,7 +210,7 @@ fn initialization_depends_on_what_is_declared() {
                 }
             } else if variable.causality == Causality::Parameter {
                 // Of the many elements of maps small changes suffice.
-                let changes = if !variable.dimensions.is_empty() { 2 } else { 4 };
+                let changes = if variable.dimensions.is_empty() { 4 } else { 2 };
                 for value in &changed_to(variables.real(reference))[..changes] {
                     let mut changed = variables.clone();
                     match variable.data_type {
