@@ -210,7 +210,7 @@ fn initialization_depends_on_what_is_declared() {
                 }
             } else if variable.causality == Causality::Parameter {
                 // Of the many elements of maps small changes suffice.
-                let changes = if !variable.dimensions.is_empty() { 2 } else { 4 };
+                let changes = if variable.dimensions.is_empty() { 4 } else { 2 };
                 for value in &changed_to(variables.real(reference))[..changes] {
                     let mut changed = variables.clone();
                     match variable.data_type {
@@ -233,8 +233,9 @@ fn initialization_depends_on_what_is_declared() {
     moved.sort_unstable();
     for ((name, moved), (declared_name, declared)) in moved.iter().zip(declared) {
         assert_eq!(*name, declared_name);
+        let moved: BTreeSet<_> = moved.iter().map(String::as_str).collect();
         let missing: Vec<_> = moved.difference(&declared).collect();
-        let needless: Vec<_> = declared.difference(moved).collect();
+        let needless: Vec<_> = declared.difference(&moved).collect();
         assert!(
             missing.is_empty() && needless.is_empty(),
             "{name}: {missing:?} missing, {needless:?} needless"

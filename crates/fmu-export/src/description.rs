@@ -178,7 +178,11 @@ impl fmt::Debug for Name {
 impl PartialEq<str> for Name {
     fn eq(&self, other: &str) -> bool {
         let VariableDescription { base_name, dimensions, .. } = self.0.description;
-        if dimensions.is_empty() { *base_name == other } else { self.to_string() == other }
+        if dimensions.is_empty() {
+            return *base_name == other;
+        }
+        let name = self.to_string();
+        name == other
     }
 }
 

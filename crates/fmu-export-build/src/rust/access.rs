@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::generator::{Generator, enumeration_path, full_path};
+use super::tables::repeated;
 use crate::data_type::DataType;
 use crate::declaration::{Initial, Variability};
 use crate::model::{Place, Scalar};
@@ -27,7 +28,7 @@ impl Generator<'_, '_> {
                 let _ = writeln!(setters, "        self.{path} = value({first});");
             }
         }
-        let bounds = self.repeated(
+        let bounds = repeated(
             "::fmu_export::RealInput",
             self.real_inputs().map(|(_, variable)| {
                 let (min, max) = self.bounds(self.first(variable));

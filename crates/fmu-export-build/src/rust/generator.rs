@@ -146,11 +146,11 @@ impl<'m, 'a> Generator<'m, 'a> {
     pub(super) fn pattern(&self, variable: &Variable<'_>, is_mutable: bool) -> (String, String) {
         let scalar = self.first(variable);
         let (first, stride) = (scalar.value_reference, self.stride(variable));
-        let Some(last) = (variable.positions.len() as u32).checked_sub(1).filter(|_| variable.is_array())
-        else {
+        if !variable.is_array() {
             return (first.to_string(), scalar.path.clone());
-        };
-        let (offset, last) = (format!("reference - {first}"), first + last * stride);
+        }
+        let last = variable.positions.last().map_or(first, |&last| self.value_reference(last));
+        let offset = format!("reference - {first}");
         let (guard, index) = match stride {
             1 => (String::new(), format!("({offset}) as usize")),
             _ => (format!(" if ({offset}) % {stride} == 0"), format!("(({offset}) / {stride}) as usize")),

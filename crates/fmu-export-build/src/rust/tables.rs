@@ -50,23 +50,7 @@ impl Generator<'_, '_> {
     /// The states' nominal values.
     pub(super) fn nominals(&self) -> String {
         let nominal = |state: &Variable<'_>| format!("{:?}", self.first(state).nominal.unwrap_or(1.0));
-        self.repeated("f64", self.in_place(Place::States).map(|state| (state, nominal(state))))
-    }
-
-    /// A table with an element for each scalar of some variables.
-    pub(super) fn repeated<'v>(
-        &self,
-        of: &str,
-        variables: impl Iterator<Item = (&'v Variable<'v>, String)>,
-    ) -> String {
-        let runs: Vec<_> = variables.map(|(variable, element)| (variable.positions.len(), element)).collect();
-        let elements: Vec<_> = runs.iter().map(|(_, element)| element.as_str()).collect();
-        let count: usize = runs.iter().map(|(length, _)| length).sum();
-        if count == runs.len() {
-            return format!("&[{}]", elements.join(", "));
-        }
-        let runs: Vec<_> = runs.iter().map(|(length, element)| format!("({length}, {element})")).collect();
-        format!("&::fmu_export::typed::repeated::<{of}, {count}>(&[{}])", runs.join(", "))
+        repeated("f64", self.in_place(Place::States).map(|state| (state, nominal(state))))
     }
 
     /// The state bounds beyond which the equations are invalid, if any.
@@ -145,8 +129,8 @@ impl Generator<'_, '_> {
         if runs.is_empty() {
             return String::new();
         }
-        let lines: String = runs.iter().map(|run| format!("        {},\n", run.text())).collect();
-        format!("    const {table}: &'static [fmi::Dependencies] = &[\n{lines}    ];\n")
+        let lines = runs.iter().map(|run| format!("        {},", run.text())).collect::<Vec<_>>().join("\n");
+        format!("    const {table}: &'static [fmi::Dependencies] = &[\n{lines}\n    ];\n")
     }
 
     /// The tables for the runtime.
@@ -218,6 +202,18 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             categories = categories.join(", "),
         )
     }
+}
+
+/// A table with an element for each scalar of some variables.
+pub(super) fn repeated<'v>(of: &str, variables: impl Iterator<Item = (&'v Variable<'v>, String)>) -> String {
+    let runs: Vec<_> = variables.map(|(variable, element)| (variable.positions.len(), element)).collect();
+    let elements: Vec<_> = runs.iter().map(|(_, element)| element.as_str()).collect();
+    let count: usize = runs.iter().map(|(length, _)| length).sum();
+    if count == runs.len() {
+        return format!("&[{}]", elements.join(", "));
+    }
+    let runs: Vec<_> = runs.iter().map(|(length, element)| format!("({length}, {element})")).collect();
+    format!("&::fmu_export::typed::repeated::<{of}, {count}>(&[{}])", runs.join(", "))
 }
 
 /// Unknowns at a fixed distance, each of which depends on the first one's knowns, at fixed distances.

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use fmu_export::description::ValueReference;
+use fmu_export::description::{ScalarVariable, ValueReference};
 use fmu_export::{
     Equations as _, Inputs as _, Integrated, Model as _, Simulation, Variables as _, check_dependencies,
 };
@@ -55,7 +55,7 @@ fn value_references_and_names_follow_by_rule() {
     );
     for (reference, name) in (0..).zip(&names) {
         let found = Variables::description(reference).expect("it is described").name();
-        assert!(found == *name && found.to_string() == *name, "{reference} is {found}, not {name}");
+        assert!(found == *name, "{reference} is {found}, not {name}");
         let text = format!(r#"<ScalarVariable name="{name}" valueReference="{reference}""#);
         assert!(Variables::MODEL_DESCRIPTION_XML.contains(&text), "{text}");
     }
@@ -120,10 +120,7 @@ fn states_and_inputs_are_numbered_by_rule() {
     for (state, name) in [(0, "x[1]"), (299, "x[300]"), (300, "grid[1,1]"), (305, "grid[2,3]"), (306, "last")]
     {
         assert_eq!(Variables::state_name(state), name);
-        assert_eq!(
-            Variables::description(reference(name)).and_then(|variable| variable.state()),
-            Some(state)
-        );
+        assert_eq!(Variables::description(reference(name)).and_then(ScalarVariable::state), Some(state));
     }
     let mut moved = variables.clone();
     Variables::set_states(&mut moved, |state| state as f64);
