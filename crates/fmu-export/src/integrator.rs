@@ -882,6 +882,25 @@ mod tests {
     }
 
     #[test]
+    fn a_jacobian_serves_steps_with_little_error() {
+        let (mut states, mut integrator) = (warm_end(), Integrator::new(CELLS));
+        let (mut exact, mut every) = (warm_end(), Integrator::new(CELLS));
+        let (mut rod, mut full) =
+            (Rod::<true>::joined_from(f64::MAX, 0.0), Rod::<false>::joined_from(f64::MAX, 0.0));
+        for step in 0..100 {
+            let (from, to) = (1e-5 * f64::from(step), 1e-5 * f64::from(step + 1));
+            conduct(&mut rod, &mut integrator, from, to, &mut states);
+            conduct(&mut full, &mut every, from, to, &mut exact);
+        }
+        let [jacobians, _, steps] = rod.counts;
+        assert!(steps >= 100 && jacobians * 10 <= steps, "{jacobians} Jacobians in {steps} steps");
+        for (found, exact) in states.iter().zip(exact) {
+            // Of a hundred steps with an error below a hundredth of the tolerance.
+            assert!((found - exact).abs() < 1e-6, "{found} instead of {exact}");
+        }
+    }
+
+    #[test]
     fn a_copy_and_a_serialized_state_go_on_to_the_same_bits() {
         fn check<S: System>(new: fn() -> S) {
             let (mut states, mut integrator) = (warm_end(), Integrator::new(CELLS));
