@@ -36,7 +36,7 @@ pub use pattern::Pattern;
 
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
-/// The most states whose linear equations are always dense.
+/// The most states whose linear equations are always dense: about where both take equally long for random networks.
 pub const MOST_DENSE: usize = 20;
 
 /// The safety factor on the length that would just meet the tolerance.

@@ -71,7 +71,7 @@ impl Jacobian {
                 pattern.check(size)?;
                 pattern.count(size)
             }
-            None => size * size,
+            None => size.saturating_mul(size),
         };
         if self.serves == 0 || self.elements.len() == count {
             Ok(())
