@@ -770,7 +770,9 @@ mod tests {
                 let [cells @ .., integral] = states else { return rates };
                 let mean =
                     cells.iter().fold(T::from(0.0), |sum, &cell| sum + cell) / T::from(cells.len() as f64);
-                rates.iter_mut().for_each(|rate| *rate -= *integral * self.gain);
+                for rate in &mut rates {
+                    *rate -= *integral * self.gain;
+                }
                 rates[cells.len()] = mean * self.gain;
             }
             rates
