@@ -150,6 +150,12 @@ fn an_element_that_is_not_finite_is_found() {
     assert_eq!(variables.first_non_finite(), Some(reference("der(x[299])")));
     variables.states.grid[1][0] = f64::NAN;
     assert_eq!(variables.first_non_finite(), Some(reference("grid[2,1]")));
+    for i in 0..300 {
+        let mut variables = Variables::default();
+        assert_eq!(variables.first_non_finite(), None);
+        variables.states.x[i] = f64::NAN;
+        assert_eq!(variables.first_non_finite(), Some(reference(&format!("x[{}]", i + 1))));
+    }
 }
 
 /// A saved state is restored without a new allocation.
