@@ -186,6 +186,18 @@ impl<'m, 'a> Page<'m, 'a> {
                 has.directional_derivatives,
                 &format!("exact partial derivatives{over_time}"),
             ),
+            (
+                is_fmi3,
+                "providesAdjointDerivatives",
+                has.adjoint_derivatives,
+                "exact derivatives with respect to all inputs and states in one call",
+            ),
+            (
+                is_fmi3,
+                "providesPerElementDependencies",
+                self.model.has_element_dependencies(),
+                "the dependencies of single array elements can be queried",
+            ),
         ];
         lines(rows.into_iter().filter(|(exists, ..)| *exists).map(|(_, name, has, meaning)| {
             let has = if has { "yes" } else { "no" };

@@ -20,7 +20,7 @@ pub struct RealInput {
 }
 
 /// The input variables of a model.
-pub trait Inputs: Clone + Persistent + Send + Sync + 'static {
+pub trait Inputs: Clone + PartialEq + Persistent + Send + Sync + 'static {
     /// The Real inputs, by position.
     const REALS: &'static [RealInput];
     /// The value of the Real input at a position.
@@ -129,13 +129,23 @@ impl<I: Inputs> InputSignal<I> {
     #[must_use]
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
+        self.move_to(offset, &mut inputs);
+        inputs
+    }
+
+    /// Likewise in place of other inputs.
+    pub(crate) fn set_at(&self, offset: f64, inputs: &mut I) {
+        inputs.clone_from(&self.bounded);
+        self.move_to(offset, inputs);
+    }
+
+    fn move_to(&self, offset: f64, inputs: &mut I) {
         if self.order > 0 {
             inputs.set_reals(|position| {
                 let real = &self.reals[position];
                 bound::<I>(position, real.set + real.rise(self.order, offset))
             });
         }
-        inputs
     }
 
     /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.

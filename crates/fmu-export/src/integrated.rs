@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
-use crate::integrator::{Integrator, StepFailure, System, Tolerance};
+use crate::integrator::{Directions, Integrator, MOST_DENSE, Pattern, StepFailure, System, Tolerance};
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
@@ -34,7 +34,7 @@ const TIME_TOLERANCE: f64 = 1e-9;
 ///
 /// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
 /// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Integrated<E: Equations> {
     /// The model of equations.
     pub equations: E,
@@ -47,8 +47,28 @@ pub struct Integrated<E: Equations> {
     /// The time in s between two points that are searched for events, where indicators change faster than states.
     look: f64,
     events: Events,
-    /// The states, as an array.
+    /// Memory for the states as an array, which does not belong to a clone.
     states: Vec<f64>,
+}
+
+impl<E: Equations> Clone for Integrated<E> {
+    fn clone(&self) -> Self {
+        Self {
+            equations: self.equations.clone(),
+            integrator: self.integrator.clone(),
+            events: self.events.clone(),
+            states: vec![],
+            ..*self
+        }
+    }
+
+    fn clone_from(&mut self, source: &Self) {
+        let Self { equations, integrator, time, elapsed, look, events, states: _ } = self;
+        equations.clone_from(&source.equations);
+        integrator.clone_from(&source.integrator);
+        (*time, *elapsed, *look) = (source.time, source.elapsed, source.look);
+        events.clone_from(&source.events);
+    }
 }
 
 impl<E: Equations> Default for Integrated<E> {
@@ -64,7 +84,7 @@ impl<E: Equations> Default for Integrated<E> {
                 "a model that advances itself handles its events within a step: leave out \"event_mode\" in the JSON"
             );
         }
-        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NAMES.len() };
+        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NOMINALS.len() };
         Self {
             equations: E::default(),
             integrator: Integrator::new(states),
@@ -72,7 +92,7 @@ impl<E: Equations> Default for Integrated<E> {
             elapsed: 0.0,
             look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
-            states: vec![0.0; states],
+            states: vec![],
         }
     }
 }
@@ -115,7 +135,7 @@ impl<E: Equations> Model for Integrated<E> {
                 return Err(Error::new(format!(
                     "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
                      \"start\" with \"initial\": \"exact\" in the JSON",
-                    variable.name
+                    variable.name()
                 )));
             }
         }
@@ -132,7 +152,7 @@ impl<E: Equations> Model for Integrated<E> {
             return self.equations.advance(variables, step, context);
         }
         let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
-        let mut states = mem::take(&mut self.states);
+        let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             let stops = Stops { events: EventsLeft::None, internal_steps: false };
             self.advance::<false>(variables, step, tolerance, &mut states, stops, context)
@@ -214,7 +234,7 @@ impl<E: Equations> Model for Integrated<E> {
                 self.equations.initialize::<Recorded<'_>>(variables);
             });
         // A start value acts directly and through its state.
-        let mut by_state = vec![0.0; E::Variables::STATE_NAMES.len()];
+        let mut by_state = vec![0.0; E::Variables::STATE_NOMINALS.len()];
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] = derivative);
         derivatives.states_from_start();
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] += derivative);
@@ -264,7 +284,7 @@ impl<E: Equations> EventMode for Integrated<E> {
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
-        let mut states = mem::take(&mut self.states);
+        let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             self.advance::<true>(variables, step, tolerance, &mut states, stops, context)
         });
@@ -281,9 +301,15 @@ impl<E: Equations> EventMode for Integrated<E> {
 }
 
 impl<E: Equations> Integrated<E> {
+    fn take_states(&mut self) -> Vec<f64> {
+        let mut states = mem::take(&mut self.states);
+        states.resize(E::Variables::STATE_NOMINALS.len(), 0.0);
+        states
+    }
+
     /// Computes everything at the start time.
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
-        *self = Self { time: context.experiment.start_time, ..Self::default() };
+        self.clone_from(&Self { time: context.experiment.start_time, ..Self::default() });
         self.equations.prepare(variables, context)?;
         self.equations.take_parameters(variables);
         variables.states_from_start();
@@ -420,8 +446,11 @@ impl<E: Equations> Integrated<E> {
                         .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
                     format!("{events} of them are events, which come ever faster, the last caused by {what}")
                 } else {
-                    let state = E::Variables::STATE_NAMES.get(self.integrator.decisive_state());
-                    let what = state.unwrap_or(&"an event indicator");
+                    let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                        "an event indicator".to_owned()
+                    } else {
+                        E::Variables::state_name(self.integrator.decisive_state())
+                    };
                     format!(
                         "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
                     )
@@ -503,7 +532,7 @@ impl<E: Equations> Integrated<E> {
             "the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
              {tolerance:?}, or its derivative is not finite",
             Shown(self.time),
-            E::Variables::STATE_NAMES[failure.state]
+            E::Variables::state_name(failure.state)
         ))
     }
 }
@@ -514,6 +543,12 @@ fn with_inputs<V: Variables, R>(
     inputs: &V::Inputs,
     compute: impl FnOnce(&mut V) -> R,
 ) -> R {
+    // As set, they are within their bounds: nothing to keep, so that large arrays are not copied to new memory.
+    if variables.inputs() == inputs {
+        let result = compute(variables);
+        variables.inputs_mut().clone_from(inputs);
+        return result;
+    }
     let set = mem::replace(variables.inputs_mut(), inputs.clone());
     let result = compute(variables);
     *variables.inputs_mut() = set;
@@ -547,9 +582,10 @@ impl<E: Equations> Trajectory for Solution<'_, E> {
         let Self { model, variables, step, states } = self;
         model.elapsed = elapsed;
         model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-        model.integrator.states_at(elapsed, states);
-        Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start }
-            .evaluate(elapsed, states);
+        let mut system =
+            Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start };
+        model.integrator.states_at(&mut system, elapsed, states);
+        system.evaluate(elapsed, states);
         model.find_changes(variables)
     }
 }
@@ -566,7 +602,7 @@ struct Equated<'a, E: Equations> {
 impl<E: Equations> Equated<'_, E> {
     fn set(&mut self, elapsed: f64, states: &[f64]) {
         if !self.inputs.is_constant() {
-            *self.variables.inputs_mut() = self.inputs.at(elapsed);
+            self.inputs.set_at(elapsed, self.variables.inputs_mut());
         }
         E::Variables::set_states(self.variables, |state| states[state]);
     }
@@ -575,9 +611,29 @@ impl<E: Equations> Equated<'_, E> {
         self.set(elapsed, states);
         evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
+
+    /// Records an evaluation on an empty tape. Returns the states on it, the first numbers there, and their derivatives.
+    fn record<'t>(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        tape: &'t Tape,
+    ) -> (Vec<Recorded<'t>>, Vec<Recorded<'t>>) {
+        self.set(elapsed, states);
+        let constant = |value: f64, _| Recorded::from(value);
+        let mut recorded = self.variables.combined(self.variables, constant);
+        let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+        E::Variables::set_states(&mut recorded, |state| states[state]);
+        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
+        let mut rates = states.clone();
+        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
+        (states, rates)
+    }
 }
 
 impl<E: Equations> System for Equated<'_, E> {
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
+
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
         self.set(elapsed, states);
         if self.variables.first_beyond().is_some() {
@@ -588,19 +644,26 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
-    fn linearize(&mut self, elapsed: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+    fn linearize(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    ) {
         self.set(elapsed, states);
         let time = self.start + elapsed;
-        let size = states.len();
         let constant = |value: f64, _| Dual::from(value);
         let mut duals = self.variables.combined(self.variables, constant);
-        for column in 0..size {
+        let count = directions.count();
+        for direction in 0..count {
             E::Variables::set_states(&mut duals, |state| {
-                Dual::new(states[state], if state == column { 1.0 } else { 0.0 })
+                Dual::new(states[state], directions.component(direction, state))
             });
             evaluate(self.equations, Dual::from(time), &mut duals);
             E::Variables::each_derivative(&duals, |row, rate: Dual| {
-                jacobian[row * size + column] = rate.derivative;
+                products[row * count + direction] = rate.derivative;
             });
         }
         if !self.inputs.is_constant() {
@@ -611,5 +674,30 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
         evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
         E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+    }
+
+    fn gradients(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        rows: &[usize],
+        mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let mut tape = Tape::new();
+        tape.clear();
+        let (states, rates) = self.record(elapsed, states, &tape);
+        for &row in rows {
+            tape.differentiate(rates[row]);
+            take(row, &|column| tape.derivative(states[column]));
+        }
+    }
+
+    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
+        let (size, mut tape, mut reached) = (states.len(), Tape::new(), vec![]);
+        tape.clear();
+        let (_, rates) = self.record(elapsed, states, &tape);
+        Pattern::of_rows(size, |row, columns| {
+            tape.add_dependencies(rates[row], row, size, &mut reached, columns);
+        })
     }
 }

@@ -1,143 +1,49 @@
-//! The built-in integrator of models of equations: `Rodas5P`, a linearly implicit (Rosenbrock) method of fifth order
-//! with an embedded method of fourth order and dense output of fourth order, eight stages per step (Steinebach,
-//! Construction of Rosenbrock-Wanner method `Rodas5P` and numerical benchmarks within the Julia Differential Equations
-//! package, BIT Numerical Mathematics 63, 2023).
+//! The built-in integrator of models of equations: linearly implicit (Rosenbrock) [methods](Method), of which models use
+//! `Rodas5P` unless they choose another.
 //!
-//! It is L-stable and so suits stiff systems: it damps modes that are much faster than a step instead of following
-//! them. Its order, high enough for non-stiff systems, rests on exact Jacobians, from dual numbers. As a one-step
-//! method it restarts cheaply after an event, and remembers only the length of its next step.
+//! They are L-stable and so suit stiff systems: they damp modes that are much faster than a step instead of following
+//! them. As one-step methods they restart cheaply after an event, and remember only the length of the next step and,
+//! where it serves several steps, the Jacobian.
 //!
-//! Only [`Integrator::new`] allocates.
+//! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
+//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A
+//! product with one more direction checks the pattern whenever the Jacobian is renewed, so that an element that another
+//! branch of the equations adds is not missed. A Jacobian serves steps with little error, or any with a method that
+//! allows it.
+//!
+//! Memory for a step is allocated in the first one, where the pattern changes, and for the long rows. It does not belong
+//! to a clone.
 //!
 //! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
 //! state needs.
 
-use crate::linear;
-use crate::persistence::Persistent;
+mod dense;
+mod jacobian;
+mod method;
+mod pattern;
+mod sparse;
 
-const STAGES: usize = 8;
+use core::mem;
 
-/// γ of the method.
-const GAMMA: f64 = 0.211_937_563_194_290_14;
+use crate::error::Error;
+use crate::persistence::{Archive, Persistent};
 
-/// The weights of the stages in the states at which each stage is evaluated; later ones are those of the sixth, and 1.
-const A: [&[f64]; STAGES] = [
-    &[],
-    &[3.0],
-    &[2.849_394_379_747_939, 0.458_422_422_044_639_23],
-    &[-6.954_028_509_809_101, 2.489_845_061_869_568, -10.358_996_098_473_584],
-    &[2.802_998_627_562_896_4, 0.507_246_473_622_820_6, -0.398_831_254_177_052_4, -0.047_211_872_304_046_41],
-    &SIXTH,
-    &[SIXTH[0], SIXTH[1], SIXTH[2], SIXTH[3], SIXTH[4], 1.0],
-    &[SIXTH[0], SIXTH[1], SIXTH[2], SIXTH[3], SIXTH[4], 1.0, 1.0],
-];
-const SIXTH: [f64; 5] = [
-    -7.502_846_399_306_121,
-    2.561_846_144_803_919,
-    -11.627_539_656_261_098,
-    -0.182_687_676_599_422_56,
-    0.030_198_172_008_377_946,
-];
+pub use jacobian::Directions;
+use jacobian::{Jacobian, Matrix};
+pub use method::{Method, RODAS5P, ROS34PW2};
+pub use pattern::Pattern;
 
-/// The weights of the stages, divided by the step, on the right-hand side of each stage.
-const C: [&[f64]; STAGES] = [
-    &[],
-    &[-14.155_112_264_123_755],
-    &[-17.972_960_358_859_52, -2.859_693_295_451_294],
-    &[147.121_502_757_117_16, -1.412_214_027_182_13, 71.689_402_513_023_58],
-    &[165.435_170_248_716_76, -0.459_282_345_649_112_6, 42.909_383_369_586_03, -5.961_986_721_573_306],
-    &[
-        24.854_864_614_690_072,
-        -3.000_922_700_283_218_6,
-        47.493_111_002_076_8,
-        5.581_419_782_155_812_5,
-        -0.661_069_182_524_947_1,
-    ],
-    &[
-        30.912_732_140_285_99,
-        -3.120_824_334_993_797_4,
-        77.799_546_460_708_92,
-        34.286_460_282_947_83,
-        -19.097_331_116_725_623,
-        -28.087_943_162_872_662,
-    ],
-    &[
-        37.802_771_233_905_63,
-        -3.257_196_902_907_227_6,
-        112.269_188_494_963_27,
-        66.934_723_124_404_7,
-        -40.066_189_370_910_02,
-        -54.667_802_628_779_68,
-        -9.488_616_523_096_27,
-    ],
-];
-
-/// The time of each stage within the step, relative to it.
-const TIMES: [f64; STAGES] = [
-    0.0,
-    0.635_812_689_582_870_4,
-    0.409_579_839_339_753_5,
-    0.976_930_672_506_071_6,
-    0.428_840_360_955_866_4,
-    1.0,
-    1.0,
-    1.0,
-];
-
-/// The weight of the derivative with respect to time in each stage, times the step.
-const TIME_DERIVATIVE: [f64; STAGES] = [
-    GAMMA,
-    -0.423_875_126_388_580_27,
-    -0.338_462_712_623_592_4,
-    1.804_645_287_288_273_4,
-    2.325_825_639_765_069,
-    0.0,
-    0.0,
-    0.0,
-];
-
-/// The weights of the stages in the polynomials of the dense output.
-const DENSE: [[f64; STAGES]; 3] = [
-    [
-        25.948_786_856_663_858,
-        -2.557_972_484_584_623_5,
-        10.433_815_404_888_879,
-        -2.367_925_102_268_520_4,
-        0.524_948_541_321_073,
-        1.124_108_831_045_040_4,
-        0.427_287_619_443_187_4,
-        -0.172_022_210_701_554_93,
-    ],
-    [
-        -9.915_688_506_951_71,
-        -0.968_994_459_411_515_4,
-        3.043_803_724_297_845_3,
-        -24.495_224_566_215_796,
-        20.176_138_334_709_044,
-        15.980_663_614_246_51,
-        -6.789_040_303_419_874,
-        -6.710_236_069_923_372,
-    ],
-    [
-        11.419_903_575_922_262,
-        2.887_964_514_613_699_4,
-        72.921_379_959_960_29,
-        80.125_118_346_226_43,
-        -52.072_871_366_152_654,
-        -59.789_936_252_667_29,
-        -0.155_826_842_827_519_13,
-        4.883_087_185_713_722,
-    ],
-];
+/// The most stages of a method.
+const MOST_STAGES: usize = 8;
+/// The most states whose linear equations are always dense: about where both take equally long for random networks.
+pub const MOST_DENSE: usize = 20;
 
 /// The safety factor on the length that would just meet the tolerance.
 const SAFETY: f64 = 0.9;
 /// The largest growth of the step length from one step to the next, and the largest reduction.
 const GROWTH: f64 = 6.0;
 const REDUCTION: f64 = 0.2;
-/// The order of the error estimate: the slope of its logarithm over that of the step.
-const ESTIMATE_ORDER: f64 = 5.0;
 /// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
 /// The shortest step, in roundings of the time.
@@ -145,10 +51,37 @@ const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
 
 /// A system dx/dt = f(t, x).
 pub trait System {
+    /// How it is integrated.
+    const METHOD: &'static Method = &RODAS5P;
+    /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
+    const MAY_BE_SPARSE: bool = false;
+
     /// Computes the derivatives of the states.
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
-    /// Computes their partial derivatives with respect to each state, by rows, and to time.
-    fn linearize(&mut self, time: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]);
+    /// Computes their derivatives along directions of the states, by rows, and with respect to time.
+    fn linearize(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    );
+    /// Computes rows of the Jacobian, each as a function of the column, for a system that gives a pattern.
+    fn gradients(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        rows: &[usize],
+        take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let _ = (time, states, rows, take);
+    }
+    /// Where the Jacobian has elements at this time and these states; full if unknown.
+    fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
+        let _ = (time, states);
+        Pattern::full()
+    }
 }
 
 /// Even the shortest step misses the tolerance.
@@ -159,35 +92,34 @@ pub struct StepFailure {
 }
 
 /// The integrator with its last step.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Integrator {
+    size: usize,
     /// The length of the next step in s; 0 if still to be estimated.
     next: f64,
-    /// The start of the last step in s, and its length.
-    begin: f64,
-    length: f64,
-    /// The states there, and at the end of the step.
-    from: Vec<f64>,
-    to: Vec<f64>,
-    /// The derivatives at its start; f of a stage otherwise.
-    slopes: Vec<f64>,
-    by_time: Vec<f64>,
-    jacobian: Vec<f64>,
-    factors: Vec<f64>,
-    pivots: Vec<usize>,
-    stages: [Vec<f64>; STAGES],
-    moved: Vec<f64>,
-    /// The polynomials of the dense output, once they are asked for.
-    dense: Vec<[f64; DENSE.len()]>,
-    has_dense: bool,
-    /// The position of the state with the largest error in the last trial.
-    decisive: usize,
+    jacobian: Jacobian,
+    /// Memory for a step, and the last one. A clone has none, as it is between steps.
+    work: Option<Box<Work>>,
 }
 
-/// Excludes the last step: a saved instance is between steps.
+impl Clone for Integrator {
+    fn clone(&self) -> Self {
+        Self { size: self.size, next: self.next, jacobian: self.jacobian.clone(), work: None }
+    }
+
+    fn clone_from(&mut self, source: &Self) {
+        *self = Self { work: self.work.take(), ..source.clone() };
+        if let Some(work) = &mut self.work {
+            work.matrix.forget();
+        }
+    }
+}
+
 impl Persistent for Integrator {
-    fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), crate::Error> {
-        self.next.persist(archive)
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        self.next.persist(archive)?;
+        self.jacobian.persist(archive)?;
+        self.jacobian.check(self.size)
     }
 }
 
@@ -195,29 +127,13 @@ impl Integrator {
     /// An integrator for this many states.
     #[must_use]
     pub fn new(size: usize) -> Self {
-        let vector = || vec![0.0; size];
-        Self {
-            next: 0.0,
-            begin: 0.0,
-            length: 0.0,
-            from: vector(),
-            to: vector(),
-            slopes: vector(),
-            by_time: vector(),
-            jacobian: vec![0.0; size * size],
-            factors: vec![0.0; size * size],
-            pivots: vec![0; size],
-            stages: core::array::from_fn(|_| vector()),
-            moved: vector(),
-            dense: vec![[0.0; DENSE.len()]; size],
-            has_dense: false,
-            decisive: 0,
-        }
+        Self { size, next: 0.0, jacobian: Jacobian::default(), work: None }
     }
 
     /// Re-estimates the length of the next step, as after a jump.
     pub fn restart(&mut self) {
         self.next = 0.0;
+        self.jacobian.discard();
     }
 
     /// Takes a step from `states`, not beyond an end, shortened until its error meets the relative tolerance. Returns
@@ -225,31 +141,33 @@ impl Integrator {
     ///
     /// # Errors
     /// When even the shortest step misses the tolerance.
-    pub fn step(
+    pub fn step<S: System>(
         &mut self,
-        system: &mut impl System,
+        system: &mut S,
         (time, end): (f64, f64),
         states: &[f64],
         tolerance: &Tolerance<'_>,
         trials: &mut u32,
     ) -> Result<f64, StepFailure> {
-        self.from.copy_from_slice(states);
-        self.begin = time;
-        system.derivatives(time, states, &mut self.slopes);
-        system.linearize(time, states, &mut self.jacobian, &mut self.by_time);
+        let Self { size, next, jacobian, work } = self;
+        let work = work.get_or_insert_with(|| Box::new(Work::new(*size, S::METHOD)));
+        work.from.copy_from_slice(states);
+        work.begin = time;
+        system.derivatives(time, states, &mut work.slopes);
+        work.linearize(system, jacobian);
         let left = end - time;
-        if self.next <= 0.0 {
-            self.next = self.first_step(tolerance);
+        if *next <= 0.0 {
+            *next = work.first_step(tolerance);
         }
         let mut rejected = false;
         loop {
             *trials += 1;
             // The longest that reaches the end in equal steps.
-            let length = left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0);
-            let error = self.trial(system, length, tolerance);
-            self.decisive = error.state;
+            let length = left / (left / (*next * (1.0 + ROUNDING))).ceil().max(1.0);
+            let error = work.trial(system, jacobian, length, tolerance);
+            work.decisive = error.state;
             let by_error = if error.largest > 0.0 {
-                SAFETY * error.largest.powf(-ESTIMATE_ORDER.recip())
+                SAFETY * error.largest.powf(-S::METHOD.estimate_order.recip())
             } else {
                 GROWTH
             };
@@ -257,15 +175,20 @@ impl Integrator {
                 let most = if rejected { 1.0 } else { GROWTH };
                 let allowed = length * by_error.clamp(REDUCTION, most);
                 // A step cut short by the end, with hardly any error, says little about longer ones.
-                self.next = if by_error >= most { allowed.max(self.next) } else { allowed };
-                self.length = length;
-                self.has_dense = false;
+                *next = if by_error >= most { allowed.max(*next) } else { allowed };
+                work.length = length;
+                work.has_dense = false;
+                jacobian.count_step::<S>(error.largest);
                 return Ok(if length >= left { end } else { time + length });
             }
             rejected = true;
-            self.next = length * by_error.clamp(REDUCTION, 1.0);
-            if self.next <= SHORTEST_STEP * time.abs().max(end.abs()) || self.next < f64::MIN_POSITIVE {
+            *next = length * by_error.clamp(REDUCTION, 1.0);
+            if *next <= SHORTEST_STEP * time.abs().max(end.abs()) || *next < f64::MIN_POSITIVE {
                 return Err(StepFailure { state: error.state });
+            }
+            if !jacobian.is_fresh() {
+                jacobian.discard();
+                work.linearize(system, jacobian);
             }
         }
     }
@@ -273,27 +196,88 @@ impl Integrator {
     /// The position of the state whose error determined the length of the last trial.
     #[must_use]
     pub(crate) fn decisive_state(&self) -> usize {
-        self.decisive
+        self.work.as_ref().map_or(0, |work| work.decisive)
     }
 
     /// The states at a time in the last step.
-    pub fn states_at(&mut self, time: f64, states: &mut [f64]) {
+    pub fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
+        if let Some(work) = &mut self.work {
+            work.states_at(system, time, states);
+        }
+    }
+}
+
+/// Memory for a step.
+#[derive(Debug)]
+struct Work {
+    /// The start of the last step in s, and its length.
+    begin: f64,
+    length: f64,
+    /// The states there, and at the end of the step.
+    from: Vec<f64>,
+    to: Vec<f64>,
+    /// The derivatives at its start.
+    slopes: Vec<f64>,
+    by_time: Vec<f64>,
+    matrix: Matrix,
+    stages: [Vec<f64>; MOST_STAGES],
+    moved: Vec<f64>,
+    /// The polynomials of the dense output, once they are asked for.
+    dense: Vec<[f64; 3]>,
+    has_dense: bool,
+    /// The position of the state with the largest error in the last trial.
+    decisive: usize,
+}
+
+impl Work {
+    fn new(size: usize, method: &Method) -> Self {
+        let vector = || vec![0.0; size];
+        Self {
+            begin: 0.0,
+            length: 0.0,
+            from: vector(),
+            to: vector(),
+            slopes: vector(),
+            by_time: vector(),
+            matrix: Matrix::new(),
+            stages: core::array::from_fn(|stage| if stage < method.stages.len() { vector() } else { vec![] }),
+            moved: vector(),
+            dense: vec![[0.0; 3]; size],
+            has_dense: false,
+            decisive: 0,
+        }
+    }
+
+    fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
         let share = (time - self.begin) / self.length;
         if share >= 1.0 {
             return states.copy_from_slice(&self.to);
         }
-        if !self.has_dense {
-            for (i, dense) in self.dense.iter_mut().enumerate() {
-                *dense = DENSE.map(|weights| {
-                    weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
-                });
-            }
-            self.has_dense = true;
+        if !mem::replace(&mut self.has_dense, true) {
+            self.find_dense(system);
         }
         let ends = self.from.iter().zip(&self.to);
         for ((state, [first, second, third]), (from, to)) in states.iter_mut().zip(&self.dense).zip(ends) {
             let bulge = first + share * (second + share * third);
             *state = (1.0 - share) * from + share * (to + (1.0 - share) * bulge);
+        }
+    }
+
+    /// Computes the polynomials of the dense output.
+    fn find_dense<S: System>(&mut self, system: &mut S) {
+        if let [first, second, third] = S::METHOD.dense {
+            for (i, dense) in self.dense.iter_mut().enumerate() {
+                *dense = [first, second, third].map(|weights| {
+                    weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
+                });
+            }
+            return;
+        }
+        system.derivatives(self.begin + self.length, &self.to, &mut self.moved);
+        for (i, dense) in self.dense.iter_mut().enumerate() {
+            let rise = self.to[i] - self.from[i];
+            let (begin, end) = (self.length * self.slopes[i], self.length * self.moved[i]);
+            *dense = [begin - rise, 2.0 * rise - begin - end, 0.0];
         }
     }
 
@@ -311,31 +295,63 @@ impl Integrator {
         if length > 0.0 { length } else { f64::INFINITY }
     }
 
+    /// Renews the Jacobian, unless it still serves, and the derivatives with respect to time.
+    fn linearize<S: System>(&mut self, system: &mut S, jacobian: &mut Jacobian) {
+        let Self { begin, from, by_time, matrix, .. } = self;
+        if jacobian.serves() {
+            jacobian.keep(matrix, system, (*begin, from), by_time);
+        } else {
+            matrix.forget();
+            jacobian.renew(matrix, system, (*begin, from), by_time);
+        }
+    }
+
     /// Computes `stages` and `to` for a step length.
-    fn trial(&mut self, system: &mut impl System, length: f64, tolerance: &Tolerance<'_>) -> LargestError {
+    fn trial<S: System>(
+        &mut self,
+        system: &mut S,
+        jacobian: &mut Jacobian,
+        length: f64,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
         let size = self.from.len();
-        let diagonal = (length * GAMMA).recip();
-        for (factor, element) in self.factors.iter_mut().zip(&self.jacobian) {
-            *factor = -element;
+        if !self.matrix.factor::<S>(jacobian, length, size) {
+            return LargestError { largest: f64::INFINITY, state: jacobian.first_not_finite(size) };
         }
-        for i in 0..size {
-            self.factors[i * size + i] += diagonal;
-        }
-        if !linear::factor(&mut self.factors, &mut self.pivots) {
-            return LargestError { largest: f64::INFINITY, state: self.first_not_linear() };
-        }
-        for stage in 0..STAGES {
+        for stage in 0..const { S::METHOD.stages.len() } {
             let (known, rest) = self.stages.split_at_mut(stage);
             let solution = &mut rest[0];
-            for i in 0..size {
-                let weighted = |weights: &[f64]| {
-                    weights.iter().zip(&*known).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
-                };
-                self.moved[i] = self.from[i] + weighted(A[stage]);
-                solution[i] = weighted(C[stage]) / length + length * TIME_DERIVATIVE[stage] * self.by_time[i];
+            let weights = S::METHOD.states[stage].iter().zip(S::METHOD.stages[stage]);
+            let by_time = length * S::METHOD.by_time[stage];
+            if S::MAY_BE_SPARSE {
+                // Stage by stage, which is fast for long vectors.
+                self.moved.fill(-0.0);
+                solution.fill(-0.0);
+                for ((a, c), known) in weights.zip(&*known) {
+                    let sums = self.moved.iter_mut().zip(&mut *solution).zip(known);
+                    for ((moved, right), known) in sums {
+                        *moved += a * known;
+                        *right += c * known;
+                    }
+                }
+                let sums = self.moved.iter_mut().zip(solution.iter_mut());
+                for ((moved, right), (from, slope)) in sums.zip(self.from.iter().zip(&self.by_time)) {
+                    *moved += from;
+                    *right = *right / length + by_time * slope;
+                }
+            } else {
+                for i in 0..size {
+                    let (mut moved, mut right) = (-0.0, -0.0);
+                    for ((a, c), known) in weights.clone().zip(&*known) {
+                        moved += a * known[i];
+                        right += c * known[i];
+                    }
+                    self.moved[i] = self.from[i] + moved;
+                    solution[i] = right / length + by_time * self.by_time[i];
+                }
             }
             if stage > 0 {
-                system.derivatives(self.begin + TIMES[stage] * length, &self.moved, &mut self.to);
+                system.derivatives(self.begin + S::METHOD.times[stage] * length, &self.moved, &mut self.to);
             }
             let slopes = if stage > 0 { &self.to } else { &self.slopes };
             if let Some(state) = slopes.iter().position(|slope| !slope.is_finite()) {
@@ -344,13 +360,17 @@ impl Integrator {
             for (solution, slope) in solution.iter_mut().zip(slopes) {
                 *solution += slope;
             }
-            linear::solve(&self.factors, &self.pivots, solution);
+            self.matrix.solve::<S>(solution);
         }
-        // The last stage is the difference from the embedded method.
-        let last = &self.stages[STAGES - 1];
+        let stages = &self.stages[..const { S::METHOD.stages.len() }];
+        let (weighted, last) = (&stages[stages.len() - S::METHOD.error.len()..], &stages[stages.len() - 1]);
         let mut largest = LargestError { largest: 0.0, state: 0 };
-        for (state, (to, (moved, error))) in self.to.iter_mut().zip(self.moved.iter().zip(last)).enumerate() {
-            *to = moved + error;
+        for (state, (to, (moved, last))) in self.to.iter_mut().zip(self.moved.iter().zip(last)).enumerate() {
+            *to = moved + last;
+            let error = match S::METHOD.error {
+                [1.0] => *last,
+                weights => weights.iter().zip(weighted).map(|(weight, stage)| weight * stage[state]).sum(),
+            };
             let scale = tolerance.scale(state, self.from[state].abs().max(to.abs()));
             let error = (error / scale).abs();
             if !to.is_finite() || error.is_nan() {
@@ -361,12 +381,6 @@ impl Integrator {
             }
         }
         largest
-    }
-
-    /// The first state whose derivative has no finite linearization.
-    fn first_not_linear(&self) -> usize {
-        let mut rows = self.jacobian.chunks_exact(self.from.len());
-        rows.position(|row| row.iter().any(|element| !element.is_finite())).unwrap_or(0)
     }
 }
 
@@ -395,6 +409,20 @@ struct LargestError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::number::{Dual, Number};
+    use crate::tape::Tape;
+
+    /// Sets products with a Jacobian given by its rows.
+    fn set(directions: &impl Directions, products: &mut [f64], rows: &[f64]) {
+        let count = directions.count();
+        for (row, elements) in rows.chunks_exact(rows.len().isqrt()).enumerate() {
+            for direction in 0..count {
+                let terms =
+                    elements.iter().enumerate().map(|(state, x)| x * directions.component(direction, state));
+                products[row * count + direction] = terms.sum();
+            }
+        }
+    }
 
     /// x' = x·cos t, y' = −y², from 1 at t = 1.
     struct Nonlinear;
@@ -405,8 +433,15 @@ mod tests {
             derivatives[1] = -states[1] * states[1];
         }
 
-        fn linearize(&mut self, time: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-            jacobian.copy_from_slice(&[time.cos(), 0.0, 0.0, -2.0 * states[1]]);
+        fn linearize(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            directions: &impl Directions,
+            products: &mut [f64],
+            by_time: &mut [f64],
+        ) {
+            set(directions, products, &[time.cos(), 0.0, 0.0, -2.0 * states[1]]);
             by_time.copy_from_slice(&[-states[0] * time.sin(), 0.0]);
         }
     }
@@ -415,16 +450,57 @@ mod tests {
         [(time.sin() - 1.0_f64.sin()).exp(), time.recip()]
     }
 
+    /// The same by `ROS34PW2`.
+    struct Kept<S>(S);
+
+    impl<S: System> System for Kept<S> {
+        const METHOD: &'static Method = &ROS34PW2;
+        const MAY_BE_SPARSE: bool = S::MAY_BE_SPARSE;
+
+        fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
+            self.0.derivatives(time, states, derivatives);
+        }
+
+        fn linearize(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            directions: &impl Directions,
+            products: &mut [f64],
+            by_time: &mut [f64],
+        ) {
+            self.0.linearize(time, states, directions, products, by_time);
+        }
+
+        fn gradients(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            rows: &[usize],
+            take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+        ) {
+            self.0.gradients(time, states, rows, take);
+        }
+
+        fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
+            self.0.pattern(time, states)
+        }
+    }
+
     /// The errors of one step from 1: at its end, the estimate there, and at its middle.
-    fn errors(length: f64) -> [[f64; 2]; 3] {
+    fn errors<S: System>(mut system: S, length: f64) -> [[f64; 2]; 3] {
         let mut integrator = Integrator::new(2);
         integrator.next = length;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
-        integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
-        let estimate = [integrator.stages[STAGES - 1][0], integrator.stages[STAGES - 1][1]];
+        integrator.step(&mut system, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
+        let stages = &integrator.work.as_ref().unwrap().stages;
+        let estimate = [0, 1].map(|state| {
+            let last = stages[..S::METHOD.stages.len()].iter().rev().zip(S::METHOD.error.iter().rev());
+            last.map(|(stage, weight)| weight * stage[state]).sum::<f64>()
+        });
         let mut error_at = |time: f64| {
             let mut states = [0.0; 2];
-            integrator.states_at(time, &mut states);
+            integrator.states_at(&mut system, time, &mut states);
             [states[0] - exact(time)[0], states[1] - exact(time)[1]]
         };
         [error_at(1.0 + length), estimate, error_at(1.0 + 0.5 * length)]
@@ -434,12 +510,28 @@ mod tests {
     fn errors_fall_with_their_orders() {
         // The error of one step of a method of order p falls at least with the power p + 1: a wrong coefficient loses
         // a whole power. Half a power is for terms of higher order.
-        for ((long, short), power) in errors(0.05).into_iter().zip(errors(0.025)).zip([6.0, 5.0, 5.0]) {
-            for (long, short) in long.iter().zip(short) {
-                let found = (long / short).abs().log2();
-                assert!(found > power - 0.5, "the error falls with the power {found}, not {power}");
+        fn check<S: System>(system: fn() -> S, powers: [f64; 3]) {
+            let (long, short) = (errors(system(), 0.05), errors(system(), 0.025));
+            for ((long, short), power) in long.into_iter().zip(short).zip(powers) {
+                for (long, short) in long.iter().zip(short) {
+                    let found = (long / short).abs().log2();
+                    assert!(found > power - 0.5, "the error falls with the power {found}, not {power}");
+                }
             }
         }
+        check(|| Nonlinear, [6.0, 5.0, 5.0]);
+        check(|| Kept(Nonlinear), [4.0, 3.0, 4.0]);
+    }
+
+    /// Another trial of the last step, of another length.
+    fn trial<S: System>(
+        integrator: &mut Integrator,
+        system: &mut S,
+        length: f64,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let Integrator { work, jacobian, .. } = integrator;
+        work.as_mut().unwrap().trial(system, jacobian, length, tolerance)
     }
 
     /// Takes a step from t = 1 with an initial length and a distant end. Returns the number of trials.
@@ -457,7 +549,7 @@ mod tests {
         assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
         let proposed = integrator.next;
         // Its error is the fifth power of the safety factor, up to terms of higher order.
-        let error = integrator.trial(&mut Nonlinear, proposed, &tolerance).largest;
+        let error = trial(&mut integrator, &mut Nonlinear, proposed, &tolerance).largest;
         assert!(error > 0.4 && error < 0.8, "{error}");
         // The error of a step half as long again is about 4 tolerances: it is rejected.
         assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
@@ -472,8 +564,16 @@ mod tests {
                 derivatives[0] = if time <= 1.0 { 1.0 } else { f64::NAN };
             }
 
-            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-                (jacobian[0], by_time[0]) = (0.0, 0.0);
+            fn linearize(
+                &mut self,
+                _time: f64,
+                _states: &[f64],
+                directions: &impl Directions,
+                products: &mut [f64],
+                by_time: &mut [f64],
+            ) {
+                set(directions, products, &[0.0]);
+                by_time[0] = 0.0;
             }
         }
         let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0] };
@@ -532,8 +632,15 @@ mod tests {
             derivatives.copy_from_slice(&[1000.0, time.cos()]);
         }
 
-        fn linearize(&mut self, time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-            jacobian.fill(0.0);
+        fn linearize(
+            &mut self,
+            time: f64,
+            _states: &[f64],
+            directions: &impl Directions,
+            products: &mut [f64],
+            by_time: &mut [f64],
+        ) {
+            set(directions, products, &[0.0; 4]);
             by_time.copy_from_slice(&[0.0, -time.sin()]);
         }
     }
@@ -545,8 +652,8 @@ mod tests {
         integrator.next = 0.5;
         for (from, larger) in [(0.0, 0.5_f64.sin()), (2.0, 2.0 + 0.5_f64.sin()), (-2.0, 2.0)] {
             integrator.step(&mut Rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
-            let error = integrator.trial(&mut Rising, 0.5, &tolerance);
-            let expected = integrator.stages[STAGES - 1][1].abs() / (1e-3 * (larger + 0.25));
+            let error = trial(&mut integrator, &mut Rising, 0.5, &tolerance);
+            let expected = integrator.work.as_ref().unwrap().stages[7][1].abs() / (1e-3 * (larger + 0.25));
             assert_eq!(error.state, 1);
             // The error of the step is far less than a thousandth.
             assert!((error.largest / expected - 1.0).abs() < 1e-3, "{} instead of {expected}", error.largest);
@@ -561,8 +668,15 @@ mod tests {
                 derivatives.fill(1.0);
             }
 
-            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-                jacobian.copy_from_slice(&[0.0, 0.0, 0.0, f64::NAN]);
+            fn linearize(
+                &mut self,
+                _time: f64,
+                _states: &[f64],
+                directions: &impl Directions,
+                products: &mut [f64],
+                by_time: &mut [f64],
+            ) {
+                set(directions, products, &[0.0, 0.0, 0.0, f64::NAN]);
                 by_time.fill(0.0);
             }
         }
@@ -581,10 +695,10 @@ mod tests {
         for eighth in 1..8 {
             let time = 1.0 + f64::from(eighth) / 8.0 * length;
             let mut states = [0.0; 2];
-            integrator.states_at(time, &mut states);
+            integrator.states_at(&mut Nonlinear, time, &mut states);
             for (i, (state, exact)) in states.iter().zip(exact(time)).enumerate() {
                 // The largest is a third.
-                let error = ((state - exact) / integrator.stages[STAGES - 1][i]).abs();
+                let error = ((state - exact) / integrator.work.as_ref().unwrap().stages[7][i]).abs();
                 assert!(error < 0.5, "after {eighth} eighths, {error} of the error estimated for the end");
             }
         }
@@ -598,8 +712,16 @@ mod tests {
                 derivatives[0] = -1e6 * states[0];
             }
 
-            fn linearize(&mut self, _time: f64, _states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
-                (jacobian[0], by_time[0]) = (-1e6, 0.0);
+            fn linearize(
+                &mut self,
+                _time: f64,
+                _states: &[f64],
+                directions: &impl Directions,
+                products: &mut [f64],
+                by_time: &mut [f64],
+            ) {
+                set(directions, products, &[-1e6]);
+                by_time[0] = 0.0;
             }
         }
         let mut integrator = Integrator::new(1);
@@ -607,6 +729,258 @@ mod tests {
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0] };
         integrator.step(&mut Stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
         // An L-stable method with a few stages leaves a multiple of 1e-6; an explicit one would have 1e48.
-        assert!(integrator.to[0].abs() < 1e-4, "{}", integrator.to[0]);
+        assert!(
+            integrator.work.as_ref().unwrap().to[0].abs() < 1e-4,
+            "{}",
+            integrator.work.as_ref().unwrap().to[0]
+        );
+    }
+
+    /// Conduction along a rod, whose conductivity falls with the temperature, with the pattern of its Jacobian or
+    /// without. From a time on, its ends are joined by what conducts `joint` times as well.
+    struct Rod<const PATTERN: bool> {
+        joined_from: f64,
+        joint: f64,
+        /// With which gain the last state heats all cells, an integral of their mean.
+        gain: f64,
+        /// The Jacobians, the patterns and the derivatives with respect to time that were computed.
+        counts: [u32; 3],
+    }
+
+    impl<const PATTERN: bool> Rod<PATTERN> {
+        fn joined_from(joined_from: f64, joint: f64) -> Self {
+            Self { joined_from, joint, gain: 0.0, counts: [0; 3] }
+        }
+
+        fn rates<T: Number>(&self, time: f64, states: &[T]) -> Vec<T> {
+            let mut rates = vec![T::from(0.0); states.len()];
+            let mut conducts = |one: usize, other: usize, times: f64| {
+                let mean = (states[one] + states[other]) * 0.5;
+                let flow = (states[one] - states[other]) * 400.0 * times / (mean * 0.1 + 1.0);
+                rates[one] -= flow;
+                rates[other] += flow;
+            };
+            for cell in 1..states.len() {
+                conducts(cell - 1, cell, 1.0);
+            }
+            if time >= self.joined_from {
+                conducts(0, states.len() - 1, self.joint);
+            }
+            if self.gain > 0.0 {
+                let [cells @ .., integral] = states else { return rates };
+                let mean =
+                    cells.iter().fold(T::from(0.0), |sum, &cell| sum + cell) / T::from(cells.len() as f64);
+                for rate in &mut rates {
+                    *rate -= *integral * self.gain;
+                }
+                rates[cells.len()] = mean * self.gain;
+            }
+            rates
+        }
+    }
+
+    impl<const PATTERN: bool> System for Rod<PATTERN> {
+        const MAY_BE_SPARSE: bool = PATTERN;
+
+        fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
+            derivatives.copy_from_slice(&self.rates(time, states));
+        }
+
+        fn linearize(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            directions: &impl Directions,
+            products: &mut [f64],
+            by_time: &mut [f64],
+        ) {
+            self.counts[2] += 1;
+            by_time.fill(0.0);
+            let count = directions.count();
+            self.counts[0] += u32::from(count > 0);
+            for direction in 0..count {
+                let along = |(state, &value)| Dual::new(value, directions.component(direction, state));
+                let rates = self.rates(time, &states.iter().enumerate().map(along).collect::<Vec<_>>());
+                for (row, rate) in rates.into_iter().enumerate() {
+                    products[row * count + direction] = rate.derivative;
+                }
+            }
+        }
+
+        fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
+            self.counts[1] += 1;
+            let last = states.len() - 1;
+            Pattern::of_rows(states.len(), |row, columns| {
+                columns.extend(row.saturating_sub(1)..=(row + 1).min(last));
+                if time >= self.joined_from && (row == 0 || row == last) {
+                    columns.extend([0, last]);
+                }
+                if self.gain > 0.0 {
+                    columns.extend(if row == last { 0..last } else { last..last + 1 });
+                }
+            })
+        }
+
+        fn gradients(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            rows: &[usize],
+            mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+        ) {
+            let mut tape = Tape::new();
+            tape.clear();
+            let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+            let rates = self.rates(time, &states);
+            for &row in rows {
+                tape.differentiate(rates[row]);
+                take(row, &|column| tape.derivative(states[column]));
+            }
+        }
+    }
+
+    const CELLS: usize = 60;
+
+    /// Steps along a rod to a time. Returns the states there.
+    fn conduct<S: System>(
+        system: &mut S,
+        integrator: &mut Integrator,
+        from: f64,
+        to: f64,
+        states: &mut [f64],
+    ) {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; CELLS] };
+        let mut time = from;
+        while time < to {
+            time = integrator.step(system, (time, to), states, &tolerance, &mut 0).unwrap();
+            integrator.states_at(system, time, states);
+        }
+    }
+
+    fn warm_end() -> [f64; CELLS] {
+        core::array::from_fn(|cell| (-0.01 * (cell * cell) as f64).exp())
+    }
+
+    /// Asserts that states differ by rounding: some thousand operations a step on numbers of order 1, in tens of steps.
+    fn assert_same(found: &[f64], expected: &[f64]) {
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-10, "{found} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn with_a_pattern_the_steps_are_those_without() {
+        fn check<const KEPT: bool>() {
+            let (mut sparse, mut dense) = (warm_end(), warm_end());
+            let (mut patterned, mut full) =
+                (Rod::<true>::joined_from(f64::MAX, 0.0), Rod::<false>::joined_from(f64::MAX, 0.0));
+            let mut integrators = [Integrator::new(CELLS), Integrator::new(CELLS)];
+            if KEPT {
+                let (mut patterned, mut full) = (Kept(patterned), Kept(full));
+                conduct(&mut patterned, &mut integrators[0], 0.0, 0.1, &mut sparse);
+                conduct(&mut full, &mut integrators[1], 0.0, 0.1, &mut dense);
+                assert_eq!(patterned.0.counts[1], 1);
+                // One Jacobian for several steps.
+                let [jacobians, _, steps] = full.0.counts;
+                assert!(jacobians * 4 < steps, "{jacobians} Jacobians in {steps} steps");
+            } else {
+                conduct(&mut patterned, &mut integrators[0], 0.0, 0.1, &mut sparse);
+                conduct(&mut full, &mut integrators[1], 0.0, 0.1, &mut dense);
+                assert_eq!([patterned.counts[0], patterned.counts[1]], [full.counts[0], 1]);
+            }
+            assert_same(&sparse, &dense);
+        }
+        check::<false>();
+        check::<true>();
+    }
+
+    #[test]
+    fn an_element_that_a_branch_adds_is_noticed() {
+        for joint in [1.0, 1e-6] {
+            let (mut sparse, mut dense) = (warm_end(), warm_end());
+            let (mut patterned, mut full) =
+                (Rod::<true>::joined_from(0.1, joint), Rod::<false>::joined_from(0.1, joint));
+            let mut integrators = [Integrator::new(CELLS), Integrator::new(CELLS)];
+            for (from, to) in [(0.0, 0.1), (0.1, 0.2)] {
+                conduct(&mut patterned, &mut integrators[0], from, to, &mut sparse);
+                conduct(&mut full, &mut integrators[1], from, to, &mut dense);
+            }
+            assert_eq!(patterned.counts[1], 2, "the pattern is found again, once");
+            // The Jacobian with the pattern serves several steps, of some hundred: within a hundred tolerances.
+            for (sparse, dense) in sparse.iter().zip(dense) {
+                assert!((sparse - dense).abs() < 1e-4, "{sparse} instead of {dense}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_row_with_all_columns_is_as_exact_as_the_others() {
+        let (mut sparse, mut dense) = (warm_end(), warm_end());
+        let mut patterned = Rod::<true> { gain: 20.0, ..Rod::joined_from(f64::MAX, 0.0) };
+        let mut full = Rod::<false> { gain: 20.0, ..Rod::joined_from(f64::MAX, 0.0) };
+        conduct(&mut patterned, &mut Integrator::new(CELLS), 0.0, 1.0, &mut sparse);
+        conduct(&mut full, &mut Integrator::new(CELLS), 0.0, 1.0, &mut dense);
+        assert_eq!(patterned.counts, [full.counts[0], 1, full.counts[2]], "the steps are the same");
+        assert_same(&sparse, &dense);
+    }
+
+    #[test]
+    fn a_jacobian_serves_steps_with_little_error() {
+        let (mut states, mut integrator) = (warm_end(), Integrator::new(CELLS));
+        let (mut exact, mut every) = (warm_end(), Integrator::new(CELLS));
+        let (mut rod, mut full) =
+            (Rod::<true>::joined_from(f64::MAX, 0.0), Rod::<false>::joined_from(f64::MAX, 0.0));
+        for step in 0..100 {
+            let (from, to) = (1e-5 * f64::from(step), 1e-5 * f64::from(step + 1));
+            conduct(&mut rod, &mut integrator, from, to, &mut states);
+            conduct(&mut full, &mut every, from, to, &mut exact);
+        }
+        let [jacobians, _, steps] = rod.counts;
+        assert!(steps >= 100 && jacobians * 10 <= steps, "{jacobians} Jacobians in {steps} steps");
+        for (found, exact) in states.iter().zip(exact) {
+            // Of a hundred steps with an error below a hundredth of the tolerance.
+            assert!((found - exact).abs() < 1e-6, "{found} instead of {exact}");
+        }
+    }
+
+    #[test]
+    fn a_copy_and_a_serialized_state_go_on_to_the_same_bits() {
+        fn check<S: System>(new: fn() -> S) {
+            let (mut states, mut integrator) = (warm_end(), Integrator::new(CELLS));
+            // The Jacobian has served a few steps.
+            conduct(&mut new(), &mut integrator, 0.0, 0.01, &mut states);
+            let mut archive = Archive::writing();
+            integrator.persist(&mut archive).unwrap();
+            let mut read = Integrator::new(CELLS);
+            read.persist(&mut Archive::reading(&archive.into_bytes())).unwrap();
+            // What another run left is not used.
+            let mut other = Integrator::new(CELLS);
+            conduct(&mut new(), &mut other, 0.0, 0.5, &mut warm_end());
+            other.clone_from(&integrator);
+            let ends = [integrator.clone(), integrator, read, other].map(|mut integrator| {
+                let mut states = states;
+                conduct(&mut new(), &mut integrator, 0.01, 0.3, &mut states);
+                states.map(f64::to_bits)
+            });
+            for (which, end) in ends.iter().enumerate() {
+                assert_eq!(*end, ends[0], "end {which}");
+            }
+        }
+        check(|| Rod::<true>::joined_from(0.005, 1.0));
+        check(|| Kept(Rod::<true>::joined_from(0.005, 1.0)));
+        check(|| Kept(Rod::<false>::joined_from(0.005, 1.0)));
+    }
+
+    #[test]
+    fn a_serialized_jacobian_of_another_model_is_refused() {
+        let mut states = warm_end();
+        let mut integrator = Integrator::new(CELLS);
+        conduct(&mut Kept(Rod::<true>::joined_from(1.0, 1.0)), &mut integrator, 0.0, 0.01, &mut states);
+        let mut archive = Archive::writing();
+        integrator.persist(&mut archive).unwrap();
+        let bytes = archive.into_bytes();
+        assert!(Integrator::new(CELLS).persist(&mut Archive::reading(&bytes)).is_ok());
+        let error = Integrator::new(CELLS + 1).persist(&mut Archive::reading(&bytes)).unwrap_err();
+        assert_eq!(error.to_string(), "the Jacobian in the serialized state is not one of this model");
     }
 }

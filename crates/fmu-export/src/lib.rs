@@ -9,7 +9,7 @@
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
-//   equations, integrator, search         the trait of models of equations; Rodas5P and the events in its steps
+//   equations, integrator, search         the trait of models of equations; their integrator and the events in its steps
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
@@ -17,7 +17,7 @@
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, calling_sequence, variables
-//   clock, inputs, logger, number, tape, linear, resources, saved_states
+//   clock, inputs, logger, number, tape, resources, saved_states
 //   persistence, checksum, wasm::host
 //   panics, floating_point
 //   error, display, description, status
@@ -47,7 +47,6 @@ mod inputs;
 mod instance;
 mod integrated;
 pub mod integrator;
-mod linear;
 mod logger;
 mod model;
 mod model_exchange;
@@ -63,7 +62,8 @@ mod serialized_state;
 mod simulation;
 mod status;
 mod tape;
-mod typed;
+#[doc(hidden)]
+pub mod typed;
 mod variables;
 #[cfg(target_family = "wasm")]
 #[doc(hidden)]

@@ -87,6 +87,42 @@ impl Tape {
         })
     }
 
+    /// Computes the derivatives of one result.
+    pub(crate) fn differentiate(&self, result: Recorded<'_>) {
+        for operation in &mut *self.operations.borrow_mut() {
+            operation.adjoint = 0.0;
+        }
+        self.weigh(result, 1.0);
+        self.go_back();
+    }
+
+    /// Adds the positions of the variables, the first numbers on the tape, on which a result depends. `reached` holds
+    /// which number was last reached from which `result`.
+    pub(crate) fn add_dependencies(
+        &self,
+        of: Recorded<'_>,
+        result: usize,
+        variables: usize,
+        reached: &mut Vec<usize>,
+        dependencies: &mut Vec<usize>,
+    ) {
+        let operations = self.operations.borrow();
+        reached.resize(operations.len(), usize::MAX);
+        let mut next = vec![of.place];
+        while let Some(place) = next.pop() {
+            let reached = &mut reached[place as usize];
+            if place == 0 || *reached == result {
+                continue;
+            }
+            *reached = result;
+            if place as usize <= variables {
+                dependencies.push(place as usize - 1);
+            } else {
+                next.extend(operations[place as usize].operands);
+            }
+        }
+    }
+
     /// The derivative of the weighted sum with respect to a number.
     #[must_use]
     #[inline(never)]

@@ -1,5 +1,7 @@
 //! Saving and restoring an instance's memory (FMI 2.0.5, section 2.1.8).
 
+use core::mem;
+
 use super::Instance;
 use super::memory::Memory;
 use crate::calling_sequence::Interface;
@@ -38,7 +40,10 @@ impl<M: Model> Instance<M> {
                 memory.interface, self.memory.interface
             )));
         }
-        self.memory.clone_from(memory);
+        let mut model = mem::replace(&mut self.memory, memory.clone()).model;
+        // Keeps what a model allocates for its steps, which a saved state lacks.
+        model.clone_from(&memory.model);
+        self.memory.model = model;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use anyhow::{Error, Result, bail};
 use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::integrator::{Integrator, System, Tolerance};
+use fmu_export::integrator::{Directions, Integrator, System, Tolerance};
 use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events};
 
@@ -227,13 +227,16 @@ impl Solved<'_> {
         &mut self,
         time: f64,
         states: &[f64],
-        jacobian: &mut [f64],
+        directions: &impl Directions,
+        products: &mut [f64],
         by_time: &mut [f64],
     ) -> Result<()> {
-        let (size, calls) = (states.len(), &mut *self.calls);
+        let calls = &mut *self.calls;
         let Equations { derivatives: of, states: by, direction, along, here, .. } = &mut *self.equations;
         evaluate(calls, time, states, here)?;
-        for column in 0..size {
+        let count = directions.count();
+        // Those of the states, as the pattern is full.
+        for column in 0..count {
             let change = if by.is_empty() {
                 direction.copy_from_slice(states);
                 direction[column] += f64::EPSILON.sqrt() * states[column].abs().max(self.nominals[column]);
@@ -248,7 +251,7 @@ impl Solved<'_> {
                 1.0
             };
             for (row, along) in along.iter().enumerate() {
-                jacobian[row * size + column] = along / change;
+                products[row * count + column] = along / change;
             }
         }
         let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
@@ -286,9 +289,16 @@ impl System for Solved<'_> {
         });
     }
 
-    fn linearize(&mut self, place: f64, states: &[f64], jacobian: &mut [f64], by_time: &mut [f64]) {
+    fn linearize(
+        &mut self,
+        place: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    ) {
         self.try_to(by_time, |solved, by_time| {
-            solved.differentiate(solved.time(place), states, jacobian, by_time)
+            solved.differentiate(solved.time(place), states, directions, products, by_time)
         });
     }
 }
@@ -316,7 +326,7 @@ impl Trajectory for Path<'_> {
 
     fn go_to(&mut self, place: f64) -> Result<bool> {
         self.place = place;
-        self.integrator.states_at(place, self.states);
+        self.integrator.states_at(&mut self.solved, place, self.states);
         let time = self.solved.time(place);
         let Solved { calls, equations, .. } = &mut self.solved;
         calls.go_to(time, self.states)?;

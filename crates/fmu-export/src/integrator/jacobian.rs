@@ -1,0 +1,351 @@
+//! The Jacobian, which may serve several steps, and the linear equations of a step with it.
+
+use std::sync::Arc;
+
+use super::pattern::Pattern;
+use super::{MOST_DENSE, System, dense, sparse};
+use crate::error::Error;
+use crate::persistence::{Archive, Persistent};
+
+/// An element that the pattern lacks is noticed from this share of its row on. Below, it is of no consequence: it changes
+/// an error as little as the Jacobian. Rounding is far less.
+const MISSED: f64 = 1e-9;
+/// The most steps that a Jacobian serves: about as many as in CVODE.
+const SERVES: u32 = 20;
+/// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
+/// step with an older one then has two decades to err more, and ends its service if it does.
+const SMALL_ERROR: f64 = 0.01;
+/// The largest relative difference of a step's length from the one of the factors.
+const SIMILAR: f64 = 0.4;
+
+/// Directions along which products of the Jacobian are computed.
+pub trait Directions {
+    /// Their number.
+    fn count(&self) -> usize;
+    /// The component of a direction along a state. Where the pattern is full, each direction is that of the state at its
+    /// position.
+    fn component(&self, direction: usize, state: usize) -> f64;
+}
+
+/// A Jacobian.
+#[derive(Debug, Default)]
+pub(super) struct Jacobian {
+    /// Where its elements are, once found; not for few states.
+    pattern: Option<Arc<Pattern>>,
+    /// The elements, by rows.
+    elements: Vec<f64>,
+    /// The number of steps that it still serves; 0 if it must be renewed.
+    serves: u32,
+    /// Whether no step was completed with it.
+    is_fresh: bool,
+    /// The length of the step for which it was factored; 0 if none.
+    factored_for: f64,
+}
+
+/// Without elements that serve no longer.
+impl Clone for Jacobian {
+    fn clone(&self) -> Self {
+        let elements = if self.serves > 0 { self.elements.clone() } else { vec![] };
+        Self { pattern: self.pattern.clone(), elements, ..*self }
+    }
+}
+
+impl Persistent for Jacobian {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let mut pattern = self.pattern.take().map(Arc::unwrap_or_clone);
+        pattern.persist(archive)?;
+        self.pattern = pattern.map(Arc::new);
+        self.serves.persist(archive)?;
+        if self.serves > 0 {
+            self.elements.persist(archive)?;
+            self.is_fresh.persist(archive)?;
+            self.factored_for.persist(archive)?;
+        }
+        Ok(())
+    }
+}
+
+impl Jacobian {
+    /// Checks what was read for this many states.
+    pub(super) fn check(&self, size: usize) -> Result<(), Error> {
+        let count = match &self.pattern {
+            Some(pattern) => {
+                pattern.check(size)?;
+                pattern.count(size)
+            }
+            None => size.saturating_mul(size),
+        };
+        if self.serves == 0 || self.elements.len() == count {
+            Ok(())
+        } else {
+            Err(Error::new("the Jacobian in the serialized state is not one of this model"))
+        }
+    }
+
+    /// Whether it still serves the next step.
+    pub(super) fn serves(&self) -> bool {
+        self.serves > 0
+    }
+
+    /// Whether no step was completed with it.
+    pub(super) fn is_fresh(&self) -> bool {
+        self.is_fresh
+    }
+
+    /// Counts a completed step with an error relative to the tolerance.
+    pub(super) fn count_step<S: System>(&mut self, error: f64) {
+        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR;
+        (self.serves, self.is_fresh) = (if serves { self.serves.saturating_sub(1) } else { 0 }, false);
+    }
+
+    /// Has it renewed before the next step.
+    pub(super) fn discard(&mut self) {
+        self.serves = 0;
+    }
+
+    /// Computes the derivatives with respect to time only.
+    pub(super) fn keep<S: System>(
+        &self,
+        matrix: &mut Matrix,
+        system: &mut S,
+        (time, states): (f64, &[f64]),
+        by_time: &mut [f64],
+    ) {
+        if S::MAY_BE_SPARSE
+            && let Some(pattern) = &self.pattern
+        {
+            // That of a clone is another one.
+            matrix.follow(pattern);
+        }
+        system.linearize(time, states, &Units(0), &mut [], by_time);
+    }
+
+    /// Computes the elements again, and the derivatives with respect to time.
+    pub(super) fn renew<S: System>(
+        &mut self,
+        matrix: &mut Matrix,
+        system: &mut S,
+        (time, states): (f64, &[f64]),
+        by_time: &mut [f64],
+    ) {
+        let size = states.len();
+        (self.serves, self.is_fresh, self.factored_for) =
+            (if S::METHOD.takes_any_jacobian { SERVES } else { 1 }, true, 0.0);
+        if S::MAY_BE_SPARSE && size > MOST_DENSE {
+            let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
+            loop {
+                matrix.follow(pattern);
+                let Some(groups) = &matrix.groups else { break };
+                self.serves = SERVES;
+                self.elements.resize(pattern.count(size), 0.0);
+                matrix.products.resize(size * groups.count(), 0.0);
+                if !groups.long_rows.is_empty() {
+                    system.gradients(time, states, &groups.long_rows, |row, gradient| {
+                        let columns = pattern.range(row).zip(pattern.row(row));
+                        for (element, &column) in columns {
+                            self.elements[element] = gradient(column as usize);
+                        }
+                    });
+                }
+                system.linearize(time, states, groups, &mut matrix.products, by_time);
+                if groups.take(&matrix.products, &mut self.elements) {
+                    return;
+                }
+                let wider = pattern.with(&system.pattern(time, states));
+                if wider == **pattern {
+                    return;
+                }
+                *pattern = Arc::new(wider);
+            }
+        }
+        self.elements.resize(size * size, 0.0);
+        system.linearize(time, states, &Units(size), &mut self.elements, by_time);
+    }
+
+    /// The first state whose derivative has no finite linearization.
+    pub(super) fn first_not_finite(&self, size: usize) -> usize {
+        let is_finite = |range: core::ops::Range<usize>| self.elements[range].iter().all(|x| x.is_finite());
+        let range = |row: usize| match &self.pattern {
+            Some(pattern) if !pattern.is_full() => pattern.range(row),
+            _ => row * size..(row + 1) * size,
+        };
+        (0..size).find(|&row| !is_finite(range(row))).unwrap_or(0)
+    }
+}
+
+/// The directions of the first states.
+struct Units(usize);
+
+impl Directions for Units {
+    #[inline]
+    fn count(&self) -> usize {
+        self.0
+    }
+
+    #[inline]
+    fn component(&self, direction: usize, state: usize) -> f64 {
+        if state == direction { 1.0 } else { 0.0 }
+    }
+}
+
+/// A direction in which no two columns cancel but by chance: between 0.5 and 1.5, by multiples of the golden ratio.
+fn check_direction(state: usize) -> f64 {
+    0.5 + (0.618_033_988_749_895 * (state + 1) as f64).fract()
+}
+
+/// The groups of columns of a pattern.
+#[derive(Debug)]
+struct Groups {
+    pattern: Arc<Pattern>,
+    /// The group of each column.
+    of: Vec<u32>,
+    number: usize,
+    /// The rows that are left out of the groups.
+    long_rows: Vec<usize>,
+}
+
+/// Those of the groups, and one that checks them.
+impl Directions for Groups {
+    fn count(&self) -> usize {
+        self.number + 1
+    }
+
+    fn component(&self, direction: usize, state: usize) -> f64 {
+        if direction == self.number {
+            check_direction(state)
+        } else if self.of[state] as usize == direction {
+            1.0
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Groups {
+    fn new(pattern: &Arc<Pattern>) -> Self {
+        let long_rows = pattern.long_rows();
+        let (of, number) = pattern.groups(&long_rows);
+        Self { pattern: Arc::clone(pattern), of, number, long_rows }
+    }
+
+    /// Takes the elements from products, but for long rows. Returns whether all give the product that checks them, too.
+    fn take(&self, products: &[f64], elements: &mut [f64]) -> bool {
+        let mut is_complete = true;
+        let mut long_rows = self.long_rows.iter().copied().peekable();
+        for (row, products) in products.chunks_exact(self.count()).enumerate() {
+            let is_long = long_rows.next_if_eq(&row).is_some();
+            let check = products[self.number];
+            let (mut difference, mut terms) = (check, check.abs());
+            for (element, &column) in self.pattern.range(row).zip(self.pattern.row(row)) {
+                if !is_long {
+                    elements[element] = products[self.of[column as usize] as usize];
+                }
+                let term = elements[element] * check_direction(column as usize);
+                difference -= term;
+                terms += term.abs();
+            }
+            // What is not a number ends the step elsewhere.
+            is_complete &= difference.abs() <= MISSED * terms || difference.is_nan();
+        }
+        is_complete
+    }
+}
+
+/// The matrix of the linear equations.
+#[derive(Debug)]
+pub(super) struct Matrix {
+    /// Unless the Jacobian is full.
+    groups: Option<Groups>,
+    /// The products along their directions, by rows.
+    products: Vec<f64>,
+    factors: Factors,
+    /// Whether the factors are those of the present Jacobian.
+    is_factored: bool,
+    /// What the factors' solutions are multiplied by.
+    scale: f64,
+}
+
+#[derive(Debug)]
+enum Factors {
+    Dense { elements: Vec<f64>, pivots: Vec<usize> },
+    Sparse(Box<sparse::Factors>),
+}
+
+impl Factors {
+    const NONE: Self = Self::Dense { elements: vec![], pivots: vec![] };
+}
+
+impl Matrix {
+    pub(super) fn new() -> Self {
+        Self { groups: None, products: vec![], factors: Factors::NONE, is_factored: false, scale: 1.0 }
+    }
+
+    /// Forgets the factors, as those of another Jacobian.
+    pub(super) fn forget(&mut self) {
+        self.is_factored = false;
+    }
+
+    /// Takes the pattern of the present Jacobian.
+    fn follow(&mut self, pattern: &Arc<Pattern>) {
+        let is_followed = match &self.groups {
+            Some(groups) => Arc::ptr_eq(&groups.pattern, pattern) || groups.pattern == *pattern,
+            None => pattern.is_full(),
+        };
+        if is_followed {
+            return;
+        }
+        (self.groups, self.factors) = (None, Factors::NONE);
+        if !pattern.is_full() {
+            self.groups = Some(Groups::new(pattern));
+            self.factors = Factors::Sparse(Box::new(sparse::Factors::new(pattern)));
+        }
+    }
+
+    /// Factors the matrix for a step of a length, or takes factors for a similar length where the method allows them.
+    /// Returns whether it is regular to working precision.
+    pub(super) fn factor<S: System>(&mut self, jacobian: &mut Jacobian, length: f64, size: usize) -> bool {
+        // With factors for another length the Jacobian is, in effect, multiplied by their ratio.
+        let similar = if S::METHOD.takes_any_jacobian { SIMILAR * length } else { 0.0 };
+        if (jacobian.factored_for - length).abs() > similar {
+            (jacobian.factored_for, self.is_factored) = (length, false);
+        }
+        self.scale = length / jacobian.factored_for;
+        if self.is_factored {
+            return true;
+        }
+        let diagonal = (jacobian.factored_for * S::METHOD.gamma).recip();
+        self.is_factored = match &mut self.factors {
+            Factors::Dense { elements, pivots } => {
+                elements.resize(size * size, 0.0);
+                pivots.resize(size, 0);
+                for (factor, element) in elements.iter_mut().zip(&jacobian.elements) {
+                    *factor = -element;
+                }
+                for i in 0..size {
+                    elements[i * size + i] += diagonal;
+                }
+                dense::factor(elements, pivots)
+            }
+            Factors::Sparse(factors) => {
+                let pattern = self.groups.as_ref().map(|groups| &groups.pattern);
+                S::MAY_BE_SPARSE
+                    && pattern.is_some_and(|pattern| factors.factor(diagonal, pattern, &jacobian.elements))
+            }
+        };
+        self.is_factored
+    }
+
+    /// Solves the linear equations in place of their right-hand side.
+    pub(super) fn solve<S: System>(&mut self, vector: &mut [f64]) {
+        match &mut self.factors {
+            Factors::Dense { elements, pivots } => dense::solve(elements, pivots, vector),
+            Factors::Sparse(factors) if S::MAY_BE_SPARSE => factors.solve(vector),
+            Factors::Sparse(_) => {}
+        }
+        if S::METHOD.takes_any_jacobian {
+            for element in vector {
+                *element *= self.scale;
+            }
+        }
+    }
+}
