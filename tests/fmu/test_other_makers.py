@@ -8,6 +8,7 @@ are tested in crates/cargo-fmu/tests/ladder/.
 from __future__ import annotations
 
 import csv
+import json
 import os
 import subprocess
 import sysconfig
@@ -167,6 +168,20 @@ def test_open_modelica_is_solved_by_model_exchange(
         column = np.interp(found["time"], expected["time"], expected[name])
         # 1000 times both tolerances: CVode's errors add up over its steps.
         assert np.allclose(found[name], column, rtol=1e-6, atol=1e-6), name
+
+
+def test_a_system_of_open_modelica_is_linearized_by_differences(other_makers: Path, tmp_path: Path) -> None:
+    """Two masses of 1 kg between three springs of 1 N/m move at 1 rad/s together and at sqrt(3) rad/s against
+    each other. The FMU has no directional derivatives."""
+    file, out = other_makers / OPEN_MODELICA / "linux" / "MassSpringSystem.fmu", tmp_path / "linear.json"
+    subprocess.run([TARGET / "debug" / "cargo-fmu", "linearize", file, "--out", out], check=True)
+    [fmu] = json.loads(out.read_text())["fmus"]
+    assert not fmu["is_exact"]
+    fast = 3**0.5
+    # Differences of linear equations have no error but rounding: 1e-16 over steps of 6e-6.
+    assert np.array(fmu["poles"]) == pytest.approx(
+        np.array([[0, -1], [0, 1], [0, -fast], [0, fast]]), abs=1e-9
+    )
 
 
 def test_python_fmu_3_runs_with_its_library(other_makers: Path, simulate: Simulate) -> None:

@@ -67,7 +67,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target.mkdir(parents=True, exist_ok=True)
     (package / "target").symlink_to(target)
     assert "`--out result.csv`" in PAGE
-    output = shell(lines.replace("--plot", "--out result.csv --plot"), package)
+    output = shell(lines.replace("--plot", "--out result.csv --no-units --plot"), package)
     assert "plotly" in (package / "motor.html").read_text()
     assert "1 passed" in output
     assert "0 errors, 0 warnings" in output

@@ -346,6 +346,8 @@ fn a_record_is_what_its_ending_says_and_has_units() {
         bench.succeeds(&["simulate", "scenario.toml", "--out", name]);
     }
     assert!(bench.read("record.csv").starts_with("time,level\n# s,Pa\n0.0,"));
+    bench.succeeds(&["simulate", "scenario.toml", "--out", "plain.csv", "--no-units"]);
+    assert!(bench.read("plain.csv").starts_with("time,level\n0.0,"));
     let parquet = fs::read(bench.path("record.parquet")).unwrap();
     assert!(parquet.starts_with(b"PAR1"));
     let metadata = String::from_utf8_lossy(&parquet);

@@ -1,7 +1,7 @@
 //! CSV: numbers as texts that read back as the same doubles, units in a row below the header.
 //!
-//! The row of units begins with `#`, a comment to most readers: `numpy.genfromtxt` and FMPy skip it, as does pandas with
-//! `comment="#"`.
+//! The row of units begins with `#`, a comment to many readers: `numpy.genfromtxt` skips it, as does pandas with
+//! `comment="#"`; FMPy does not.
 
 use std::io::{self, Write};
 

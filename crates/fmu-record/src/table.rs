@@ -90,6 +90,17 @@ pub fn expect_seconds(unit: &str) -> Result<()> {
 /// Columns with equal numbers of rows.
 pub struct Table<'a>(pub Vec<TableColumn<'a>>);
 
+impl Table<'_> {
+    /// The table without units, for readers that know none.
+    #[must_use]
+    pub fn without_units(mut self) -> Self {
+        for column in &mut self.0 {
+            (column.unit, column.display_unit) = (String::new(), None);
+        }
+        self
+    }
+}
+
 /// A column of a [`Table`].
 pub struct TableColumn<'a> {
     /// In the header.

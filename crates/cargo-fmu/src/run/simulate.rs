@@ -34,6 +34,9 @@ pub struct Simulate {
     /// The record to write, or its folder [default: none, but a summary]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
+    /// Record names alone, without the row of units, which FMPy does not read
+    #[arg(long)]
+    no_units: bool,
     /// Plot the record in the scenario's panels
     #[arg(long, value_name = "FILE.svg|png|html")]
     plot: Option<PathBuf>,
@@ -67,7 +70,9 @@ impl Simulate {
             let (record, taken) = record(&scenario, loaded)?;
             match &out {
                 Some((format, path)) => {
-                    writing::write(path, |writer| record.table().write(*format, writer))?;
+                    let table = record.table();
+                    let table = if self.no_units { table.without_units() } else { table };
+                    writing::write(path, |writer| table.write(*format, writer))?;
                     print(&format!("{}  {} rows\n", path.display(), record.time().len()))?;
                 }
                 None => print(&summary(&name, &scenario, &record, taken))?,

@@ -22,8 +22,12 @@ TEMPLATES = ["Dahlquist", "VanDerPol", "BouncingBall", "StickSlip", "PiControlle
 TOLERANCE = 1e-9
 
 
-def run(*arguments: str | Path, **options: object) -> str:
-    done = subprocess.run([COMMAND, *arguments], capture_output=True, text=True, check=False, **options)
+def run(command: str, *arguments: str | Path, **options: object) -> str:
+    """Runs a command; records are without units, as FMPy reads them."""
+    more = ["--no-units"] if command == "simulate" and "--out" in arguments else []
+    done = subprocess.run(
+        [COMMAND, command, *arguments, *more], capture_output=True, text=True, check=False, **options
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -14,7 +14,7 @@ use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 use fmu_master::scenario::{Recorded, Scenario};
-use fmu_master::{Instance, Linearization, LoadedFmus, Master, column_of};
+use fmu_master::{Instance, Interface, Linearization, LoadedFmus, Master, column_of};
 use fmu_package::{FmuVariable, ValueType};
 use fmu_record::Column;
 use fmu_record::numbers::{number, quantity};
@@ -159,6 +159,15 @@ impl Linearize {
         // Noise would be measured, and records are not needed.
         (scenario.noise, scenario.measurement_noise) = (vec![], vec![]);
         (scenario.record, scenario.panels) = (Some(Vec::<Recorded>::new()), None);
+        for member in &mut scenario.fmus {
+            let fmu = loaded.get(member)?;
+            let description = fmu.description();
+            let has_states = description.continuous_states().is_ok_and(|states| !states.is_empty());
+            let is_exchange = description.interface("ModelExchange").is_some();
+            if member.interface.is_none() && has_states && !fmu.can_be_linearized() && is_exchange {
+                member.interface = Some(Interface::ModelExchange);
+            }
+        }
         let mut master = Master::new(&scenario, loaded)?;
         if let Some(cut) = &self.cut {
             master.tap(cut).with_context(|| format!("--loop {cut}"))?;
@@ -319,6 +328,7 @@ fn describe(pole: &Complex<f64>) -> [String; 3] {
     let frequency = quantity(pole.norm() / std::f64::consts::TAU, "Hz");
     let nature = match (pole.re, pole.im) {
         (0.0, 0.0) => "integrates".to_owned(),
+        (0.0, _) => "undamped".to_owned(),
         (real, 0.0) => format!("time constant {}", quantity(-1.0 / real, "s")),
         (real, _) => format!("damping {}", number(-real / pole.norm())),
     };

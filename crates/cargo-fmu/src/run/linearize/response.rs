@@ -55,8 +55,9 @@ impl StateSpace {
         let schur = schur.context("the eigenvalues of A do not converge")?;
         let poles = schur.complex_eigenvalues();
         let rounding = size as f64 * f64::EPSILON * self.a.norm();
-        let exact = |pole: &Complex<f64>| if pole.norm() < rounding { Complex::new(0.0, 0.0) } else { *pole };
-        let mut poles: Vec<_> = poles.iter().map(exact).collect();
+        let exact = |part: f64| if part.abs() < rounding { 0.0 } else { part };
+        let mut poles: Vec<_> =
+            poles.iter().map(|pole| Complex::new(exact(pole.re), exact(pole.im))).collect();
         poles.sort_by(|one, other| {
             let [one, other] = [one, other].map(|pole| (pole.norm(), pole.re, pole.im));
             one.partial_cmp(&other).unwrap_or(std::cmp::Ordering::Equal)
