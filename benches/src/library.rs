@@ -92,9 +92,8 @@ impl Library {
     #[must_use]
     pub fn references(&self, names: &[&str]) -> Vec<ValueReference> {
         let reference = |name| {
-            let position = self.variables.iter().position(|variable| variable.name == name);
-            let position = position.unwrap_or_else(|| panic!("there is no variable {name}"));
-            ValueReference::try_from(position).expect("there are few variables")
+            let found = self.variables.iter().find(|variable| variable.base_name == name);
+            found.unwrap_or_else(|| panic!("there is no variable {name}")).value_reference
         };
         names.iter().map(|name| reference(*name)).collect()
     }
@@ -102,7 +101,7 @@ impl Library {
     /// The names of the variables of a causality, in their order.
     pub fn named(&self, causality: Causality) -> impl Iterator<Item = &'static str> {
         let variables: &'static [_] = self.variables;
-        variables.iter().filter(move |variable| variable.causality == causality).map(|v| v.name)
+        variables.iter().filter(move |variable| variable.causality == causality).map(|v| v.base_name)
     }
 
     /// Makes an instance.

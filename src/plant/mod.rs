@@ -42,6 +42,7 @@ pub mod variables {
 }
 
 use fmu_export::display::Rounded;
+use fmu_export::integrator::{Method, ROS34PW2};
 use fmu_export::{Context, Equations, Error, Event, Integrated, Number, Part, Persistent, TwoRates};
 
 use self::duty_latch::DutyLatch;
@@ -102,6 +103,8 @@ impl Default for Plant {
 impl Equations for Plant {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
+    /// Of all states, where the parts are coupled.
+    const METHOD: &'static Method = &ROS34PW2;
     const LONGEST_INTERNAL_STEP: f64 = 0.025;
     const ERROR_SCALES: Option<&'static [f64]> = Some(&error_control::ERROR_SCALES);
     /// The duty.

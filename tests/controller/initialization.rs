@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Strategy, Variables};
-use fmu_export::description::{Causality, DataType};
+use fmu_export::description::{Causality, DataType, Name};
 use fmu_export::{Inputs as _, Model as _, Variables as _};
 
 use crate::bench::Bench;
@@ -164,10 +164,10 @@ fn declared_dependencies() -> Vec<(&'static str, BTreeSet<&'static str>)> {
 /// depend on exactly what is declared.
 #[test]
 fn initialization_depends_on_what_is_declared() {
-    let mut moved: Vec<(&str, BTreeSet<&str>)> = Vec::new();
-    for variable in Variables::DESCRIPTION.variables {
+    let mut moved: Vec<(String, BTreeSet<String>)> = Vec::new();
+    for (_, variable) in Variables::described() {
         if variable.causality == Causality::Output {
-            moved.push((variable.name, BTreeSet::new()));
+            moved.push((variable.name().to_string(), BTreeSet::new()));
         }
     }
     let mut bench = Bench::new(&Inputs::default(), |_| {});
@@ -179,10 +179,10 @@ fn initialization_depends_on_what_is_declared() {
             outputs;
         [hp_wastegate_pwm, vacuum_pump, lp_wastegate, hp_bypass, fault_code, surge_valve]
     };
-    let mut note = |name: &'static str, before: [f64; 6], after: [f64; 6]| {
+    let mut note = |name: Name, before: [f64; 6], after: [f64; 6]| {
         for ((_, names), (before, after)) in moved.iter_mut().zip(before.into_iter().zip(after)) {
             if before.to_bits() != after.to_bits() {
-                names.insert(name);
+                names.insert(name.to_string());
             }
         }
     };
@@ -202,15 +202,15 @@ fn initialization_depends_on_what_is_declared() {
         let before = outputs(&variables, &inputs);
         for (reference, variable) in Variables::described() {
             let changed_to = |value: f64| [value * 1.001, value * 0.999, value * 1.5, value * 0.5];
-            if let Some(position) = variable.real_input {
+            if let Some(position) = variable.real_input() {
                 for value in changed_to(inputs.real(position)) {
                     let mut changed = inputs;
                     changed.set_real(position, value.clamp(variable.min, variable.max));
-                    note(variable.name, before, outputs(&variables, &changed));
+                    note(variable.name(), before, outputs(&variables, &changed));
                 }
             } else if variable.causality == Causality::Parameter {
                 // Of the many elements of maps small changes suffice.
-                let changes = if variable.name.contains('[') { 2 } else { 4 };
+                let changes = if variable.dimensions.is_empty() { 4 } else { 2 };
                 for value in &changed_to(variables.real(reference))[..changes] {
                     let mut changed = variables.clone();
                     match variable.data_type {
@@ -221,7 +221,7 @@ fn initialization_depends_on_what_is_declared() {
                         _ => changed.set_integer(reference, variables.integer(reference) % 2 + 1),
                     }
                     if BoostController::check_parameters(&changed).is_ok() {
-                        note(variable.name, before, outputs(&changed, &inputs));
+                        note(variable.name(), before, outputs(&changed, &inputs));
                     }
                 }
             }
@@ -233,8 +233,9 @@ fn initialization_depends_on_what_is_declared() {
     moved.sort_unstable();
     for ((name, moved), (declared_name, declared)) in moved.iter().zip(declared) {
         assert_eq!(*name, declared_name);
+        let moved: BTreeSet<_> = moved.iter().map(String::as_str).collect();
         let missing: Vec<_> = moved.difference(&declared).collect();
-        let needless: Vec<_> = declared.difference(moved).collect();
+        let needless: Vec<_> = declared.difference(&moved).collect();
         assert!(
             missing.is_empty() && needless.is_empty(),
             "{name}: {missing:?} missing, {needless:?} needless"

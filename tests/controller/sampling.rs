@@ -163,7 +163,7 @@ fn other_sample_times() {
 #[test]
 fn a_long_step_interpolates_the_inputs_to_each_sample() {
     let reference = |name: &str| {
-        Variables::described().find(|(_, variable)| variable.name == name).expect("a variable").0
+        Variables::described().find(|(_, variable)| variable.name() == name).expect("a variable").0
     };
     let pwm_reference = reference("pwm_reference");
     let duty = reference("hp_wastegate_pwm");

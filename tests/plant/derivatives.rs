@@ -67,7 +67,9 @@ fn knowns_of_initialization() -> Vec<ValueReference> {
 
 /// The inputs and the states.
 fn knowns_of_steps() -> Vec<ValueReference> {
-    reals(|reference, causality, _| causality == Causality::Input || States::NAMES.contains(&name(reference)))
+    reals(|reference, causality, _| {
+        causality == Causality::Input || States::NAMES.contains(&name(reference).as_str())
+    })
 }
 
 /// The parameters, which FMI 3.0 counts among the knowns of steps.

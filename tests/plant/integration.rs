@@ -3,6 +3,7 @@
 
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
+use fmu_export::description::ScalarVariable;
 use fmu_export::{InputSignal, Inputs as _, Variables as _};
 
 use crate::bench::{
@@ -69,7 +70,7 @@ fn settled(change: impl FnOnce(&mut Parameters)) -> Bench {
 
 /// The position of a Real input.
 fn input(name: &str) -> usize {
-    Variables::description(reference(name)).and_then(|variable| variable.real_input).expect("a Real input")
+    Variables::description(reference(name)).and_then(ScalarVariable::real_input).expect("a Real input")
 }
 
 /// Value and first to third derivative of each changing input, at the start: speed rises, the throttle opens to its

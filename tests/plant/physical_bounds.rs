@@ -79,23 +79,23 @@ fn check_values(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
     for (reference, variable) in Variables::described() {
         let value = bench.variables.real(reference);
         let calculated = matches!(variable.causality, Causality::Output | Causality::Local);
-        let name = variable.name;
+        let name = variable.name().to_string();
         if calculated && !name.starts_with("der(") {
             if name.ends_with("pressure")
                 && !name.starts_with("valve.")
                 && !name.contains("effective_pressure")
             {
-                check(name, value, 0.0, all);
+                check(&name, value, 0.0, all);
             }
             if name.ends_with("temperature") {
-                check(name, value, 0.0, all);
+                check(&name, value, 0.0, all);
             }
             if name.ends_with("efficiency") && !name.contains("volumetric") {
                 // The smooth maximum of two efficiencies exceeds the larger by up to half its width, 0.02.
-                check(name, value, 0.0, 1.01);
+                check(&name, value, 0.0, 1.01);
             }
             if name.ends_with("power") {
-                check(name, value, 0.0, all);
+                check(&name, value, 0.0, all);
             }
         }
     }

@@ -123,7 +123,7 @@ fn ramps_of_engine_speed_on_other_plants() {
         let set = ParameterSet::read(&file.unwrap().path()).unwrap();
         let mut variables = plant::Variables::default();
         for parameter in &set.parameters {
-            let known = plant::Variables::described().find(|(_, variable)| variable.name == parameter.name);
+            let known = plant::Variables::described().find(|(_, variable)| variable.name() == parameter.name);
             if let (Some((reference, _)), &Value::Real(value, _)) = (known, &parameter.value) {
                 variables.set_real(reference, value);
             }

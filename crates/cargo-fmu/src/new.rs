@@ -48,10 +48,14 @@ enum Template {
     Feedthrough3,
     /// A linear system with arrays sized by structural parameters, for FMI 3.0
     StateSpace,
+    /// Heat conduction in a rod: an array of states that read their neighbors, for FMI 3.0
+    Diffusion,
     /// Clocks of each kind, for FMI 3.0
     Clocks,
     /// Data from a resource file
     Resource,
+    /// A layer of a neural network, with weights from a resource file
+    NeuralLayer,
     /// A sampled PI controller
     Sampled,
 }
@@ -86,8 +90,10 @@ impl Template {
             Self::Feedthrough => files!("feedthrough"),
             Self::Feedthrough3 => files!("feedthrough_3"),
             Self::StateSpace => files!("state_space"),
+            Self::Diffusion => files!("diffusion"),
             Self::Clocks => files!("clocks"),
             Self::Resource => files!("resource", "resources/y.txt"),
+            Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),
             Self::Sampled => files!("sampled"),
         }
     }

@@ -34,7 +34,7 @@ pub(crate) fn model<'a>(
     flat.look_up_clocks();
     flat.look_up_previous();
     let units = flat.find_units(&Units::new(units));
-    let Flat { parts, scalars, names, mut refusals, .. } = flat;
+    let Flat { parts, scalars, names, reads_elements, mut refusals, .. } = flat;
     let mut model = Model {
         declaration,
         fmi,
@@ -49,6 +49,7 @@ pub(crate) fn model<'a>(
         parts,
         scalars,
         names,
+        reads_elements,
     };
     check::model::variables(&model, &mut refusals);
     dependencies::refuse_cycles(&model.scalars, &mut refusals);

@@ -1,6 +1,7 @@
 //! From the declaration to parts and scalars: fills in components, and spreads arrays into scalars.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use serde_json::Value;
 
@@ -9,7 +10,7 @@ use crate::declaration::{
     Causality, ComponentDeclaration, Declaration, Initial, Variability, VariableDeclaration,
 };
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Field, Part, Place, Scalar};
+use crate::model::{Field, Part, Place, Scalar, derivative_description};
 use crate::names::snake_case;
 use crate::units::notation::per_second;
 
@@ -27,14 +28,19 @@ pub(crate) struct Flat<'a> {
     pinned: Vec<(usize, u32, String)>,
     /// The scalars behind each name in `reads`, of a scalar or an array.
     pub(crate) names: BTreeMap<String, Vec<usize>>,
+    /// The positions of each array's elements, with their derivatives.
+    arrays: Vec<Range<usize>>,
     /// The equations whose reads are not yet resolved.
     pub(crate) equations: Vec<Equation<'a>>,
+    /// Whether elements of an array read different variables.
+    pub(crate) reads_elements: bool,
     pub(crate) refusals: Refusals,
 }
 
-/// What a scalar reads, as declared.
+/// What a variable's elements read, as declared.
 pub(crate) struct Equation<'a> {
-    pub(crate) position: usize,
+    pub(crate) positions: Vec<usize>,
+    pub(crate) sizes: &'a [usize],
     pub(crate) component: Option<&'a ComponentDeclaration>,
     pub(crate) reads: Option<&'a [String]>,
     pub(crate) initial_reads: Option<&'a [String]>,
@@ -50,7 +56,9 @@ impl<'a> Flat<'a> {
             scalars: vec![Scalar::time()],
             pinned: Vec::new(),
             names: BTreeMap::from([("time".to_owned(), vec![0])]),
+            arrays: Vec::new(),
             equations: Vec::new(),
+            reads_elements: false,
             refusals: Refusals::default(),
         };
         flat.add_part("variables", None, &declaration.variables);
@@ -192,7 +200,7 @@ impl<'a> Flat<'a> {
                 field: state.field,
                 description: Some(match &derivative.description {
                     Some(description) => describe(description),
-                    None => format!("Time derivative of {}", state.name),
+                    None => derivative_description(&state.name),
                 }),
                 place: Place::Derivatives,
                 causality: Causality::Local,
@@ -203,34 +211,31 @@ impl<'a> Flat<'a> {
                 path: state.path.clone(),
                 ..Scalar::time()
             });
-            let calculated = match checked.place {
-                Place::Inputs | Place::Parameters => false,
-                Place::Clocks => declaration.causality != Causality::Input,
-                Place::States => checked.initial != Some(Initial::Exact),
-                _ => checked.variability != Variability::Constant,
-            };
             self.add_scalar(state)?;
-            if calculated {
-                self.equations.push(Equation {
-                    position,
-                    component,
-                    reads: declaration.reads.as_deref(),
-                    initial_reads: declaration.initial_reads.as_deref(),
-                });
-            }
-            if let (Some(rate), Some(derivative)) = (rate, &declaration.derivative) {
-                self.add_scalar(rate)?;
-                self.equations.push(Equation {
-                    position: position + 1,
-                    component,
-                    reads: derivative.reads.as_deref(),
-                    initial_reads: derivative.initial_reads.as_deref(),
-                });
-            }
+            rate.map_or(Ok(()), |rate| self.add_scalar(rate))?;
         }
-        if !declaration.sizes.is_empty() {
+        let calculated = match checked.place {
+            Place::Inputs | Place::Parameters => false,
+            Place::Clocks => declaration.causality != Causality::Input,
+            Place::States => checked.initial != Some(Initial::Exact),
+            _ => checked.variability != Variability::Constant,
+        };
+        let derivatives: Vec<_> = positions.iter().map(|position| position + 1).collect();
+        let sizes = &declaration.sizes;
+        if calculated {
+            let [reads, initial_reads] =
+                [&declaration.reads, &declaration.initial_reads].map(Option::as_deref);
+            let positions = positions.clone();
+            self.equations.push(Equation { positions, sizes, component, reads, initial_reads });
+        }
+        if let Some(derivative) = &declaration.derivative {
+            let [reads, initial_reads] = [&derivative.reads, &derivative.initial_reads].map(Option::as_deref);
+            let positions = derivatives.clone();
+            self.equations.push(Equation { positions, sizes, component, reads, initial_reads });
+        }
+        if !sizes.is_empty() {
+            self.arrays.push(before..self.scalars.len());
             if checked.place == Place::States {
-                let derivatives = positions.iter().map(|position| position + 1).collect();
                 self.names.insert(format!("der({name})"), derivatives);
             }
             if self.names.insert(name.clone(), positions.clone()).is_some() {
@@ -293,7 +298,8 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// Assigns the declared value references, and the gaps to other variables, in declaration order.
+    /// Assigns the declared value references, and the gaps to other variables, in declaration order: to an array the
+    /// first that holds all of its elements, so that their numbers follow by rule.
     fn assign_value_references(&mut self) {
         let mut taken = BTreeMap::new();
         for (position, reference, key) in &self.pinned {
@@ -305,10 +311,23 @@ impl<'a> Flat<'a> {
             self.scalars[*position].value_reference = *reference;
         }
         let pinned: BTreeSet<_> = self.pinned.iter().map(|(position, ..)| *position).collect();
-        let mut free = (0..).filter(|reference| !taken.contains_key(reference));
-        for (position, scalar) in self.scalars.iter_mut().enumerate() {
-            if !pinned.contains(&position) {
-                scalar.value_reference = free.next().expect("there are more numbers than variables");
+        let (mut arrays, mut position, mut first_free) = (self.arrays.iter().peekable(), 0, 0);
+        while position < self.scalars.len() {
+            let end = arrays.next_if(|array| array.start == position).map_or(position + 1, |array| array.end);
+            let open: Vec<_> = (position..end).filter(|position| !pinned.contains(position)).collect();
+            position = end;
+            while taken.contains_key(&first_free) {
+                first_free += 1;
+            }
+            let mut first = first_free;
+            while let Some((last, _)) =
+                taken.range(first..).take_while(|(at, _)| ((**at - first) as usize) < open.len()).last()
+            {
+                first = last + 1;
+            }
+            for (position, reference) in open.into_iter().zip(first..) {
+                taken.insert(reference, position);
+                self.scalars[position].value_reference = reference;
             }
         }
     }

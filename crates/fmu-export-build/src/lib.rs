@@ -18,6 +18,7 @@ mod resources;
 mod rust;
 mod source;
 mod start;
+mod subscripts;
 mod texts;
 mod type_names;
 mod units;

@@ -35,6 +35,8 @@ pub(crate) struct Model<'a> {
     pub(crate) scalars: Vec<Scalar>,
     /// The scalars behind each name of a scalar or an array.
     pub(crate) names: BTreeMap<String, Vec<usize>>,
+    /// Whether elements of an array read different variables.
+    pub(crate) reads_elements: bool,
 }
 
 /// The variables of one component, or of none.
@@ -58,6 +60,12 @@ pub(crate) struct Field<'a> {
 }
 
 impl Field<'_> {
+    /// Whether it is an array whose elements share a unit.
+    pub(crate) fn is_uniform_array(&self) -> bool {
+        let declaration = self.declaration;
+        !declaration.sizes.is_empty() && !matches!(declaration.unit, Some(UnitNames::Each(_)))
+    }
+
     /// Its name in Rust.
     pub(crate) fn name(&self) -> String {
         snake_case(&self.declaration.name)
@@ -167,20 +175,26 @@ impl<'a> Model<'a> {
     /// unit, and the derivatives of states. None in FMI 2.0.
     pub(crate) fn arrays(&self) -> Vec<Vec<usize>> {
         let mut arrays = Vec::new();
-        if self.fmi.version == Version::Three {
-            for field in self.parts.iter().flat_map(|part| &part.fields) {
-                let declaration = field.declaration;
-                if declaration.sizes.is_empty() || matches!(declaration.unit, Some(UnitNames::Each(_))) {
-                    continue;
-                }
-                arrays.push(field.positions.clone());
-                if field.place == Place::States {
-                    arrays.push(field.positions.iter().map(|position| position + 1).collect());
-                }
+        let fields = self.parts.iter().flat_map(|part| &part.fields);
+        for field in fields.filter(|field| self.is_one_variable(field)) {
+            arrays.push(field.positions.clone());
+            if field.place == Place::States {
+                arrays.push(field.positions.iter().map(|position| position + 1).collect());
             }
         }
         arrays.sort_by_key(|array| self.scalars[array[0]].value_reference);
         arrays
+    }
+
+    /// Whether a field is an array that is one variable.
+    pub(crate) fn is_one_variable(&self, field: &Field<'_>) -> bool {
+        self.fmi.version == Version::Three && field.is_uniform_array()
+    }
+
+    /// Whether importers may ask for the dependencies of each element (FMI 3.0.2, section 2.2.9): in FMI 2.0 they are in
+    /// the description.
+    pub(crate) fn has_element_dependencies(&self) -> bool {
+        self.fmi.version == Version::Three && self.reads_elements
     }
 
     /// The declared variable of a position.
@@ -192,5 +206,18 @@ impl<'a> Model<'a> {
     /// The positions of a place's variables.
     pub(crate) fn in_place(&self, place: Place) -> impl Iterator<Item = usize> {
         (0..self.scalars.len()).filter(move |&position| self.scalars[position].place == place)
+    }
+}
+
+/// A derivative's description unless declared.
+pub(crate) fn derivative_description(state: &str) -> String {
+    format!("Time derivative of {state}")
+}
+
+/// An array's name, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
+pub(crate) fn without_subscripts(name: &str) -> String {
+    match (name.rfind('['), name.rfind(']')) {
+        (Some(open), Some(close)) => format!("{}{}", &name[..open], &name[close + 1..]),
+        _ => name.to_owned(),
     }
 }

@@ -186,6 +186,18 @@ impl<'m, 'a> Page<'m, 'a> {
                 has.directional_derivatives,
                 &format!("exact partial derivatives{over_time}"),
             ),
+            (
+                is_fmi3,
+                "providesAdjointDerivatives",
+                has.adjoint_derivatives,
+                "exact derivatives of a weighted sum of outputs and derivatives by all inputs and states at once",
+            ),
+            (
+                is_fmi3,
+                "providesPerElementDependencies",
+                self.model.has_element_dependencies(),
+                "which elements of arrays depend on which can be asked for",
+            ),
         ];
         lines(rows.into_iter().filter(|(exists, ..)| *exists).map(|(_, name, has, meaning)| {
             let has = if has { "yes" } else { "no" };

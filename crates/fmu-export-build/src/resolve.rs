@@ -8,41 +8,59 @@ use crate::declaration::{Causality, ComponentDeclaration, Variability};
 use crate::dependencies;
 use crate::error::nearest;
 use crate::flatten::{Equation, Flat};
-use crate::model::{Place, Scalar};
+use crate::model::{Place, Scalar, without_subscripts};
+use crate::subscripts::Read;
 use crate::units::Units;
 
 impl<'a> Flat<'a> {
     /// Resolves the names that equations read to positions.
     pub(crate) fn look_up_reads(&mut self) {
         let (mut used, mut read) = (BTreeSet::new(), 0);
-        for Equation { position, component, reads, initial_reads } in &self.equations {
-            let scalar = &self.scalars[*position];
+        for Equation { positions, sizes, component, reads, initial_reads } in &self.equations {
+            let first = &self.scalars[positions[0]];
             let mut look_up = |list: &str, names: &'a [String]| {
-                let mut positions = BTreeSet::new();
+                let mut elements = vec![BTreeSet::new(); positions.len()];
                 for (number, name) in names.iter().enumerate() {
-                    if read > dependencies::MOST {
-                        self.refusals.add(format!("{}.{list}", scalar.key), dependencies::too_many(scalar));
-                        break;
-                    }
-                    match look_up_read(&self.names, *component, name, &mut used) {
-                        Ok(found) => {
-                            read += found.len();
-                            positions.extend(found);
-                        }
+                    let found = Read::new(name).and_then(|read| {
+                        let found = look_up_read(&self.names, *component, &read.name, &mut used)?;
+                        self.reads_elements |= read.is_of_elements();
+                        let known = found.iter().map(|&position| &self.scalars[position]).next();
+                        let known = known.filter(|known| known.place != Place::Time).map(|known| known.field);
+                        let known =
+                            known.map(|[part, field]| &self.parts[part].fields[field].declaration.sizes);
+                        read.elements(sizes, found, known.map_or(&[], Vec::as_slice))
+                    });
+                    let found = match found {
+                        Ok(found) => found,
                         Err(reason) => {
-                            let reason = format!("{}: {reason}", scalar.name);
-                            self.refusals.add(format!("{}.{list}[{number}]", scalar.key), reason);
+                            let reason = format!("{}: {reason}", without_subscripts(&first.name));
+                            self.refusals.add(format!("{}.{list}[{number}]", first.key), reason);
+                            continue;
                         }
+                    };
+                    for (element, reads) in elements.iter_mut().enumerate() {
+                        if read > dependencies::MOST {
+                            let reason = dependencies::too_many(&self.scalars[positions[element]]);
+                            self.refusals.add(format!("{}.{list}", first.key), reason);
+                            break;
+                        }
+                        read += found.of(element).len();
+                        reads.extend(found.of(element));
                     }
                 }
-                positions.into_iter().collect::<Vec<_>>()
+                elements.into_iter().map(|reads| reads.into_iter().collect::<Vec<_>>())
             };
-            let reads = reads.map(|names| look_up("reads", names));
-            let initial_reads = initial_reads.map(|names| look_up("initial_reads", names));
-            let scalar = &mut self.scalars[*position];
-            scalar.initial_reads = initial_reads.or_else(|| reads.clone());
-            if scalar.place != Place::States {
-                scalar.reads = reads;
+            let reads: Option<Vec<_>> = reads.map(|names| look_up("reads", names).collect());
+            let initial_reads: Option<Vec<_>> =
+                initial_reads.map(|names| look_up("initial_reads", names).collect());
+            for (element, &position) in positions.iter().enumerate() {
+                let scalar = &mut self.scalars[position];
+                let of_element =
+                    |reads: &Option<Vec<Vec<usize>>>| reads.as_ref().map(|reads| reads[element].clone());
+                scalar.initial_reads = of_element(&initial_reads).or_else(|| of_element(&reads));
+                if scalar.place != Place::States {
+                    scalar.reads = of_element(&reads);
+                }
             }
         }
         for (number, component) in self.declaration.components.iter().enumerate() {
@@ -175,7 +193,7 @@ impl<'a> Flat<'a> {
 fn look_up_read<'n, 'a>(
     names: &'n BTreeMap<String, Vec<usize>>,
     component: Option<&'a ComponentDeclaration>,
-    read: &'a str,
+    read: &str,
     used: &mut BTreeSet<(&'a str, &'a str)>,
 ) -> Result<&'n [usize], String> {
     let (read, of_derivative) = match read.strip_prefix("der(").and_then(|read| read.strip_suffix(')')) {
@@ -190,7 +208,7 @@ fn look_up_read<'n, 'a>(
         let component = component
             .filter(|component| component.component_type.is_some())
             .ok_or_else(|| format!("it reads '{read}', but connections are for components with a type"))?;
-        let name = component.connections.get(connection).ok_or_else(|| {
+        let (connection, name) = component.connections.get_key_value(connection).ok_or_else(|| {
             format!("it reads '{read}', but the component '{}' has no such connection", component.name)
         })?;
         used.insert((&component.name, connection));

@@ -22,13 +22,17 @@ pub(crate) enum Start {
 }
 
 impl Start {
-    /// The start values of a variable's scalars, row by row.
+    /// The start values of a variable's scalars, row by row; one value is for all elements.
     pub(crate) fn all(
         declaration: &Declaration,
         variable: &VariableDeclaration,
         data_type: DataType,
         start: &Value,
     ) -> Result<Vec<Self>, String> {
+        if !variable.sizes.is_empty() && !start.is_array() {
+            let elements = variable.sizes.iter().product();
+            return Self::read(declaration, variable, data_type, start).map(|start| vec![start; elements]);
+        }
         let mut values = vec![start];
         for &size in &variable.sizes {
             let rows = values.into_iter().map(|value| match value {

@@ -153,9 +153,12 @@ impl Random {
         if matches!(data_type, "Real" | "Float32") {
             variable["unit"] = self.pick(&["1", "m", "kg.m2/s2", "%"]).into();
         }
-        let sizes: Vec<_> = match self.below(6) {
+        let sizes: Vec<_> = match self.below(8) {
             0 => vec![1 + self.below(3)],
             1 => vec![1 + self.below(2), 1 + self.below(3)],
+            // On the heap.
+            2 if self.one_in(4) => vec![300],
+            3 if self.one_in(4) => vec![20, 15],
             _ => vec![],
         };
         if !sizes.is_empty() {
@@ -171,7 +174,9 @@ impl Random {
             variable["derivative"] = true.into();
         }
         if is_state || matches!(causality, "input" | "parameter") {
-            variable["start"] = self.start(data_type, items, &sizes);
+            // One for all elements, or each.
+            let of = if self.one_in(3) { &[] } else { &sizes[..] };
+            variable["start"] = self.start(data_type, items, of);
         }
         variable
     }

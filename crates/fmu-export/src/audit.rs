@@ -1,6 +1,6 @@
 //! Checks that a model's equations set every calculated variable, and nothing else.
 
-use crate::description::{DataType, ValueReference, Variability, VariableDescription};
+use crate::description::{DataType, ScalarVariable, ValueReference, Variability};
 use crate::error::Error;
 use crate::variables::Variables;
 
@@ -35,23 +35,22 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
         if !is_calculated && differ([variables, &evaluated[0]]) {
             return Err(Error::new(format!(
                 "`evaluate` changes {} ({}, {}), which it may only read",
-                variable.name, variable.causality, variable.variability
+                variable.name(),
+                variable.causality,
+                variable.variability
             )));
         }
     }
     follows.map_or(Ok(()), |variable| {
         Err(Error::new(format!(
             "`evaluate` does not set {}, or computes it from its previous value",
-            variable.name
+            variable.name()
         )))
     })
 }
 
 /// The first discrete variable with different values.
-pub(crate) fn first_discrete_difference<V: Variables>(
-    one: &V,
-    other: &V,
-) -> Option<&'static VariableDescription> {
+pub(crate) fn first_discrete_difference<V: Variables>(one: &V, other: &V) -> Option<ScalarVariable> {
     let mut discrete = V::described().filter(|(_, variable)| variable.variability == Variability::Discrete);
     discrete
         .find(|&(reference, variable)| !are_equal(one, other, reference, variable.data_type))

@@ -368,22 +368,22 @@ pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
     [name, count_name]: [&str; 2],
     (states, count): (*const f64, usize),
 ) -> Answer {
-    check_count(count_name, count, M::Variables::STATE_NAMES)?;
+    check_count(count_name, count, M::Variables::STATE_NOMINALS.len())?;
     // SAFETY: the caller's promise.
     instance.set_continuous_states(&unsafe { elements(name, states, count) }?)
 }
 
-/// Gets one number for each name: of the states or event indicators.
+/// Gets as many numbers as expected: those of the states or event indicators.
 ///
 /// # Safety
 /// There are as many values as counted.
 pub(crate) unsafe fn get_array(
     [name, count_name]: [&str; 2],
-    names: &[&str],
+    expected: usize,
     (values, count): (*mut f64, usize),
     get: impl FnOnce(&mut [f64]) -> Answer,
 ) -> Answer {
-    check_count(count_name, count, names)?;
+    check_count(count_name, count, expected)?;
     // SAFETY: the caller's promise.
     unsafe { write_elements(name, values, count, get) }
 }

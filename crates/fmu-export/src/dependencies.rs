@@ -1,6 +1,8 @@
 //! Checks the dependencies in a model's JSON against its equations.
 
-use crate::description::{DataType, ValueReference};
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::description::{DataType, Dependencies, Name, ValueReference};
 use crate::error::Error;
 use crate::model::Model;
 use crate::number::Dual;
@@ -21,9 +23,17 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
     let mut model = M::default();
     model.take_parameters(variables);
     let reals = M::Variables::described().filter(|(_, variable)| {
-        variable.data_type == DataType::Real && (variable.real_input.is_some() || variable.state.is_some())
+        variable.data_type == DataType::Real
+            && (variable.real_input().is_some() || variable.state().is_some())
     });
     let knowns: Vec<_> = reals.map(|(reference, _)| reference).collect();
+    let declared = M::Variables::DEPENDENCIES.iter().flat_map(Dependencies::each);
+    let is_state =
+        |unknown| M::Variables::description(unknown).is_some_and(|unknown| unknown.state().is_some());
+    let declared: BTreeMap<_, BTreeSet<_>> = declared
+        .filter(|(unknown, _)| !is_state(*unknown))
+        .map(|(unknown, knowns)| (unknown, knowns.collect()))
+        .collect();
     for point in 0..POINTS {
         let mut variables = variables.clone();
         for (number, &known) in knowns.iter().enumerate() {
@@ -39,10 +49,8 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
             direction.set_real(known, 1.0);
             let derivatives =
                 model.differentiate(Dual::default(), &variables, variables.inputs(), &direction)?;
-            for &(unknown, declared) in M::Variables::DEPENDENCIES {
-                let is_state =
-                    M::Variables::description(unknown).is_some_and(|unknown| unknown.state.is_some());
-                if !is_state && derivatives.real(unknown) != 0.0 && !declared.contains(&known) {
+            for (&unknown, declared) in &declared {
+                if derivatives.real(unknown) != 0.0 && !declared.contains(&known) {
                     return Err(Error::new(format!(
                         "{} depends on {}, which its 'reads' omit",
                         name::<M>(unknown),
@@ -55,6 +63,6 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
     Ok(())
 }
 
-fn name<M: Model>(reference: ValueReference) -> &'static str {
-    M::Variables::description(reference).map_or("", |variable| variable.name)
+fn name<M: Model>(reference: ValueReference) -> Name {
+    M::Variables::description(reference).expect("it is declared").name()
 }

@@ -2,6 +2,7 @@
 //! 2.0.5, section 2.2).
 
 use core::fmt;
+use core::ops::Deref;
 
 /// An importer's handle for a variable.
 pub type ValueReference = u32;
@@ -13,7 +14,7 @@ pub struct ModelDescription {
     pub model_identifier: &'static str,
     /// The hash of the XML's content that the importer passes to `fmi2Instantiate`.
     pub guid: &'static str,
-    /// All variables, ordered by value reference.
+    /// All variables and arrays, ordered by value reference.
     pub variables: &'static [VariableDescription],
     /// The declared log categories.
     pub log_categories: &'static [&'static str],
@@ -55,13 +56,22 @@ pub struct Capabilities {
     pub adjoint_derivatives: bool,
     /// `hasEventMode` of FMI 3.0.
     pub event_mode: bool,
+    /// `providesPerElementDependencies` of FMI 3.0.
+    pub per_element_dependencies: bool,
 }
 
-/// A variable's attributes (FMI 2.0.5, section 2.2.7).
+/// A variable's attributes (FMI 2.0.5, section 2.2.7), or those of all elements of an array: whatever differs between
+/// elements follows by rule.
 #[derive(Debug)]
 pub struct VariableDescription {
-    /// The structured name.
-    pub name: &'static str,
+    /// The structured name; an array's without subscripts.
+    pub base_name: &'static str,
+    /// The value reference, of an array that of its first element.
+    pub value_reference: ValueReference,
+    /// An array's sizes; empty if it is a scalar.
+    pub dimensions: &'static [usize],
+    /// The difference between the value references of two consecutive elements, row by row.
+    pub stride: ValueReference,
     /// The data type.
     pub data_type: DataType,
     /// Its role.
@@ -74,10 +84,161 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
+    /// A Real input's position among the Real inputs; of an array that of its first element.
+    pub first_real_input: Option<usize>,
+    /// Likewise of a continuous-time state among the states.
+    pub first_state: Option<usize>,
+}
+
+impl VariableDescription {
+    /// The number of elements; 1 of a scalar.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.dimensions.iter().product()
+    }
+
+    /// All elements with their value references.
+    pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
+        let numbered = (0..).zip(0..self.elements());
+        numbered.map(move |(number, element)| {
+            (self.value_reference + number * self.stride, ScalarVariable { description: self, element })
+        })
+    }
+}
+
+/// A scalar variable: an element of an array, or one that is in none.
+#[derive(Clone, Copy, Debug)]
+pub struct ScalarVariable {
+    pub(crate) description: &'static VariableDescription,
+    /// The number of the element, from 0.
+    pub(crate) element: usize,
+}
+
+impl ScalarVariable {
+    /// The structured name, such as `gain[1,2]`.
+    #[must_use]
+    pub fn name(self) -> Name {
+        Name(self)
+    }
+
     /// A Real input's position among the Real inputs.
-    pub real_input: Option<usize>,
+    #[must_use]
+    #[inline]
+    pub fn real_input(self) -> Option<usize> {
+        self.description.first_real_input.map(|first| first + self.element)
+    }
+
     /// A continuous-time state's position among the states.
-    pub state: Option<u16>,
+    #[must_use]
+    #[inline]
+    pub fn state(self) -> Option<usize> {
+        self.description.first_state.map(|first| first + self.element)
+    }
+}
+
+/// What all elements of an array have in common.
+impl Deref for ScalarVariable {
+    type Target = VariableDescription;
+
+    #[inline]
+    fn deref(&self) -> &VariableDescription {
+        self.description
+    }
+}
+
+/// A scalar variable's name: `gain[1,2]`, or `der(x[3])` of an element of the array `der(x)`.
+#[derive(Clone, Copy)]
+pub struct Name(ScalarVariable);
+
+impl fmt::Display for Name {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ScalarVariable { description: VariableDescription { base_name, dimensions, .. }, element } =
+            self.0;
+        if dimensions.is_empty() {
+            return formatter.pad(base_name);
+        }
+        let (array, rest) = base_name.strip_suffix(')').map_or((*base_name, ""), |array| (array, ")"));
+        formatter.write_str(array)?;
+        let mut inner = dimensions.iter().product::<usize>();
+        for (position, size) in dimensions.iter().enumerate() {
+            inner /= size;
+            let separator = if position == 0 { '[' } else { ',' };
+            write!(formatter, "{separator}{}", element / inner % size + 1)?;
+        }
+        write!(formatter, "]{rest}")
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "\"{self}\"")
+    }
+}
+
+impl PartialEq<str> for Name {
+    fn eq(&self, other: &str) -> bool {
+        let VariableDescription { base_name, dimensions, .. } = self.0.description;
+        if dimensions.is_empty() {
+            return *base_name == other;
+        }
+        let name = self.to_string();
+        name == other
+    }
+}
+
+impl PartialEq<String> for Name {
+    fn eq(&self, other: &String) -> bool {
+        *self == **other
+    }
+}
+
+impl PartialEq<&str> for Name {
+    fn eq(&self, other: &&str) -> bool {
+        *self == **other
+    }
+}
+
+/// Scalar unknowns that depend alike: each on the first one's knowns, advanced with it. Those of an array whose
+/// elements read their neighbors are one entry, besides the first and last elements.
+#[derive(Clone, Copy, Debug)]
+pub struct Dependencies {
+    /// The first unknown.
+    pub unknown: ValueReference,
+    /// The number of unknowns.
+    pub count: u32,
+    /// The difference between the value references of two consecutive unknowns.
+    pub stride: ValueReference,
+    /// The first unknown's knowns.
+    pub knowns: &'static [Knowns],
+}
+
+/// Known variables, such as neighboring elements of an array.
+#[derive(Clone, Copy, Debug)]
+pub struct Knowns {
+    /// The first one, for the first unknown.
+    pub first: ValueReference,
+    /// The number of knowns.
+    pub count: u32,
+    /// The difference between the value references of two consecutive knowns.
+    pub step: ValueReference,
+    /// Likewise between those of two consecutive unknowns.
+    pub stride: ValueReference,
+}
+
+impl Dependencies {
+    /// Each unknown with its knowns.
+    pub(crate) fn each(
+        &self,
+    ) -> impl Iterator<Item = (ValueReference, impl Iterator<Item = ValueReference>)> {
+        let Self { unknown, count, stride, knowns } = *self;
+        (0..count).map(move |number| {
+            let knowns = knowns.iter().flat_map(move |knowns| {
+                let first = knowns.first + number * knowns.stride;
+                (0..knowns.count).map(move |known| first + known * knowns.step)
+            });
+            (unknown + number * stride, knowns)
+        })
+    }
 }
 
 /// A clock's attributes (FMI 3.0.2, section 2.4.4).

@@ -6,6 +6,7 @@
 
 pub(crate) mod activation;
 pub(crate) mod clocks;
+pub(crate) mod dependencies;
 mod derivatives;
 pub(crate) mod event_mode;
 mod exchange;
@@ -90,7 +91,7 @@ pub(crate) struct Instance<M: Model> {
     /// Whether the importer has saved a state, so it may try values and roll back.
     may_roll_back: bool,
     /// The inputs whose exceeded bounds were logged; kept on rollback.
-    logged_inputs: Vec<&'static str>,
+    logged_inputs: Vec<ValueReference>,
 }
 
 impl<M: Model> Instance<M> {
@@ -350,10 +351,7 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
 
 #[cold]
 fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
-    Error::new(format!(
-        "the variable {} became {} at {} s",
-        V::description(reference).map_or("", |variable| variable.name),
-        Shown(variables.real(reference)),
-        Shown(time)
-    ))
+    let name = V::description(reference).map(|variable| variable.name().to_string()).unwrap_or_default();
+    let value = Shown(variables.real(reference));
+    Error::new(format!("the variable {name} became {value} at {} s", Shown(time)))
 }

@@ -97,7 +97,7 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
                 "a model integrated by `TwoRates` has time events, but no event indicators"
             );
         }
-        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NAMES.len() };
+        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NOMINALS.len() };
         Self {
             equations: E::default(),
             integrator: I::new::<Equated<'_, E>>(states),
@@ -149,7 +149,7 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
                 return Err(Error::new(format!(
                     "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
                      \"start\" with \"initial\": \"exact\" in the JSON",
-                    variable.name
+                    variable.name()
                 )));
             }
         }
@@ -250,7 +250,7 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
                 self.equations.initialize::<Recorded<'_>>(variables);
             });
         // A start value acts directly and through its state.
-        let mut by_state = vec![0.0; E::Variables::STATE_NAMES.len()];
+        let mut by_state = vec![0.0; E::Variables::STATE_NOMINALS.len()];
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] = derivative);
         derivatives.states_from_start();
         E::Variables::each_state(&derivatives, |state, derivative: f64| by_state[state] += derivative);
@@ -320,7 +320,7 @@ impl<E: Equations, I: Integrate> EventMode for Integrated<E, I> {
 impl<E: Equations, I: Integrate> Integrated<E, I> {
     fn take_states(&mut self) -> Vec<f64> {
         let mut states = mem::take(&mut self.states);
-        states.resize(E::Variables::STATE_NAMES.len(), 0.0);
+        states.resize(E::Variables::STATE_NOMINALS.len(), 0.0);
         states
     }
 
@@ -488,8 +488,11 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
                         .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
                     format!("{events} of them are events, which come ever faster, the last caused by {what}")
                 } else {
-                    let state = E::Variables::STATE_NAMES.get(self.integrator.decisive_state());
-                    let what = state.unwrap_or(&"an event indicator");
+                    let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                        "an event indicator".to_owned()
+                    } else {
+                        E::Variables::state_name(self.integrator.decisive_state())
+                    };
                     format!(
                         "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
                     )
@@ -572,7 +575,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             "the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
              {tolerance:?}, or its derivative is not finite",
             Shown(self.time),
-            E::Variables::STATE_NAMES[failure.state]
+            E::Variables::state_name(failure.state)
         ))
     }
 }
@@ -647,6 +650,24 @@ impl<E: Equations> Equated<'_, E> {
         self.set(elapsed, |state| states[state]);
         evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
+
+    /// Records an evaluation on an empty tape. Returns the states on it, the first numbers there, and their derivatives.
+    fn record<'t>(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        tape: &'t Tape,
+    ) -> (Vec<Recorded<'t>>, Vec<Recorded<'t>>) {
+        self.set(elapsed, |state| states[state]);
+        let constant = |value: f64, _| Recorded::from(value);
+        let mut recorded = self.variables.combined(self.variables, constant);
+        let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+        E::Variables::set_states(&mut recorded, |state| states[state]);
+        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
+        let mut rates = states.clone();
+        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
+        (states, rates)
+    }
 }
 
 impl<E: Equations> TwoParts for Equated<'_, E> {
@@ -685,8 +706,10 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
     }
 
     fn is_within(&self, states: Range<usize>, state: impl Fn(usize) -> f64) -> bool {
-        let mut strict = E::Variables::STRICT_STATES.iter().filter(|(position, ..)| states.contains(position));
-        strict.all(|&(position, min, max)| (min..=max).contains(&state(position)))
+        E::Variables::STRICT_STATES.iter().all(|(positions, min, max)| {
+            let own = positions.start.max(states.start)..positions.end.min(states.end);
+            own.into_iter().all(|position| (*min..=*max).contains(&state(position)))
+        })
     }
 }
 
@@ -694,7 +717,7 @@ impl<E: Equations> System for Equated<'_, E> {
     const METHOD: &'static Method = E::METHOD;
     const TOLERANCE_IS_ABSOLUTE: bool = E::ERROR_SCALES.is_some();
     const LONGEST_STEP: f64 = E::LONGEST_INTERNAL_STEP;
-    const MAY_BE_SPARSE: bool = E::Variables::STATE_NAMES.len() > MOST_DENSE;
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
         self.set(elapsed, |state| states[state]);
@@ -716,6 +739,13 @@ impl<E: Equations> System for Equated<'_, E> {
     ) {
         self.set(elapsed, |state| states[state]);
         let time = self.start + elapsed;
+        let is_autonomous = !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant();
+        if is_autonomous {
+            by_time.fill(0.0);
+            if directions.count() == 0 {
+                return;
+            }
+        }
         let constant = |value: f64, _| Dual::from(value);
         let mut duals = self.variables.combined(self.variables, constant);
         let count = directions.count();
@@ -728,6 +758,9 @@ impl<E: Equations> System for Equated<'_, E> {
                 products[row * count + direction] = rate.derivative;
             });
         }
+        if is_autonomous {
+            return;
+        }
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();
             *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
@@ -738,21 +771,28 @@ impl<E: Equations> System for Equated<'_, E> {
         E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
     }
 
-    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
-        self.set(elapsed, |state| states[state]);
+    fn gradients(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        rows: &[usize],
+        mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
         let mut tape = Tape::new();
         tape.clear();
-        let tape = &tape;
-        let constant = |value: f64, _| Recorded::from(value);
-        let mut recorded = self.variables.combined(self.variables, constant);
-        let variables: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
-        E::Variables::set_states(&mut recorded, |state| variables[state]);
-        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
-        let mut rates = variables;
-        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
-        let mut reached = vec![];
-        Pattern::of_rows(states.len(), |row, columns| {
-            tape.add_dependencies(rates[row], row, states.len(), &mut reached, columns);
+        let (states, rates) = self.record(elapsed, states, &tape);
+        for &row in rows {
+            tape.differentiate(rates[row]);
+            take(row, &|column| tape.derivative(states[column]));
+        }
+    }
+
+    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
+        let (size, mut tape, mut reached) = (states.len(), Tape::new(), vec![]);
+        tape.clear();
+        let (_, rates) = self.record(elapsed, states, &tape);
+        Pattern::of_rows(size, |row, columns| {
+            tape.add_dependencies(rates[row], row, size, &mut reached, columns);
         })
     }
 }

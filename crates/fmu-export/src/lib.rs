@@ -62,7 +62,8 @@ mod serialized_state;
 mod simulation;
 mod status;
 mod tape;
-mod typed;
+#[doc(hidden)]
+pub mod typed;
 mod variables;
 #[cfg(target_family = "wasm")]
 #[doc(hidden)]

@@ -204,6 +204,12 @@ impl<T: Persistent + Default> Persistent for Option<T> {
     }
 }
 
+impl<T: Persistent + ?Sized> Persistent for Box<T> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        (**self).persist(archive)
+    }
+}
+
 impl<T: Persistent + Default> Persistent for Vec<T> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let length = archive.length(self.len())?;

@@ -87,6 +87,15 @@ impl Tape {
         })
     }
 
+    /// Computes the derivatives of one result.
+    pub(crate) fn differentiate(&self, result: Recorded<'_>) {
+        for operation in &mut *self.operations.borrow_mut() {
+            operation.adjoint = 0.0;
+        }
+        self.weigh(result, 1.0);
+        self.go_back();
+    }
+
     /// Adds the positions of the variables, the first numbers on the tape, on which a result depends. `reached` holds
     /// which number was last reached from which `result`.
     pub(crate) fn add_dependencies(

@@ -1,7 +1,48 @@
 //! Macros for the generated structs of a model's variables, to keep the generated code small.
 
+/// A large array of a generated struct, which is on the heap: an importer's thread may have a stack of 1 MB.
+///
+/// # Panics
+/// With another number of elements.
+#[doc(hidden)]
+#[must_use]
+pub fn boxed<T, const N: usize>(elements: Vec<T>) -> Box<[T; N]> {
+    elements.into_boxed_slice().try_into().ok().expect("there are as many elements as the type says")
+}
+
+/// A table of which some elements are equal: each run's length and element.
+#[doc(hidden)]
+#[must_use]
+pub const fn repeated<T: Copy, const N: usize>(runs: &[(usize, T)]) -> [T; N] {
+    let mut table = [runs[0].1; N];
+    let (mut run, mut end, mut position) = (0, runs[0].0, 0);
+    while position < N {
+        while position == end {
+            run += 1;
+            end += runs[run].0;
+        }
+        table[position] = runs[run].1;
+        position += 1;
+    }
+    table
+}
+
+/// The sum of magnitudes, in four parts that do not wait for each other.
+#[doc(hidden)]
+#[must_use]
+pub fn sum_of_magnitudes(numbers: &[f64]) -> f64 {
+    let (fours, rest) = numbers.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for four in fours {
+        for (sum, number) in sums.iter_mut().zip(four) {
+            *sum += number.abs();
+        }
+    }
+    sums.iter().chain(rest).map(|number| number.abs()).sum()
+}
+
 /// Maps generated structs, generic over their number type, number by number. Each field is a `number` (with an array's
-/// sizes), `nested` (another such struct) or `other`.
+/// sizes), `boxed` (a large array of them), `nested` (another such struct) or `other`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! numbers {
@@ -24,6 +65,16 @@ macro_rules! numbers {
             pub fn map<U>(&self, mut function: impl FnMut(T) -> U) -> $name<U> {
                 self.combine(self, &mut |number, _| function(number))
             }
+
+            /// Calls a function with each number.
+            pub fn for_each(&self, function: &mut impl FnMut(T)) {
+                $($crate::numbers!(@each $kind self.$field, function $(, $size)*);)*
+            }
+
+            /// Calls a function with each number to change it.
+            pub fn for_each_mut(&mut self, function: &mut impl FnMut(&mut T)) {
+                $($crate::numbers!(@each_mut $kind self.$field, function $(, $size)*);)*
+            }
         }
     };
     (@number $one:expr, $other:expr, $function:ident) => { $function($one, $other) };
@@ -32,8 +83,48 @@ macro_rules! numbers {
             $crate::numbers!(@number $one[index], $other[index], $function $(, $inner)*)
         })
     };
+    (@boxed $one:expr, $other:expr, $function:ident, $size:literal $(, $inner:literal)*) => {
+        $crate::typed::boxed::<_, $size>(
+            (0..$size)
+                .map(|index| $crate::numbers!(@number $one[index], $other[index], $function $(, $inner)*))
+                .collect()
+        )
+    };
     (@nested $one:expr, $other:expr, $function:ident) => { $one.combine(&$other, $function) };
     (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
+    (@each nested $value:expr, $function:ident) => { $value.for_each($function) };
+    (@each other $value:expr, $function:ident) => {};
+    (@each $kind:ident $value:expr, $function:ident) => { $function($value) };
+    (@each $kind:ident $value:expr, $function:ident, $size:literal $(, $inner:literal)*) => {
+        for element in $value.iter() {
+            $crate::numbers!(@each $kind *element, $function $(, $inner)*);
+        }
+    };
+    (@each_mut nested $value:expr, $function:ident) => { $value.for_each_mut($function) };
+    (@each_mut other $value:expr, $function:ident) => {};
+    (@each_mut $kind:ident $value:expr, $function:ident) => { $function(&mut $value) };
+    (@each_mut $kind:ident $value:expr, $function:ident, $size:literal $(, $inner:literal)*) => {
+        for element in $value.iter_mut() {
+            $crate::numbers!(@each_mut $kind *element, $function $(, $inner)*);
+        }
+    };
+}
+
+/// Clones a generated struct field by field, so that `clone_from` reuses its memory.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! cloned {
+    ($name:ident $(<$parameter:ident>)? { $($field:ident),* $(,)? }) => {
+        impl$(<$parameter: ::core::clone::Clone>)? ::core::clone::Clone for $name$(<$parameter>)? {
+            fn clone(&self) -> Self {
+                Self { $($field: self.$field.clone(),)* }
+            }
+
+            fn clone_from(&mut self, source: &Self) {
+                $(self.$field.clone_from(&source.$field);)*
+            }
+        }
+    };
 }
 
 /// Converts a generated enumeration from and to its FMI values and bytes, so that a model can store one.

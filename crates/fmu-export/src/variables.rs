@@ -1,7 +1,12 @@
 //! A model's typed variables, as the runtime sees them: by value reference, and as states and derivatives.
 
+use core::ops::Range;
+
 use crate::clock::Clock;
-use crate::description::{ClockDescription, ModelDescription, ValueReference, VariableDescription};
+use crate::description::{
+    ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference, VariableDescription,
+    Version,
+};
 use crate::inputs::Inputs;
 use crate::number::Number;
 use crate::persistence::Persistent;
@@ -17,65 +22,78 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Of<T: Number>;
     /// What [`Equations::evaluate`](crate::Equations::evaluate) reads and computes, over a number type.
     type Evaluation<'a, T: Number + 'a>;
-    /// The names of the states.
-    const STATE_NAMES: &'static [&'static str];
-    /// Their nominal values; 1 if undeclared.
+    /// The nominal values of the states; 1 if undeclared.
     const STATE_NOMINALS: &'static [f64];
     /// The states with a range outside which the equations are invalid; ascending.
-    const STRICT_STATES: &'static [(usize, f64, f64)] = &[];
+    const STRICT_STATES: &'static [(Range<usize>, f64, f64)] = &[];
     /// The names of the event indicators.
     const EVENT_INDICATORS: &'static [&'static str] = &[];
     /// The positions of the indicators that no event may leave positive.
     const LIMITS: &'static [usize] = &[];
     /// This model's tables.
     const DESCRIPTION: &'static ModelDescription;
-    /// The value references of the described variables, ascending; empty if they are 0, 1, 2, ….
-    const VALUE_REFERENCES: &'static [ValueReference] = &[];
-    /// In FMI 3.0, the value references of each array's elements, of which the first is the array's; ascending by
-    /// these.
-    const ARRAYS: &'static [&'static [ValueReference]] = &[];
-    /// The value references of all array elements but the first ones, ascending. In FMI 3.0 they are not variables.
-    const INNER_ELEMENTS: &'static [ValueReference] = &[];
     /// In FMI 3.0, the value reference of the first event indicator's variable; those of the others follow.
     const FIRST_EVENT_INDICATOR: ValueReference = ValueReference::MAX;
     /// The Real outputs and derivatives, each with the variables on which it depends according to the model's JSON
-    /// (`reads`), if declared. For [`check_dependencies`](crate::check_dependencies); not part of a library.
-    const DEPENDENCIES: &'static [(ValueReference, &'static [ValueReference])] = &[];
+    /// (`reads`), if declared. For [`check_dependencies`](crate::check_dependencies), and importers that ask for the
+    /// dependencies of each element; otherwise not part of a library.
+    const DEPENDENCIES: &'static [Dependencies] = &[];
+    /// Likewise of what initialization computes; only where importers may ask for the dependencies of each element.
+    const INITIAL_DEPENDENCIES: &'static [Dependencies] = &[];
     /// Whether a Real output or derivative depends explicitly on time, or may.
     const DEPENDS_ON_TIME: bool = false;
     /// The clocks: inputs first, by priority, then the others.
     const CLOCKS: &'static [ClockDescription] = &[];
-    /// The variables that belong to clocks, each with the clocks' value references; ascending.
+    /// The variables and arrays that belong to clocks, each with the clocks' value references; ascending.
     const CLOCKED: &'static [(ValueReference, &'static [ValueReference])] = &[];
     /// The text of the modelDescription.xml; part of a library only if used.
     const MODEL_DESCRIPTION_XML: &'static str;
 
-    /// A variable's position in the description, if the value reference exists.
+    /// The number of scalars with the value references 0, 1, 2, … at the front of the description, which need no search.
+    const FRONT: usize = front(Self::DESCRIPTION.variables);
+
+    /// Whether arrays are variables, as in FMI 3.0.
+    const HAS_ARRAYS: bool =
+        matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
+
+    /// A variable's attributes, those of its array, if the value reference exists.
     #[must_use]
-    fn position(reference: ValueReference) -> Option<usize> {
-        match Self::VALUE_REFERENCES {
-            [] => Some(reference as usize).filter(|position| *position < Self::DESCRIPTION.variables.len()),
-            references => references.binary_search(&reference).ok(),
+    #[inline]
+    fn attributes(reference: ValueReference) -> Option<&'static VariableDescription> {
+        Self::description(reference).map(|variable| variable.description)
+    }
+    /// A scalar variable, if the value reference exists.
+    #[must_use]
+    #[inline]
+    fn description(reference: ValueReference) -> Option<ScalarVariable> {
+        let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
+        if position < Self::FRONT {
+            Some(ScalarVariable { description: &variables[position], element: 0 })
+        } else if Self::FRONT < variables.len() {
+            find(variables, reference)
+        } else {
+            None
         }
     }
-    /// A variable's description, if the value reference exists.
+    /// The scalar variables, each with its value reference.
     #[must_use]
-    fn description(reference: ValueReference) -> Option<&'static VariableDescription> {
-        Self::position(reference).map(|position| &Self::DESCRIPTION.variables[position])
+    fn described() -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
+        Self::DESCRIPTION.variables.iter().flat_map(VariableDescription::scalars)
     }
-    /// The value reference of the variable at a position in the description.
+    /// The value references of a variable's elements, or that of a scalar. In FMI 3.0 an array is one variable, with the
+    /// value reference of its first element.
     #[must_use]
-    fn value_reference(position: usize) -> ValueReference {
-        let declared = Self::VALUE_REFERENCES.get(position).copied();
-        declared.unwrap_or_else(|| {
-            ValueReference::try_from(position).expect("there are fewer variables than numbers")
-        })
+    fn elements(reference: ValueReference) -> Option<impl Iterator<Item = ValueReference>> {
+        let variable = Self::description(reference)?;
+        let (count, stride) = if Self::HAS_ARRAYS { (variable.elements(), variable.stride) } else { (1, 1) };
+        let is_whole = !Self::HAS_ARRAYS || variable.value_reference == reference;
+        is_whole.then(|| (reference..).step_by(stride as usize).take(count))
     }
-    /// The described variables, each with its value reference.
+    /// The name of the state at a position.
     #[must_use]
-    fn described() -> impl Iterator<Item = (ValueReference, &'static VariableDescription)> {
-        let numbered = Self::DESCRIPTION.variables.iter().enumerate();
-        numbered.map(|(position, variable)| (Self::value_reference(position), variable))
+    fn state_name(position: usize) -> String {
+        let mut states = Self::described().filter(|(_, variable)| variable.state() == Some(position));
+        states.next().map(|(_, variable)| variable.name().to_string()).unwrap_or_default()
     }
     /// The inputs as the importer set them, not clamped.
     fn inputs(&self) -> &Self::Inputs;
@@ -101,10 +119,13 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         let mut beyond = None;
         if strict.len() > 0 {
             Self::each_state(self, |state, value: f64| {
-                if let Some((_, min, max)) = strict.next_if(|(strict, _, _)| *strict == state)
-                    && !(min..=max).contains(&&value)
+                if let Some((states, min, max)) = strict.peek()
+                    && states.contains(&state)
                 {
-                    beyond = beyond.or(Some((state, value)));
+                    if !(min..=max).contains(&&value) {
+                        beyond = beyond.or(Some((state, value)));
+                    }
+                    strict.next_if(|(states, _, _)| states.end == state + 1);
                 }
             });
         }
@@ -130,8 +151,9 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
             of_state = if position == state { place } else { of_state };
         });
         let is_at = |reference: ValueReference, place: f64| places.real(reference).to_bits() == place.to_bits();
-        let declared = Self::DEPENDENCIES.iter().find(|(unknown, _)| is_at(*unknown, of_derivative));
-        declared.is_none_or(|(_, reads)| reads.iter().any(|&known| is_at(known, of_state)))
+        let mut declared = Self::DEPENDENCIES.iter().flat_map(Dependencies::each);
+        let reads = declared.find(|(unknown, _)| is_at(*unknown, of_derivative));
+        reads.is_none_or(|(_, mut knowns)| knowns.any(|known| is_at(known, of_state)))
     }
     /// Sets each state by its position.
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
@@ -193,8 +215,16 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn mark_calculated(&mut self, mark: bool) {
         let _ = mark;
     }
-    /// Sets the states to their start values. A no-op without states.
-    fn states_from_start(&mut self) {}
+    /// Sets the states to their start values.
+    fn states_from_start(&mut self);
+    /// Exchanges the states and their start values.
+    fn swap_states_and_start(&mut self);
+    /// Sets a state, not its start value.
+    fn set_state(&mut self, reference: ValueReference, value: f64) {
+        self.swap_states_and_start();
+        self.set_real(reference, value);
+        self.swap_states_and_start();
+    }
     /// Variables whose Reals are all 0: a direction in which nothing changes.
     fn zero() -> Self;
     /// The direction in which the states move with their derivatives; nothing else changes.
@@ -224,4 +254,40 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     }
     /// The first non-finite state, otherwise derivative, otherwise Real output.
     fn first_non_finite(&self) -> Option<ValueReference>;
+}
+
+/// How many variables at the front are scalars whose value references are their positions.
+const fn front(variables: &[VariableDescription]) -> usize {
+    let mut position = 0;
+    while position < variables.len()
+        && variables[position].value_reference as usize == position
+        && variables[position].dimensions.is_empty()
+    {
+        position += 1;
+    }
+    position
+}
+
+/// Whether any variable is an array.
+const fn has_arrays(variables: &[VariableDescription]) -> bool {
+    let mut position = 0;
+    while position < variables.len() {
+        if !variables[position].dimensions.is_empty() {
+            return true;
+        }
+        position += 1;
+    }
+    false
+}
+
+/// The scalar variable with a value reference.
+fn find(variables: &'static [VariableDescription], reference: ValueReference) -> Option<ScalarVariable> {
+    let after = variables.partition_point(|variable| variable.value_reference <= reference);
+    // The elements of an array of states alternate with their derivatives.
+    variables[after.saturating_sub(2)..after].iter().rev().find_map(|variable| {
+        let (distance, stride) = (reference - variable.value_reference, variable.stride);
+        let element = (distance / stride) as usize;
+        let is_element = distance % stride == 0 && element < variable.elements();
+        is_element.then_some(ScalarVariable { description: variable, element })
+    })
 }

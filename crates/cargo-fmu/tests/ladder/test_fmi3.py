@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import ctypes
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,7 +19,7 @@ from fmpy.validation import validate_fmu
 
 REFERENCE = Path(__file__).parent / "reference"
 FMI3 = FMUS.parents[1] / "ladder-fmi3" / "fmu" / "fmi3"
-MODELS = ["Feedthrough", "StateSpace", "VanDerPol"]
+MODELS = ["Feedthrough", "StateSpace", "Diffusion", "VanDerPol"]
 WHOLE = {
     "Int8": 8,
     "UInt8": 8,
@@ -245,3 +246,105 @@ def test_configuration_mode_takes_the_sizes_of_the_build(make: Callable[..., FMU
     with pytest.raises(FMICallException):
         fmu.enterConfigurationMode()
     fmu.freeInstance()
+
+
+CELLS = 100
+RATE = 0.1 * CELLS**2
+"""Of the rod: its diffusivity over the square of a cell's length."""
+
+
+def slopes(temperatures: np.ndarray, left: float, right: float) -> np.ndarray:
+    """By its definition: at an end the profile goes on straight, so that its temperature is at the end."""
+    beyond = [2 * left - temperatures[0], *temperatures, 2 * right - temperatures[-1]]
+    return RATE * np.diff(beyond, 2)
+
+
+def test_the_rod_is_at_most_forty_lines_of_rust() -> None:
+    source = FMI3.parents[1] / "Diffusion" / "src" / "lib.rs"
+    assert len(source.read_text().splitlines()) <= 40
+
+
+def test_cells_read_their_neighbors(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("Diffusion"), make("Diffusion", FMU3Model)
+    assert list(by_name) == ["time", "n", "length", "diffusivity", "left", "right", "T", "der(T)"]
+    temperatures = np.random.default_rng(7).normal(300, 10, CELLS)
+    fmu.setFloat64([by_name["T"]], temperatures.tolist())
+    fmu.setFloat64([by_name["left"], by_name["right"]], [350.0, 280.0])
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    assert fmu.getFloat64([by_name["T"]], CELLS) == temperatures.tolist()
+    expected = slopes(temperatures, 350.0, 280.0)
+    # Differences of numbers of 300 K, times the rate.
+    tolerance = 8 * np.finfo(float).eps * 300 * RATE
+    assert np.allclose(fmu.getFloat64([by_name["der(T)"]], CELLS), expected, rtol=0, atol=tolerance)
+    # Linear: along a direction, and backwards along the same one, as the matrix is symmetric.
+    direction = np.random.default_rng(8).normal(size=CELLS)
+    for derivative in (fmu.getDirectionalDerivative, fmu.getAdjointDerivative):
+        unknowns, knowns = [by_name["der(T)"]], [by_name["T"]]
+        found = derivative(unknowns, knowns, direction.tolist(), CELLS)
+        assert np.allclose(found, slopes(direction, 0, 0), rtol=0, atol=1e-12 * RATE)
+    fmu.freeInstance()
+
+
+def dependencies(fmu: FMU3Slave, dependent: int) -> list[tuple[int, int, int]]:
+    """Elements of a variable with those of others on which they depend, of which FMPy has no method."""
+    count = ctypes.c_size_t()
+    assert fmu.dll.fmi3GetNumberOfVariableDependencies(fmu.component, dependent, ctypes.byref(count)) == 0
+    types = (ctypes.c_size_t, ctypes.c_uint32, ctypes.c_size_t, ctypes.c_int)
+    elements, independents, of_independents, kinds = ((of * count.value)() for of in types)
+    arguments = (elements, independents, of_independents, kinds, count)
+    assert fmu.dll.fmi3GetVariableDependencies(fmu.component, dependent, *arguments) == 0
+    # fmi3Dependent
+    assert set(kinds) == {5}
+    return list(zip(elements, independents, of_independents, strict=True))
+
+
+def test_each_cell_depends_on_its_neighbors_alone(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("Diffusion"), make("Diffusion", FMU3Slave)
+    others = [(by_name[name], 1) for name in ("length", "diffusivity", "left", "right")]
+    expected = [
+        (cell, *known)
+        for cell in range(1, CELLS + 1)
+        for known in [
+            *others,
+            *((by_name["T"], near) for near in range(cell - 1, cell + 2) if 1 <= near <= CELLS),
+        ]
+    ]
+    # Of the initial values, and of those later.
+    assert sorted(dependencies(fmu, by_name["der(T)"])) == sorted(expected)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    assert sorted(dependencies(fmu, by_name["der(T)"])) == sorted(expected)
+    # A state that is an output is its own.
+    assert dependencies(fmu, by_name["T"]) == [(cell, by_name["T"], cell) for cell in range(1, CELLS + 1)]
+    for known in ("left", "n", "time"):
+        count = ctypes.c_size_t()
+        status = fmu.dll.fmi3GetNumberOfVariableDependencies(
+            fmu.component, by_name[known], ctypes.byref(count)
+        )
+        assert status == 3, known
+    fmu.freeInstance()
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_the_rod_decays_to_its_steady_profile(kind: str) -> None:
+    """From a mode of the cells' equations, which decays exponentially while the profile stays straight."""
+    cells = np.arange(CELLS) + 0.5
+    profile, mode = 400 - 100 * cells / CELLS, np.sin(np.pi * cells / CELLS)
+    eigenvalue = -4 * RATE * np.sin(np.pi / 2 / CELLS) ** 2
+    tolerance = 1e-6
+    result = fmpy.simulate_fmu(
+        exported("Diffusion", FMI3),
+        fmi_type=kind,
+        stop_time=1,
+        step_size=0.05,
+        output_interval=0.05,
+        relative_tolerance=tolerance,
+        start_values={"T": (profile + 50 * mode).tolist()},
+        output=["T"],
+    )
+    assert len(result) == 21
+    expected = profile + 50 * np.outer(np.exp(eigenvalue * result["time"]), mode)
+    # Each of some hundred steps may be off by the tolerance of 300 K.
+    assert np.abs(result["T"] - expected).max() < 100 * tolerance * 300
+    assert np.ptp(expected[:, 50]) > 20

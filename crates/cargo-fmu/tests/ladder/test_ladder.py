@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from conftest import FMUS
 from exchange import DOP853, Radau
-from fmpy import simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
 from fmpy.validation import validate_fmu
@@ -26,6 +26,7 @@ from scipy.integrate import solve_ivp
 
 REFERENCE = Path(__file__).parent / "reference"
 LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
+OTHERS = ["NeuralLayer", "StickSlip", "PiController"]
 TOLERANCE = 1e-10
 """What the solvers are asked for."""
 INTERFACES = {
@@ -55,7 +56,7 @@ def reference(model):
 # All models
 
 
-@pytest.mark.parametrize("model", [*LADDER, "StickSlip", "PiController"])
+@pytest.mark.parametrize("model", [*LADDER, *OTHERS])
 def test_validators_find_nothing(fmu, model):
     assert validate_fmu(fmu(model)) == []
     command = [FMUS.parents[1] / "debug" / "cargo-fmu", "validate", fmu(model)]
@@ -64,7 +65,7 @@ def test_validators_find_nothing(fmu, model):
     assert "0 errors, 0 warnings" in done.stdout
 
 
-@pytest.mark.parametrize("model", [*LADDER, "StickSlip", "PiController"])
+@pytest.mark.parametrize("model", [*LADDER, *OTHERS])
 def test_packages_are_short(model):
     """Lines that are not blank, with the tests."""
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
@@ -518,6 +519,37 @@ def test_a_file_that_cannot_be_read_is_named(instance, tmp_path, kind):
     shutil.copy(os.devnull, elsewhere / "y.txt")
     with pytest.raises(AssertionError, match=r"the resource y\.txt is empty"):
         instance("Resource", kind, resources=elsewhere.as_uri().encode())
+
+
+# The layer of a neural network
+
+
+@ALL
+def test_the_layer_is_that_of_its_file(fmu, interface):
+    path = fmu("NeuralLayer")
+    with zipfile.ZipFile(path) as archive, archive.open("resources/weights.csv") as file:
+        rows = np.loadtxt(file, delimiter=",")
+    assert rows.shape == (4, 4)
+    u = [0.5, -1.25, 2.0]
+    is_array = read_model_description(path).fmiVersion.startswith("3")
+    inputs = {"u": u} if is_array else {f"u[{number + 1}]": value for number, value in enumerate(u)}
+    output = ["y"] if is_array else [f"y[{number}]" for number in range(1, 5)]
+    result = simulate(path, interface, start_values=inputs, output=output, output_interval=0.5)
+    found = result["y"] if is_array else np.array([result[name] for name in output]).T
+    assert len(found) > 1
+    # Four products, and the tangent of another library.
+    expected = np.tanh(rows[:, 1:] @ u + rows[:, 0])
+    assert np.allclose(found, expected, rtol=16 * EPSILON, atol=16 * EPSILON)
+
+
+def test_a_file_of_another_size_is_refused(fmu2, tmp_path):
+    changed = tmp_path / "changed.fmu"
+    for content in (b"1,2,3,4\n", b"1,2,3\n" * 4, b"1,2,3,four\n" * 4):
+        with zipfile.ZipFile(fmu2("NeuralLayer")) as old, zipfile.ZipFile(changed, "w") as new:
+            for name in old.namelist():
+                new.writestr(name, content if name.endswith("weights.csv") else old.read(name))
+        with pytest.raises(FMICallException):
+            simulate(changed, "co-simulation")
 
 
 # The sampled controller

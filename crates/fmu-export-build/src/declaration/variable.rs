@@ -40,7 +40,8 @@ pub(crate) struct VariableDeclaration {
     pub(crate) max: Option<f64>,
     /// Typical magnitude, for solvers.
     pub(crate) nominal: Option<f64>,
-    /// Initial value of a parameter, input, state, constant or exact variable; for an array a list, row by row.
+    /// Initial value of a parameter, input, state, constant or exact variable; for an array one for all elements, or a
+    /// list, row by row.
     #[serde(default)]
     #[cfg_attr(test, schemars(schema_with = "start_schema"))]
     pub(crate) start: Option<Value>,
@@ -65,7 +66,8 @@ pub(crate) struct VariableDeclaration {
     /// Likewise above `max`.
     #[serde(default)]
     pub(crate) strict_max: bool,
-    /// Variables that its equation reads directly. Default: everything.
+    /// Variables that its equation reads directly; of an array also elements, by its own subscripts i, j, … and : for
+    /// all: `T[i-1]`, `A[i,:]`. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
     /// Likewise for initialization, if different.
     pub(crate) initial_reads: Option<Vec<String>>,
@@ -192,7 +194,7 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) description: Option<String>,
     /// Default: the state's unit divided by s.
     pub(crate) unit: Option<String>,
-    /// Variables that its equation reads directly. Default: everything.
+    /// Variables that its equation reads directly; of an array also elements, as above. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
     /// Likewise for initialization, if different.
     pub(crate) initial_reads: Option<Vec<String>>,

@@ -218,14 +218,17 @@ impl<'m, 'a> Page<'m, 'a> {
         words.collect::<Vec<_>>().join(" ")
     }
 
-    /// The value references of a variable's elements, or (1) of their derivatives.
+    /// The value reference of a variable, or (1) of its derivative: those of all elements of an array that is no variable
+    /// itself.
     fn references(&self, field: &Field<'_>, offset: usize) -> String {
         let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
         match references[..] {
-            [first, .., last] if references.windows(2).all(|pair| pair[1] == pair[0] + 1) => {
+            [first, ..] if self.model.is_one_variable(field) => first.to_string(),
+            [first, .., last] if (last - first) as usize + 1 == references.len() => {
                 format!("{first} … {last}")
             }
+            [first, second, _, .., last] => format!("{first}, {second} … {last}"),
             _ => references.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
         }
     }
@@ -252,16 +255,26 @@ impl<'m, 'a> Page<'m, 'a> {
         self.model.scalars[field.positions[0]].start.is_some()
     }
 
-    /// Whether the start values have a row of their own: those of a matrix, and long lists.
-    fn folds_starts(&self, field: &Field<'_>) -> bool {
+    /// Whether the start values are too many for a cell: those of a matrix, and long lists.
+    fn has_many_starts(&self, field: &Field<'_>) -> bool {
         let is_matrix = field.declaration.sizes.len() == 2;
         self.has_start(field) && (is_matrix || field.positions.len() > MOST_STARTS)
+    }
+
+    /// Whether they have a row of their own, as they differ.
+    fn folds_starts(&self, field: &Field<'_>) -> bool {
+        let first = &self.model.scalars[field.positions[0]].start;
+        let differs = |position: &usize| self.model.scalars[*position].start != *first;
+        self.has_many_starts(field) && field.positions.iter().any(differs)
     }
 
     /// The start values of a scalar or a short list, also in the display unit.
     fn start(&self, field: &Field<'_>) -> String {
         if self.folds_starts(field) {
             return "below".to_owned();
+        }
+        if self.has_many_starts(field) {
+            return self.starts(field).next().map(|start| format!("each {start}")).unwrap_or_default();
         }
         let starts: Vec<_> = self.starts(field).collect();
         let mut text = starts.join(", ");

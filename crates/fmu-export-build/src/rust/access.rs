@@ -3,26 +3,42 @@
 use std::fmt::Write as _;
 
 use super::generator::{Generator, enumeration_path, full_path};
+use super::tables::repeated;
 use crate::data_type::DataType;
 use crate::declaration::{Initial, Variability};
 use crate::model::{Place, Scalar};
 
 impl Generator<'_, '_> {
     pub(super) fn inputs_impl(&self) -> String {
-        let (mut bounds, mut getters, mut setters) = (String::new(), String::new(), String::new());
-        for (place, position) in self.real_inputs().enumerate() {
-            let scalar = &self.model.scalars[position];
-            let (min, max) = self.bounds(scalar);
-            let path = &scalar.path;
-            let _ = writeln!(bounds, "        ::fmu_export::RealInput {{ min: {min}, max: {max} }},");
-            let _ = writeln!(getters, "            {place} => self.{path},");
-            let _ = writeln!(setters, "        self.{path} = value({place});");
+        let (mut getters, mut setters) = (String::new(), String::new());
+        for (first, variable) in self.real_inputs() {
+            let path = &self.first(variable).path;
+            if variable.is_array() {
+                let (end, [flat, flat_mut]) = (
+                    first + variable.positions.len(),
+                    [false, true].map(|is_mutable| self.flat(variable, is_mutable)),
+                );
+                let _ = writeln!(getters, "            {first}..{end} => self.{flat}[position - {first}],");
+                let _ = writeln!(
+                    setters,
+                    "        self.{flat_mut}.iter_mut().enumerate().for_each(|(index, input)| *input = value({first} + index));"
+                );
+            } else {
+                let _ = writeln!(getters, "            {first} => self.{path},");
+                let _ = writeln!(setters, "        self.{path} = value({first});");
+            }
         }
+        let bounds = repeated(
+            "::fmu_export::RealInput",
+            self.real_inputs().map(|(_, variable)| {
+                let (min, max) = self.bounds(self.first(variable));
+                (variable, format!("::fmu_export::RealInput {{ min: {min}, max: {max} }}"))
+            }),
+        );
         format!(
             "
 impl ::fmu_export::Inputs for Inputs {{
-    const REALS: &'static [::fmu_export::RealInput] = &[
-{bounds}    ];
+    const REALS: &'static [::fmu_export::RealInput] = {bounds};
 
     fn real(&self, position: usize) -> f64 {{
         match position {{
@@ -41,16 +57,22 @@ impl ::fmu_export::Inputs for Inputs {{
     pub(super) fn variables_impl(&self) -> String {
         // States fail first; derivatives and outputs follow from them.
         let (mut sums, mut reals, mut count) = ([const { String::new() }; 4], String::new(), 0);
-        for place in [Place::States, Place::Derivatives, Place::Outputs] {
-            for position in self.model.in_place(place) {
-                let scalar = &self.model.scalars[position];
-                if scalar.data_type == DataType::Real {
-                    let (path, reference) = (full_path(scalar), scalar.value_reference);
-                    let _ = write!(sums[count % 4], " + self.{path}.abs()");
-                    count += 1;
-                    let _ = writeln!(reals, "                ({reference}, variables.{path}),");
-                }
-            }
+        let of_place = |place| self.in_place(place).map(|variable| (variable, self.first(variable)));
+        let results = [Place::States, Place::Derivatives, Place::Outputs].into_iter().flat_map(of_place);
+        for (variable, scalar) in results.filter(|(_, scalar)| scalar.data_type == DataType::Real) {
+            let (place, reference, stride) =
+                (scalar.place.field_name(), scalar.value_reference, self.stride(variable));
+            let numbers = if variable.is_array() {
+                let numbers = format!("{place}.{}[..]", self.flat(variable, false));
+                let _ = write!(sums[count % 4], " + ::fmu_export::typed::sum_of_magnitudes(&self.{numbers})");
+                format!("&variables.{numbers}")
+            } else {
+                let path = full_path(scalar);
+                let _ = write!(sums[count % 4], " + self.{path}.abs()");
+                format!("::core::slice::from_ref(&variables.{path})")
+            };
+            let _ = writeln!(reals, "                ({reference}, {stride}, {numbers}),");
+            count += 1;
         }
         format!(
             "
@@ -58,9 +80,8 @@ impl ::fmu_export::Variables for Variables {{
     type Inputs = Inputs;
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
-    const STATE_NAMES: &'static [&'static str] = &States::NAMES;
-    const STATE_NOMINALS: &'static [f64] = &[{nominals}];
-{strict_states}{event_indicators}{value_references}{dependencies}{clock_tables}
+    const STATE_NOMINALS: &'static [f64] = {nominals};
+{strict_states}{event_indicators}{dependencies}{clock_tables}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -70,7 +91,11 @@ impl ::fmu_export::Variables for Variables {{
     }}
 {numbers}{accessors}{clocks}{marks}
     fn states_from_start(&mut self) {{
-        self.states = self.start;
+        self.states.clone_from(&self.start);
+    }}
+
+    fn swap_states_and_start(&mut self) {{
+        ::core::mem::swap(&mut self.states, &mut self.start);
     }}
 
     fn zero() -> Self {{
@@ -87,7 +112,7 @@ impl ::fmu_export::Variables for Variables {{
     }}
 
     fn along_derivatives(&self) -> Self {{
-        Self {{ start: self.derivatives, ..Self::zero() }}
+        Self {{ start: self.derivatives.clone(), ..Self::zero() }}
     }}
 
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
@@ -99,9 +124,12 @@ impl ::fmu_export::Variables for Variables {{
         }}
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
-            let reals: &[(_, f64)] = &[
+            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[f64])] = &[
 {reals}            ];
-            reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
+            reals.iter().find_map(|(first, stride, values)| {{
+                let element = values.iter().position(|value| !value.is_finite())?;
+                ::core::option::Option::Some(first + stride * element as fmi::ValueReference)
+            }})
         }}
         find(self)
     }}
@@ -110,7 +138,6 @@ impl ::fmu_export::Variables for Variables {{
             nominals = self.nominals(),
             strict_states = self.strict_states(),
             event_indicators = self.event_indicators(),
-            value_references = self.value_references(),
             dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = self.all_accessors(),
@@ -187,19 +214,21 @@ impl ::fmu_export::Variables for Variables {{
         );
         let has_states = self.is_real(Place::States);
         let each = |name: &str, place: &str| {
-            let (function, body) = if has_states {
-                let each = format!(
-                    "variables.{place}.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));"
+            if !has_states {
+                return format!(
+                    "
+    fn {name}<T: ::fmu_export::Number>(_variables: &Self::Of<T>, _function: impl FnMut(usize, T)) {{}}
+"
                 );
-                ("mut function", each)
-            } else {
-                ("_function", String::new())
-            };
-            let variables = if has_states { "variables" } else { "_variables" };
+            }
             format!(
                 "
-    fn {name}<T: ::fmu_export::Number>({variables}: &Self::Of<T>, {function}: impl FnMut(usize, T)) {{
-        {body}
+    fn {name}<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {{
+        let mut state = 0;
+        variables.{place}.for_each(&mut |value| {{
+            function(state, value);
+            state += 1;
+        }});
     }}
 "
             )
@@ -207,7 +236,11 @@ impl ::fmu_export::Variables for Variables {{
         let set = if has_states {
             "
     fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
-        variables.states = States::from_array(::core::array::from_fn(state));
+        let mut position = 0;
+        variables.states.for_each_mut(&mut |value| {
+            *value = state(position);
+            position += 1;
+        });
     }
 "
         } else {
@@ -271,17 +304,23 @@ impl ::fmu_export::Variables for Variables {{
     /// How calculated variables take one of two values, if there are any.
     fn marks(&self) -> String {
         let mut marks = String::new();
-        for scalar in self.model.scalars.iter().filter(|scalar| is_evaluated(scalar)) {
-            let path = full_path(scalar);
-            let _ = match scalar.data_type {
+        for variable in self.variables.iter().filter(|variable| is_evaluated(self.first(variable))) {
+            let scalar = self.first(variable);
+            let value = match scalar.data_type {
                 DataType::Enumeration(enumeration) => {
                     let last = self.model.declaration.enumerations[enumeration].items.len() - 1;
                     let [first, last] = [0, last].map(|item| self.item(enumeration, item));
-                    writeln!(marks, "        self.{path} = if mark {{ {last} }} else {{ {first} }};")
+                    format!("if mark {{ {last} }} else {{ {first} }}")
                 }
-                DataType::String => writeln!(marks, "        self.{path} = u8::from(mark).to_string();"),
-                DataType::Binary => writeln!(marks, "        self.{path} = vec![mark.into()];"),
-                _ => writeln!(marks, "        self.{path} = mark.into();"),
+                DataType::String => "u8::from(mark).to_string()".to_owned(),
+                DataType::Binary => "vec![mark.into()]".to_owned(),
+                _ => "mark.into()".to_owned(),
+            };
+            let _ = if variable.is_array() {
+                let (place, flat) = (scalar.place.field_name(), self.flat(variable, true));
+                writeln!(marks, "        self.{place}.{flat}.fill({value});")
+            } else {
+                writeln!(marks, "        self.{} = {value};", full_path(scalar))
             };
         }
         if marks.is_empty() {
@@ -298,18 +337,23 @@ impl ::fmu_export::Variables for Variables {{
     /// A type's getter and setter arms.
     fn accessors(&self, accessor: &str) -> (String, String) {
         let (mut getters, mut setters) = (String::new(), String::new());
-        let is_of_type = |scalar: &&Scalar| {
+        let is_of_type = |scalar: &Scalar| {
             !matches!(scalar.place, Place::Time | Place::EventIndicators)
                 && accessor_of(scalar.data_type) == Some(accessor)
         };
-        for scalar in self.model.scalars.iter().filter(is_of_type) {
-            let reference = scalar.value_reference;
-            let from = full_path(scalar);
+        for variable in &self.variables {
+            let scalar = self.first(variable);
+            if !is_of_type(scalar) {
+                continue;
+            }
+            let ((pattern, from), (_, to)) = (self.pattern(variable, false), self.pattern(variable, true));
+            let place = scalar.place.field_name();
+            let from = format!("{place}.{from}");
             let to = match scalar.place {
-                Place::States => Some(format!("start.{}", scalar.path)),
-                Place::Parameters | Place::Inputs => Some(from.clone()),
+                Place::States => Some(format!("start.{to}")),
+                Place::Parameters | Place::Inputs => Some(format!("{place}.{to}")),
                 _ if scalar.variability == Variability::Constant => None,
-                _ if scalar.initial == Some(Initial::Exact) => Some(from.clone()),
+                _ if scalar.initial == Some(Initial::Exact) => Some(format!("{place}.{to}")),
                 _ => None,
             };
             let if_let = |pattern: &str, to: &str| {
@@ -331,9 +375,9 @@ impl ::fmu_export::Variables for Variables {{
                 }
                 _ => (format!("self.{from}"), &|to| format!("self.{to} = value,")),
             };
-            let _ = writeln!(getters, "            {reference} => {get},");
+            let _ = writeln!(getters, "            {pattern} => {get},");
             if let Some(to) = to {
-                let _ = writeln!(setters, "            {reference} => {}", set(to));
+                let _ = writeln!(setters, "            {pattern} => {}", set(to));
             }
         }
         (getters, setters)

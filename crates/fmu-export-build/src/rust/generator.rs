@@ -5,13 +5,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::data_type::DataType;
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
-use crate::model::{Model, Part, Place, Scalar};
+use crate::model::{Field, Model, Part, Place, Scalar};
 use crate::names::pascal_case;
 use crate::start::Start;
 use crate::type_names::PLACES;
 
+/// Arrays with more elements are on the heap: a model's variables are on the stack several times, over numbers with
+/// derivatives, and a thread may have 1 MB of it.
+pub(super) const MOST_INLINE: usize = 256;
+
+/// A scalar, or an array whose elements differ by rule.
+pub(super) struct Variable<'m> {
+    /// The positions of its elements.
+    pub(super) positions: Vec<usize>,
+    /// The array's sizes; empty if it is a scalar.
+    pub(super) sizes: &'m [usize],
+}
+
 pub(super) struct Generator<'m, 'a> {
     pub(super) model: &'m Model<'a>,
+    /// All variables, in order of declaration.
+    pub(super) variables: Vec<Variable<'m>>,
     pub(super) structure: &'m Structure,
     /// The structs of components with equal start values, which therefore have a default.
     pub(super) with_default: BTreeSet<String>,
@@ -19,7 +33,8 @@ pub(super) struct Generator<'m, 'a> {
 
 impl<'m, 'a> Generator<'m, 'a> {
     pub(super) fn new(model: &'m Model<'a>, structure: &'m Structure) -> Self {
-        let mut generator = Self { model, structure, with_default: BTreeSet::new() };
+        let mut generator =
+            Self { model, variables: variables(model), structure, with_default: BTreeSet::new() };
         let mut starts: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for place in PLACES {
             for part in model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part)) {
@@ -33,7 +48,22 @@ impl<'m, 'a> Generator<'m, 'a> {
 
     /// The start values of a part's variables.
     pub(super) fn starts(&self, place: Place, part: &Part<'_>) -> String {
-        values(place, part, |position| self.start(position))
+        values(place, part, |field| self.field_start(field))
+    }
+
+    /// The start value of a field.
+    fn field_start(&self, field: &Field<'_>) -> String {
+        let starts: Vec<_> = field.positions.iter().map(|&position| self.start(position)).collect();
+        let are_equal = starts.iter().all(|start| *start == starts[0]);
+        match &field.declaration.sizes[..] {
+            sizes if !field.is_boxed() && are_equal => filled(sizes, &starts[0], is_copy(field.data_type)),
+            sizes if !field.is_boxed() => nest(sizes, &starts),
+            [size, inner @ ..] if are_equal => {
+                let element = filled(inner, &starts[0], is_copy(field.data_type));
+                format!("::fmu_export::typed::boxed(::std::vec![{element}; {size}])")
+            }
+            sizes => format!("::fmu_export::typed::boxed(::std::vec!{})", nest(sizes, &starts)),
+        }
     }
 
     /// A variable's start value, or its value until it is calculated.
@@ -95,26 +125,67 @@ impl<'m, 'a> Generator<'m, 'a> {
         self.model.parts.iter().any(|part| place.is_real_in(part))
     }
 
-    /// The states, in the order of their arrays.
-    pub(super) fn states(&self) -> impl Iterator<Item = &'m Scalar> + use<'_, 'm, 'a> {
-        self.model.in_place(Place::States).map(|position| &self.model.scalars[position])
-    }
-
     pub(super) fn value_reference(&self, position: usize) -> u32 {
         self.model.scalars[position].value_reference
     }
 
-    pub(super) fn real_inputs(&self) -> impl Iterator<Item = usize> {
-        self.model
-            .in_place(Place::Inputs)
-            .filter(|&position| self.model.scalars[position].data_type == DataType::Real)
+    /// A variable's first scalar.
+    pub(super) fn first(&self, variable: &Variable<'_>) -> &'m Scalar {
+        &self.model.scalars[variable.positions[0]]
     }
 
-    /// The variables' positions, ordered by value reference.
-    pub(super) fn by_value_reference(&self) -> Vec<usize> {
-        let mut positions: Vec<_> = (0..self.model.scalars.len()).collect();
-        positions.sort_by_key(|&position| self.model.scalars[position].value_reference);
-        positions
+    /// The difference between the value references of a variable's elements.
+    pub(super) fn stride(&self, variable: &Variable<'_>) -> u32 {
+        match variable.positions[..] {
+            [first, second, ..] => self.value_reference(second) - self.value_reference(first),
+            _ => 1,
+        }
+    }
+
+    /// The pattern of a variable's value references, and the path in a place of the one that is `reference`.
+    pub(super) fn pattern(&self, variable: &Variable<'_>, is_mutable: bool) -> (String, String) {
+        let scalar = self.first(variable);
+        let (first, stride) = (scalar.value_reference, self.stride(variable));
+        if !variable.is_array() {
+            return (first.to_string(), scalar.path.clone());
+        }
+        let last = variable.positions.last().map_or(first, |&last| self.value_reference(last));
+        let offset = format!("reference - {first}");
+        let (guard, index) = match stride {
+            1 => (String::new(), format!("({offset}) as usize")),
+            _ => (format!(" if ({offset}) % {stride} == 0"), format!("(({offset}) / {stride}) as usize")),
+        };
+        (format!("{first}..={last}{guard}"), format!("{}[{index}]", self.flat(variable, is_mutable)))
+    }
+
+    /// The path in a place of all elements of an array, row by row.
+    pub(super) fn flat(&self, variable: &Variable<'_>, is_mutable: bool) -> String {
+        let flattened = if is_mutable { ".as_flattened_mut()" } else { ".as_flattened()" };
+        let path = self.first(variable).path.split('[').next().unwrap_or_default();
+        path.to_owned() + &flattened.repeat(variable.sizes.len() - 1)
+    }
+
+    /// The variables of a place.
+    pub(super) fn in_place(&self, place: Place) -> impl Iterator<Item = &Variable<'m>> {
+        self.variables.iter().filter(move |variable| self.first(variable).place == place)
+    }
+
+    /// The Real inputs, each with the position of its first element among them.
+    pub(super) fn real_inputs(&self) -> impl Iterator<Item = (usize, &Variable<'m>)> {
+        let inputs = self.in_place(Place::Inputs);
+        numbered(inputs.filter(|variable| self.first(variable).data_type == DataType::Real))
+    }
+
+    /// The states, likewise.
+    pub(super) fn numbered_states(&self) -> impl Iterator<Item = (usize, &Variable<'m>)> {
+        numbered(self.in_place(Place::States))
+    }
+
+    /// The variables, ordered by value reference.
+    pub(super) fn by_value_reference(&self) -> Vec<&Variable<'m>> {
+        let mut variables: Vec<_> = self.variables.iter().collect();
+        variables.sort_by_key(|variable| self.first(variable).value_reference);
+        variables
     }
 
     /// The positions of the clocks: inputs first, by priority, then the others.
@@ -154,22 +225,68 @@ pub(super) fn full_path(scalar: &Scalar) -> String {
     format!("{}.{}", scalar.place.field_name(), scalar.path)
 }
 
-/// Each position's place in a list.
-pub(super) fn numbered(positions: &[usize]) -> BTreeMap<usize, usize> {
-    positions.iter().enumerate().map(|(place, &position)| (position, place)).collect()
+/// All variables of a model. The elements of an array with a unit each are scalars.
+fn variables<'m>(model: &'m Model<'_>) -> Vec<Variable<'m>> {
+    let others = [Place::Time, Place::EventIndicators].into_iter().flat_map(|place| model.in_place(place));
+    let mut variables: Vec<_> =
+        others.map(|position| Variable { positions: vec![position], sizes: &[] }).collect();
+    for field in model.parts.iter().flat_map(|part| &part.fields) {
+        for offset in 0..if field.place == Place::States { 2 } else { 1 } {
+            let positions: Vec<_> = field.positions.iter().map(|position| position + offset).collect();
+            if field.is_uniform_array() {
+                variables.push(Variable { positions, sizes: &field.declaration.sizes });
+            } else {
+                let each =
+                    positions.into_iter().map(|position| Variable { positions: vec![position], sizes: &[] });
+                variables.extend(each);
+            }
+        }
+    }
+    variables.sort_by_key(|variable| variable.positions[0]);
+    variables
 }
 
-/// A part's variables as the fields of a struct expression, from their scalars' values.
-pub(super) fn values(place: Place, part: &Part<'_>, value: impl Fn(usize) -> String) -> String {
-    let fields = place.fields(part).map(|field| {
-        let values: Vec<_> = field.positions.iter().map(|&position| value(position)).collect();
-        format!("{}: {}", field.name(), nest(&field.declaration.sizes, &values))
-    });
+/// Variables, each with the number of scalars before.
+fn numbered<'v, 'm: 'v>(
+    variables: impl Iterator<Item = &'v Variable<'m>>,
+) -> impl Iterator<Item = (usize, &'v Variable<'m>)> {
+    variables.scan(0, |next, variable| {
+        let first = *next;
+        *next += variable.positions.len();
+        Some((first, variable))
+    })
+}
+
+impl Variable<'_> {
+    pub(super) fn is_array(&self) -> bool {
+        !self.sizes.is_empty()
+    }
+}
+
+impl Field<'_> {
+    /// Whether it is on the heap.
+    pub(super) fn is_boxed(&self) -> bool {
+        self.positions.len() > MOST_INLINE
+    }
+}
+
+/// Whether values of a type are `Copy`.
+pub(super) fn is_copy(data_type: DataType) -> bool {
+    !matches!(data_type, DataType::String | DataType::Binary)
+}
+
+/// A part's variables as the fields of a struct expression.
+pub(super) fn values(place: Place, part: &Part<'_>, value: impl Fn(&Field<'_>) -> String) -> String {
+    let fields = place.fields(part).map(|field| format!("{}: {}", field.name(), value(field)));
     fields.collect::<Vec<_>>().join(", ")
 }
 
 /// Likewise for several parts, each component in its own struct.
-pub(super) fn nested_values(place: Place, parts: &[&Part<'_>], value: impl Fn(usize) -> String) -> String {
+pub(super) fn nested_values(
+    place: Place,
+    parts: &[&Part<'_>],
+    value: impl Fn(&Field<'_>) -> String,
+) -> String {
     let parts = parts.iter().map(|part| {
         let values = values(place, part, &value);
         match part.name {
@@ -178,6 +295,13 @@ pub(super) fn nested_values(place: Place, parts: &[&Part<'_>], value: impl Fn(us
         }
     });
     parts.collect::<Vec<_>>().join(",\n            ")
+}
+
+/// An array expression of equal elements.
+pub(super) fn filled(sizes: &[usize], element: &str, is_copy: bool) -> String {
+    sizes.iter().rev().fold(element.to_owned(), |inner, size| {
+        if is_copy { format!("[{inner}; {size}]") } else { format!("::core::array::from_fn(|_| {inner})") }
+    })
 }
 
 /// An array expression from its elements' expressions, row by row.

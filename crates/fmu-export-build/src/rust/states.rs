@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::generator::{Generator, bound, markdown, nested_values, numbered};
+use super::generator::{Generator, bound, filled, markdown, nested_values};
+use super::structs::is_copied;
 use crate::declaration::Described;
-use crate::model::{Part, Place};
+use crate::model::{Field, Part, Place};
 use crate::type_names::{STATE_GROUPS, states_name};
 
 impl Generator<'_, '_> {
@@ -18,7 +19,7 @@ impl Generator<'_, '_> {
     /// The structs that each hold a group's states.
     pub(super) fn state_groups(&self) -> String {
         let groups = &self.model.declaration.state_groups;
-        let mut text = String::new();
+        let (mut text, mut all_are_copy) = (String::new(), true);
         let (mut members, mut fields) = (String::new(), vec![String::new(); self.model.parts.len()]);
         let mut parts_of: BTreeMap<_, Vec<_>> = BTreeMap::new();
         for (position, part) in self.model.parts.iter().enumerate() {
@@ -28,9 +29,14 @@ impl Generator<'_, '_> {
             let name = states_name(group);
             let own = parts_of.remove(&Some(group.as_str())).unwrap_or_default();
             let parts: Vec<_> = own.iter().map(|(_, part)| *part).collect();
-            let nominal =
-                |position: usize| format!("{:?}", self.model.scalars[position].nominal.unwrap_or(1.0));
-            let min = |position: usize| bound(self.model.scalars[position].min, "f64::NEG_INFINITY");
+            let scalar = |field: &Field<'_>| &self.model.scalars[field.positions[0]];
+            let nominal = |field: &Field<'_>| {
+                let nominal = format!("{:?}", scalar(field).nominal.unwrap_or(1.0));
+                filled(&field.declaration.sizes, &nominal, true)
+            };
+            let min = |field: &Field<'_>| {
+                filled(&field.declaration.sizes, &bound(scalar(field).min, "f64::NEG_INFINITY"), true)
+            };
             let constants = format!(
                 "
     /// The states' nominal values; 1 if undeclared.
@@ -49,8 +55,11 @@ impl Generator<'_, '_> {
             let title = format!("The states of a group: {}.", markdown(description));
             text += &self.place_struct(Place::States, &name, &title, &parts);
             text += &self.arrays(&name, &parts, &constants);
+            let is_copy = parts.iter().flat_map(|part| Place::States.fields(part)).all(is_copied);
+            all_are_copy &= is_copy;
+            let clone = if is_copy { "" } else { ".clone()" };
             let of = parts.iter().filter_map(|part| part.name);
-            let of: Vec<_> = of.map(|name| format!("{name}: states.{name}")).collect();
+            let of: Vec<_> = of.map(|name| format!("{name}: states.{name}{clone}")).collect();
             let _ = write!(
                 text,
                 "
@@ -75,7 +84,7 @@ impl<T: ::core::marker::Copy> {name}<T> {{
                 text,
                 "
 /// All states by group.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, {copy}Debug, PartialEq)]
 pub struct {STATE_GROUPS}<T = f64> {{
 {members}}}
 
@@ -88,35 +97,70 @@ impl<T: ::core::marker::Copy> States<T> {{
     }}
 }}
 ",
-                fields.concat()
+                fields.concat(),
+                copy = if all_are_copy { "Copy, " } else { "" },
             );
         }
         text
     }
 
-    /// Some parts' states as an array, with further constants.
+    /// Some parts' states as an array, with further constants; neither of states on the heap.
     fn arrays(&self, name: &str, parts: &[&Part<'_>], constants: &str) -> String {
-        let fields = parts.iter().flat_map(|part| Place::States.fields(part));
-        let positions: Vec<_> = fields.flat_map(|field| field.positions.iter().copied()).collect();
-        let states: Vec<_> = positions.iter().map(|&position| &self.model.scalars[position]).collect();
-        let names: Vec<_> = states.iter().map(|state| format!("{:?}", state.name)).collect();
-        let values: Vec<_> = states.iter().map(|state| format!("self.{}", state.path)).collect();
-        let places = numbered(&positions);
-        let element = |position| format!("values[{}]", places[&position]);
-        let fields = nested_values(Place::States, parts, element);
-        let argument = if states.is_empty() { "_" } else { "values" };
-        let (of, to, real) =
-            if states.is_empty() { ("", "", "f64") } else { ("<T: ::core::marker::Copy>", "<T>", "T") };
-        let count = states.len();
-        format!(
+        let fields: Vec<_> = parts.iter().flat_map(|part| Place::States.fields(part)).collect();
+        let count: usize = fields.iter().map(|field| field.positions.len()).sum();
+        let number = format!(
             "
 impl {name} {{
     /// The number of states.
     pub const COUNT: usize = {count};
-
+"
+        );
+        if fields.iter().any(|field| field.is_boxed()) {
+            return number + "}\n";
+        }
+        let scalar = |field: &Field<'_>| &self.model.scalars[field.positions[0]];
+        let are_scalars = fields.iter().all(|field| field.declaration.sizes.is_empty());
+        let (mut names, mut values) = (String::new(), "[]".to_owned());
+        if are_scalars {
+            let states: Vec<_> = fields.iter().map(|field| scalar(field)).collect();
+            let named: Vec<_> = states.iter().map(|state| format!("{:?}", state.name)).collect();
+            names = format!(
+                "
     /// The names of the states, in the order of the arrays.
-    pub const NAMES: [&'static str; Self::COUNT] = [{names}];
-{constants}}}
+    pub const NAMES: [&'static str; Self::COUNT] = [{}];
+",
+                named.join(", ")
+            );
+            let paths: Vec<_> = states.iter().map(|state| format!("self.{}", state.path)).collect();
+            values = format!("[{}]", paths.join(", "));
+        } else if let Some(first) = fields.first() {
+            values = format!(
+                "let mut values = [self.{}; {count}];
+        let mut number = 0;
+        self.for_each(&mut |value| {{
+            values[number] = value;
+            number += 1;
+        }});
+        values",
+                scalar(first).path
+            );
+        }
+        // Each field from those after the fields before it.
+        let mut before = BTreeMap::new();
+        let mut next = 0;
+        for field in &fields {
+            before.insert(field.positions[0], next);
+            next += field.positions.len();
+        }
+        let element =
+            |field: &Field<'_>| element(&field.declaration.sizes, &before[&field.positions[0]].to_string());
+        let fields = nested_values(Place::States, parts, element);
+        let argument = if count == 0 { "_" } else { "values" };
+        let (of, to, real) =
+            if count == 0 { ("", "", "f64") } else { ("<T: ::core::marker::Copy>", "<T>", "T") };
+        let constness = if are_scalars { "const " } else { "" };
+        format!(
+            "{number}{names}{constants}}}
 
 impl{of} {name}{to} {{
     /// The states from an array, in the order of declaration.
@@ -129,13 +173,20 @@ impl{of} {name}{to} {{
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub const fn to_array(&self) -> [{real}; {count}] {{
-        [{values}]
+    pub {constness}fn to_array(&self) -> [{real}; {count}] {{
+        {values}
     }}
 }}
-",
-            names = names.join(", "),
-            values = values.join(", "),
+"
         )
     }
+}
+
+/// A field of an array expression's value `values` from a position on.
+fn element(sizes: &[usize], position: &str) -> String {
+    let Some((size, inner)) = sizes.split_first() else { return format!("values[{position}]") };
+    let (index, step) = (format!("i{}", inner.len()), inner.iter().product::<usize>());
+    let position =
+        if step == 1 { format!("{position} + {index}") } else { format!("{position} + {step} * {index}") };
+    format!("::core::array::from_fn::<_, {size}, _>(|{index}| {})", element(inner, &position))
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::generator::{Generator, described};
+use super::generator::{Generator, described, is_copy};
 use crate::data_type::DataType;
 use crate::declaration::UnitNames;
 use crate::model::{Field, Part, Place};
@@ -41,7 +41,7 @@ impl Generator<'_, '_> {
                 description: described(part.description, component),
                 data_type: format!("{part_name}{generic}"),
                 kind: if is_generic { Kind::Nested } else { Kind::Other },
-                is_copy: place.fields(part).all(|field| is_copy(field.data_type)),
+                is_copy: place.fields(part).all(is_copied),
             });
             let start = if self.with_default.contains(&part_name) {
                 format!("{component}: {part_name}::default()")
@@ -61,16 +61,18 @@ impl Generator<'_, '_> {
             _ => String::new(),
         };
         let sizes = declaration.sizes.iter().rev();
+        let array =
+            sizes.fold(self.rust_type(field.data_type), |data_type, size| format!("[{data_type}; {size}]"));
+        let is_boxed = field.is_boxed();
         StructField {
             name: field.name(),
             description: described(declaration.description.as_deref(), &declaration.name) + &unit,
-            data_type: sizes
-                .fold(self.rust_type(field.data_type), |data_type, size| format!("[{data_type}; {size}]")),
+            data_type: if is_boxed { format!("::std::boxed::Box<{array}>") } else { array },
             kind: match field.data_type {
-                DataType::Real => Kind::Number(declaration.sizes.clone()),
+                DataType::Real => Kind::Number { sizes: declaration.sizes.clone(), is_boxed },
                 _ => Kind::Other,
             },
-            is_copy: is_copy(field.data_type),
+            is_copy: is_copied(field),
         }
     }
 
@@ -136,9 +138,9 @@ pub struct Evaluation<'a{parameter}> {{
     }
 }
 
-/// Whether values of a type are `Copy`.
-fn is_copy(data_type: DataType) -> bool {
-    !matches!(data_type, DataType::String | DataType::Binary)
+/// Whether a field is `Copy`.
+pub(super) fn is_copied(field: &Field<'_>) -> bool {
+    is_copy(field.data_type) && !field.is_boxed()
 }
 
 /// A field of a generated struct.
@@ -153,7 +155,10 @@ struct StructField {
 /// A field's kind in the macro `numbers!`.
 enum Kind {
     /// A Real, or an array of these sizes.
-    Number(Vec<usize>),
+    Number {
+        sizes: Vec<usize>,
+        is_boxed: bool,
+    },
     /// A struct generic over the number type.
     Nested,
     Other,
@@ -162,15 +167,16 @@ enum Kind {
 /// A struct, generic over its number type if it has Reals, with the functions of its kind.
 fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
     let generic = fields.iter().any(|field| !matches!(field.kind, Kind::Other));
-    let copy = if fields.iter().all(|field| field.is_copy) { "Copy, " } else { "" };
+    let is_copy = fields.iter().all(|field| field.is_copy);
     let parameter = if generic { "<T = f64>" } else { "" };
     let (mut members, mut kinds, mut names) = (String::new(), Vec::new(), Vec::new());
     for StructField { name, description, data_type, kind, .. } in fields {
         let _ = writeln!(members, "    /// {description}\n    pub {name}: {data_type},");
         kinds.push(match kind {
-            Kind::Number(sizes) => {
+            Kind::Number { sizes, is_boxed } => {
                 let sizes = sizes.iter().map(|size| format!("[{size}]"));
-                format!("number {name}{}", sizes.collect::<String>())
+                let kind = if is_boxed { "boxed" } else { "number" };
+                format!("{kind} {name}{}", sizes.collect::<String>())
             }
             Kind::Nested => format!("nested {name}"),
             Kind::Other => format!("other {name}"),
@@ -180,14 +186,19 @@ fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
     let mut text = format!(
         "
 /// {title}
-#[derive(Clone, {copy}Debug, PartialEq)]
+#[derive({copy}Debug, PartialEq)]
 pub struct {name}{parameter} {{
 {members}}}
 
 ::fmu_export::persistent!({name} {{ {} }});
 ",
-        names.join(", ")
+        names.join(", "),
+        copy = if is_copy { "Clone, Copy, " } else { "" },
     );
+    if !is_copy {
+        let parameter = if generic { "<T>" } else { "" };
+        let _ = writeln!(text, "::fmu_export::cloned!({name}{parameter} {{ {} }});", names.join(", "));
+    }
     if generic {
         let _ = writeln!(text, "::fmu_export::numbers!({name} {{ {} }});", kinds.join(", "));
     }

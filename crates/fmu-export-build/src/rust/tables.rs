@@ -1,11 +1,13 @@
 //! The tables for the runtime, which describe each value reference.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::generator::{Generator, bound, numbered};
+use super::generator::{Generator, Variable, bound};
 use crate::data_type::DataType;
 use crate::declaration::Declaration;
-use crate::model::Place;
+use crate::dependencies::Unknown;
+use crate::model::{Place, without_subscripts};
 
 impl Generator<'_, '_> {
     /// The clocks, and the variables that belong to them, if any.
@@ -26,10 +28,11 @@ impl Generator<'_, '_> {
                 declaration.can_be_deactivated,
             );
         }
-        for position in self.by_value_reference() {
-            let of: Vec<_> = self.model.scalars[position].clocks.iter().map(reference).collect();
+        for variable in self.by_value_reference() {
+            let scalar = self.first(variable);
+            let of: Vec<_> = scalar.clocks.iter().map(reference).collect();
             if !of.is_empty() {
-                let _ = writeln!(clocked, "        ({}, &{of:?}),", reference(&position));
+                let _ = writeln!(clocked, "        ({}, &{of:?}),", scalar.value_reference);
             }
         }
         if clocks.is_empty() {
@@ -46,23 +49,24 @@ impl Generator<'_, '_> {
 
     /// The states' nominal values.
     pub(super) fn nominals(&self) -> String {
-        let nominals = self.states().map(|state| format!("{:?}", state.nominal.unwrap_or(1.0)));
-        nominals.collect::<Vec<_>>().join(", ")
+        let nominal = |state: &Variable<'_>| format!("{:?}", self.first(state).nominal.unwrap_or(1.0));
+        repeated("f64", self.in_place(Place::States).map(|state| (state, nominal(state))))
     }
 
     /// The state bounds beyond which the equations are invalid, if any.
     pub(super) fn strict_states(&self) -> String {
-        let strict = self.states().enumerate().filter(|(_, state)| state.strict != [false; 2]);
-        let strict = strict.map(|(number, state)| {
-            let min = bound(state.min.filter(|_| state.strict[0]), "f64::NEG_INFINITY");
-            let max = bound(state.max.filter(|_| state.strict[1]), "f64::INFINITY");
-            format!("({number}, {min}, {max})")
-        });
+        let states = self.numbered_states().map(|(first, variable)| (first, variable, self.first(variable)));
+        let strict =
+            states.filter(|(_, _, state)| state.strict != [false; 2]).map(|(first, variable, state)| {
+                let min = bound(state.min.filter(|_| state.strict[0]), "f64::NEG_INFINITY");
+                let max = bound(state.max.filter(|_| state.strict[1]), "f64::INFINITY");
+                format!("({first}..{}, {min}, {max})", first + variable.positions.len())
+            });
         let strict = strict.collect::<Vec<_>>().join(", ");
         if strict.is_empty() {
             return strict;
         }
-        format!("    const STRICT_STATES: &'static [(usize, f64, f64)] = &[{strict}];\n")
+        format!("    const STRICT_STATES: &'static [(::core::ops::Range<usize>, f64, f64)] = &[{strict}];\n")
     }
 
     /// The event indicators' names, if any.
@@ -85,57 +89,48 @@ impl Generator<'_, '_> {
 
     /// The declared dependencies of Real outputs and derivatives.
     pub(super) fn dependencies(&self) -> String {
-        let reference = |&position: &usize| self.value_reference(position);
-        let is_real = |position: usize| self.model.scalars[position].data_type == DataType::Real;
-        let structure = self.structure.outputs.iter().chain(&self.structure.derivatives);
-        let (mut lines, mut depends_on_time) = (String::new(), false);
-        for unknown in structure.filter(|unknown| is_real(unknown.scalar)) {
-            if let Some(knowns) = &unknown.dependencies {
-                depends_on_time |= knowns.iter().any(|&known| self.model.scalars[known].place == Place::Time);
-                let knowns: Vec<_> = knowns.iter().map(reference).collect();
-                let _ = writeln!(lines, "        ({}, &{knowns:?}),", reference(&unknown.scalar));
-            } else {
-                depends_on_time = true;
-            }
+        let in_steps = || self.structure.outputs.iter().chain(&self.structure.derivatives);
+        let mut text = self.dependencies_of("DEPENDENCIES", in_steps());
+        if self.model.has_element_dependencies() {
+            text += &self.dependencies_of("INITIAL_DEPENDENCIES", self.structure.initial_unknowns.iter());
         }
-        if !lines.is_empty() {
-            lines = format!(
-                "    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[\n{lines}    ];\n"
-            );
-        }
+        let is_time = |known: &usize| self.model.scalars[*known].place == Place::Time;
+        let may_depend = |unknown: &Unknown| match &unknown.dependencies {
+            Some(knowns) => knowns.iter().any(is_time),
+            None => true,
+        };
+        let depends_on_time = self.reals(in_steps()).any(may_depend);
         if depends_on_time && self.model.declaration.capabilities.directional_derivatives {
-            lines.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
+            text.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
         }
-        lines
+        text
     }
 
-    /// Their value references, unless these are 0, 1, 2, …, and those of arrays.
-    pub(super) fn value_references(&self) -> String {
-        let positions = self.by_value_reference().into_iter();
-        let references: Vec<_> = positions.map(|position| self.value_reference(position)).collect();
-        let arrays = self.arrays_of_fmi3();
-        if (0..).zip(&references).all(|(position, reference)| position == *reference) {
-            return arrays;
-        }
-        format!("    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &{references:?};\n{arrays}")
+    /// The Real ones of unknowns.
+    fn reals<'u>(&self, unknowns: impl Iterator<Item = &'u Unknown>) -> impl Iterator<Item = &'u Unknown> {
+        unknowns.filter(|unknown| self.model.scalars[unknown.scalar].data_type == DataType::Real)
     }
 
-    /// The arrays that are one variable each, if any.
-    fn arrays_of_fmi3(&self) -> String {
-        let reference = |&position: &usize| self.value_reference(position);
-        let arrays = self.model.arrays();
-        if arrays.is_empty() {
+    /// The declared dependencies of Real unknowns: the elements of an array that depend alike in one entry.
+    fn dependencies_of<'u>(&self, table: &str, unknowns: impl Iterator<Item = &'u Unknown>) -> String {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut last_field = None;
+        for unknown in self.reals(unknowns) {
+            let scalar = &self.model.scalars[unknown.scalar];
+            let Some(knowns) = unknown.dependencies.as_deref() else { continue };
+            let knowns: Vec<_> = knowns.iter().map(|&known| self.value_reference(known)).collect();
+            let field = Some((scalar.field, scalar.place));
+            let last = runs.last_mut().filter(|_| field == last_field);
+            if !last.is_some_and(|run| run.extend(scalar.value_reference, &knowns)) {
+                runs.push(Run { unknown: scalar.value_reference, knowns, count: 1, strides: None });
+            }
+            last_field = field;
+        }
+        if runs.is_empty() {
             return String::new();
         }
-        let arrays: Vec<Vec<_>> = arrays.iter().map(|array| array.iter().map(reference).collect()).collect();
-        let mut inner: Vec<_> = arrays.iter().flat_map(|array| &array[1..]).collect();
-        inner.sort_unstable();
-        let arrays: Vec<_> = arrays.iter().map(|array| format!("&{array:?}")).collect();
-        format!(
-            "    const ARRAYS: &'static [&'static [fmi::ValueReference]] = &[{}];
-    const INNER_ELEMENTS: &'static [fmi::ValueReference] = &{inner:?};\n",
-            arrays.join(", ")
-        )
+        let lines = runs.iter().map(|run| format!("        {},", run.text())).collect::<Vec<_>>().join("\n");
+        format!("    const {table}: &'static [fmi::Dependencies] = &[\n{lines}\n    ];\n")
     }
 
     /// The tables for the runtime.
@@ -144,22 +139,28 @@ impl Generator<'_, '_> {
         let categories: Vec<_> =
             model.log_categories.iter().map(|category| format!("{:?}", category.name)).collect();
         let mut variables = String::new();
-        let real_inputs = numbered(&self.real_inputs().collect::<Vec<_>>());
-        let states = numbered(&model.in_place(Place::States).collect::<Vec<_>>());
-        for position in self.by_value_reference() {
-            let scalar = &model.scalars[position];
+        let by_first = |(number, variable): (usize, &Variable<'_>)| (variable.positions[0], number);
+        let real_inputs: BTreeMap<_, _> = self.real_inputs().map(by_first).collect();
+        let states: BTreeMap<_, _> = self.numbered_states().map(by_first).collect();
+        for variable in self.by_value_reference() {
+            let scalar = self.first(variable);
             let (min, max) = self.bounds(scalar);
+            let name =
+                if variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
             let _ = writeln!(
                 variables,
-                "        fmi::VariableDescription {{ name: {:?}, data_type: fmi::DataType::{}, causality: fmi::Causality::{:?}, \
-                 variability: fmi::Variability::{:?}, initial: fmi::Initial::{}, min: {min}, max: {max}, real_input: {:?}, state: {:?} }},",
-                scalar.name,
+                "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
+                 data_type: fmi::DataType::{}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
+                 initial: fmi::Initial::{}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?} }},",
+                scalar.value_reference,
+                variable.sizes,
+                self.stride(variable),
                 scalar.data_type.name(),
                 scalar.causality,
                 scalar.variability,
                 scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
-                real_inputs.get(&position),
-                states.get(&position),
+                real_inputs.get(&variable.positions[0]),
+                states.get(&variable.positions[0]),
             );
         }
         let capabilities = &model.declaration.capabilities;
@@ -181,6 +182,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         directional_derivatives: {},
         adjoint_derivatives: {},
         event_mode: {},
+        per_element_dependencies: {},
     }},
 }};
 ",
@@ -196,7 +198,78 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             capabilities.directional_derivatives,
             capabilities.adjoint_derivatives,
             capabilities.event_mode,
+            model.has_element_dependencies(),
             categories = categories.join(", "),
+        )
+    }
+}
+
+/// A table with an element for each scalar of some variables.
+pub(super) fn repeated<'v>(of: &str, variables: impl Iterator<Item = (&'v Variable<'v>, String)>) -> String {
+    let runs: Vec<_> = variables.map(|(variable, element)| (variable.positions.len(), element)).collect();
+    let elements: Vec<_> = runs.iter().map(|(_, element)| element.as_str()).collect();
+    let count: usize = runs.iter().map(|(length, _)| length).sum();
+    if count == runs.len() {
+        return format!("&[{}]", elements.join(", "));
+    }
+    let runs: Vec<_> = runs.iter().map(|(length, element)| format!("({length}, {element})")).collect();
+    format!("&::fmu_export::typed::repeated::<{of}, {count}>(&[{}])", runs.join(", "))
+}
+
+/// Unknowns at a fixed distance, each of which depends on the first one's knowns, at fixed distances.
+struct Run {
+    unknown: u32,
+    knowns: Vec<u32>,
+    count: u32,
+    /// The distances, once there are two.
+    strides: Option<(u32, Vec<u32>)>,
+}
+
+impl Run {
+    /// Adds an unknown if it is the next one.
+    fn extend(&mut self, unknown: u32, knowns: &[u32]) -> bool {
+        if knowns.len() != self.knowns.len() {
+            return false;
+        }
+        if self.strides.is_none() {
+            let distances = self.knowns.iter().zip(knowns).map(|(first, second)| second.checked_sub(*first));
+            self.strides = unknown.checked_sub(self.unknown).zip(distances.collect());
+        }
+        let Some((stride, strides)) = &self.strides else { return false };
+        let at = |first: u32, stride: u32| first + self.count * stride;
+        let expected = self.knowns.iter().zip(strides).map(|(&first, &stride)| at(first, stride));
+        let is_next = unknown == at(self.unknown, *stride) && expected.eq(knowns.iter().copied());
+        if is_next {
+            self.count += 1;
+        } else if self.count == 1 {
+            self.strides = None;
+        }
+        is_next
+    }
+
+    fn text(&self) -> String {
+        let Self { unknown, knowns, count, strides } = self;
+        let none = (1, vec![0; knowns.len()]);
+        let (stride, strides) = strides.as_ref().unwrap_or(&none);
+        // Those at equal distances are one entry.
+        let mut runs: Vec<[u32; 4]> = Vec::new();
+        for (&known, &stride) in knowns.iter().zip(strides) {
+            match runs.last_mut() {
+                Some([first, count @ 1, step, same]) if *same == stride && known > *first => {
+                    (*count, *step) = (2, known - *first);
+                }
+                Some([first, count, step, same]) if *same == stride && known == *first + *count * *step => {
+                    *count += 1;
+                }
+                _ => runs.push([known, 1, 1, stride]),
+            }
+        }
+        let runs = runs.iter().map(|[first, count, step, stride]| {
+            format!("fmi::Knowns {{ first: {first}, count: {count}, step: {step}, stride: {stride} }}")
+        });
+        let knowns = runs.collect::<Vec<_>>().join(", ");
+        format!(
+            "fmi::Dependencies {{ unknown: {unknown}, count: {count}, stride: {stride}, knowns: &[{knowns}] }}"
         )
     }
 }

@@ -63,7 +63,7 @@ fn fmi3(model: &Model<'_>) -> [Attributes; 3] {
         ("canSerializeFMUState", has.serializes_state()),
         ("providesDirectionalDerivatives", has.directional_derivatives),
         ("providesAdjointDerivatives", has.adjoint_derivatives),
-        ("providesPerElementDependencies", false),
+        ("providesPerElementDependencies", model.has_element_dependencies()),
     ]);
     // The runtime does nothing when a step is completed.
     let of_model_exchange = flags([("needsCompletedIntegratorStep", false)]);

@@ -11,7 +11,7 @@ use quick_xml::events::{BytesText, Event};
 use crate::data_type::DataType;
 use crate::declaration::{Causality, Dimension, Variability, VariableDeclaration, word};
 use crate::dependencies::{Structure, Unknown};
-use crate::model::{Model, Place, Scalar};
+use crate::model::{Model, Place, Scalar, derivative_description, without_subscripts};
 
 /// The standard's variables, some of which are arrays in FMI 3.0.
 pub(crate) struct Variables<'m, 'a> {
@@ -68,7 +68,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         let common = given([
             ("name", Some(name)),
             ("valueReference", Some(scalar.value_reference.to_string())),
-            ("description", scalar.description.clone()),
+            ("description", self.description(scalar, array.is_some())),
             ("causality", Some(word(scalar.causality).to_string())),
             ("variability", Some(word(scalar.variability).to_string())),
             ("initial", scalar.initial.map(|initial| word(initial).to_string())),
@@ -117,6 +117,18 @@ impl<'m, 'a> Variables<'m, 'a> {
             }
             texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))
         })
+    }
+
+    /// A variable's description; by default, that of an array of derivatives names the array of states.
+    fn description(&self, scalar: &Scalar, is_array: bool) -> Option<String> {
+        let state = scalar.state.filter(|_| is_array).filter(|&state| {
+            let derivative = self.model.field(state).declaration.derivative.as_ref();
+            derivative.is_some_and(|derivative| derivative.description.is_none())
+        });
+        state.map_or_else(
+            || scalar.description.clone(),
+            |state| Some(derivative_description(&without_subscripts(&self.model.scalars[state].name))),
+        )
     }
 
     /// An array's sizes, from its first element's position; a derivative has its state's.
@@ -237,12 +249,4 @@ fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
         ("intervalCounter", clock.interval_counter.map(|counter| counter.to_string())),
         ("shiftCounter", clock.shift_counter.map(|counter| counter.to_string())),
     ])
-}
-
-/// An array's name, from that of its first element: `gain` from `gain[1,1]`, `der(x)` from `der(x[1])`.
-fn without_subscripts(name: &str) -> String {
-    match (name.rfind('['), name.rfind(']')) {
-        (Some(open), Some(close)) => format!("{}{}", &name[..open], &name[close + 1..]),
-        _ => name.to_owned(),
-    }
 }

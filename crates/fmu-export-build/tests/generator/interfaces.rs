@@ -44,7 +44,7 @@ fn the_description_of_fmi_3_equals_the_golden_file() {
     let (table, _) = table.split_once("</table>").expect("it ends");
     let named: Vec<_> =
         table.split("<code>").skip(1).filter_map(|row| Some(row.split_once("</code>")?.0)).collect();
-    assert_eq!(named.len(), 5);
+    assert_eq!(named.len(), 7);
     for name in named {
         assert!(xml.contains(&format!(" {name}=\"")), "{name}");
     }

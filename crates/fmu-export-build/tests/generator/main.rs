@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
+mod arrays;
 mod defaults;
 mod documentation;
 mod interfaces;

@@ -64,11 +64,11 @@ pub(crate) unsafe fn write_elements<T: Copy>(
 }
 
 /// Checks an array's element count before access.
-pub(crate) fn check_count(argument: &str, found: usize, elements: &[&str]) -> Result<(), Error> {
-    if found == elements.len() {
+pub(crate) fn check_count(argument: &str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected {
         Ok(())
     } else {
-        Err(Error::new(format!("{argument} is {found}; this FMU has {}", elements.len())))
+        Err(Error::new(format!("{argument} is {found}; this FMU has {expected}")))
     }
 }
 

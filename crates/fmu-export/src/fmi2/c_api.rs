@@ -247,18 +247,18 @@ macro_rules! arrays {
     ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {
         c_functions! { "fmi2"; $(
             $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
-                let names = M::Variables::$elements;
-                c_boundary::get_array($arguments, names, (values, count), |values| instance.$name(values))
+                let expected = M::Variables::$elements.len();
+                c_boundary::get_array($arguments, expected, (values, count), |values| instance.$name(values))
             };
         )* }
     };
 }
 
 arrays! {
-    get_derivatives: GetDerivatives, ["derivatives", "nx"], STATE_NAMES;
+    get_derivatives: GetDerivatives, ["derivatives", "nx"], STATE_NOMINALS;
     get_event_indicators: GetEventIndicators, ["eventIndicators", "ni"], EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, ["x", "nx"], STATE_NAMES;
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NAMES;
+    get_continuous_states: GetContinuousStates, ["x", "nx"], STATE_NOMINALS;
+    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NOMINALS;
 }
 
 refusals! {

@@ -19,6 +19,7 @@ use crate::context::Experiment;
 use crate::error::Error;
 use crate::event_mode::EventMode;
 use crate::instance::Instance;
+use crate::instance::dependencies::DEPENDENT;
 use crate::model::Model;
 use crate::model_exchange::ModelExchange;
 use crate::variables::Variables;
@@ -119,8 +120,8 @@ c_functions! {
         let orders = elements("orders", orders, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
             instance.check_registered(scalars)?;
-            let of_elements = |(reference, &order)| {
-                iter::repeat_n(order, Instance::<M>::elements(reference).map_or(0, <[_]>::len))
+            let of_elements = |(&reference, &order): (&ValueReference, &i32)| {
+                iter::repeat_n(order, Instance::<M>::elements(reference).map_or(0, Iterator::count))
             };
             let orders = references.iter().zip(orders.iter()).flat_map(of_elements);
             write_elements("values", values, value_count, |values| {
@@ -171,14 +172,55 @@ c_functions! {
         let names = ["continuousStates", "nContinuousStates"];
         c_boundary::set_continuous_states(instance, names, (states, count))
     };
+    get_number_of_variable_dependencies<Model>(
+        dependent: ValueReference, count: *mut usize,
+    ): GetNumberOfVariableDependencies, |instance| {
+        let dependencies = instance.dependencies(dependent)?;
+        not_null("nDependencies", count)?.write_unaligned(dependencies.len());
+        Ok(Status::Ok)
+    };
+    get_variable_dependencies<Model>(
+        dependent: ValueReference, elements: *mut usize, independents: *mut ValueReference,
+        elements_of_independents: *mut usize, kinds: *mut Enumeration, count: usize,
+    ): GetVariableDependencies, |instance| {
+        let dependencies = instance.dependencies(dependent)?;
+        if dependencies.len() != count {
+            let expected = dependencies.len();
+            return Err(Error::new(format!("nDependencies is {count}; the variable has {expected}")));
+        }
+        let found = dependencies.iter();
+        copy_to("elementIndicesOfDependent", elements, found.clone().map(|found| found.element), count)?;
+        copy_to("independents", independents, found.clone().map(|found| found.independent), count)?;
+        let of_independents = found.clone().map(|found| found.element_of_independent);
+        copy_to("elementIndicesOfIndependents", elements_of_independents, of_independents, count)?;
+        copy_to("dependencyKinds", kinds, found.map(|_| DEPENDENT), count)
+    };
     get_number_of_event_indicators<Model>(count: *mut usize): GetNumberOfEventIndicators, |_| {
         not_null("nEventIndicators", count)?.write_unaligned(M::Variables::EVENT_INDICATORS.len());
         Ok(Status::Ok)
     };
     get_number_of_continuous_states<Model>(count: *mut usize): GetNumberOfContinuousStates, |_| {
-        not_null("nContinuousStates", count)?.write_unaligned(M::Variables::STATE_NAMES.len());
+        not_null("nContinuousStates", count)?.write_unaligned(M::Variables::STATE_NOMINALS.len());
         Ok(Status::Ok)
     };
+}
+
+/// Writes an array's values.
+///
+/// # Safety
+/// As for [`write_elements`].
+unsafe fn copy_to<T: Copy>(
+    name: &str,
+    array: *mut T,
+    values: impl Iterator<Item = T>,
+    count: usize,
+) -> Result<Status, Error> {
+    let write = |array: &mut [T]| {
+        array.iter_mut().zip(values).for_each(|(element, value)| *element = value);
+        Ok(Status::Ok)
+    };
+    // SAFETY: the caller's promise.
+    unsafe { write_elements(name, array, count, write) }
 }
 
 /// Defines functions that get an array of all states or event indicators.
@@ -186,8 +228,8 @@ macro_rules! arrays {
     ($($name:ident: $function:ident, $get:ident, $arguments:expr, $elements:ident;)*) => {
         c_functions! { "fmi3"; $(
             $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
-                let names = M::Variables::$elements;
-                c_boundary::get_array($arguments, names, (values, count), |values| instance.$get(values))
+                let expected = M::Variables::$elements.len();
+                c_boundary::get_array($arguments, expected, (values, count), |values| instance.$get(values))
             };
         )* }
     };
@@ -195,13 +237,13 @@ macro_rules! arrays {
 
 arrays! {
     get_continuous_state_derivatives: GetContinuousStateDerivatives, get_derivatives,
-        ["derivatives", "nContinuousStates"], STATE_NAMES;
+        ["derivatives", "nContinuousStates"], STATE_NOMINALS;
     get_event_indicators: GetEventIndicators, get_event_indicators,
         ["eventIndicators", "nEventIndicators"], EVENT_INDICATORS;
     get_continuous_states: GetContinuousStates, get_continuous_states,
-        ["continuousStates", "nContinuousStates"], STATE_NAMES;
+        ["continuousStates", "nContinuousStates"], STATE_NOMINALS;
     get_nominals_of_continuous_states: GetNominalsOfContinuousStates, get_nominals_of_continuous_states,
-        ["nominals", "nContinuousStates"], STATE_NAMES;
+        ["nominals", "nContinuousStates"], STATE_NOMINALS;
 }
 
 /// Defines functions of derivatives of unknowns with respect to knowns: the seed has as many values as one of them,
@@ -241,11 +283,6 @@ derivatives! {
 
 refusals! {
     "fmi3";
-    get_number_of_variable_dependencies(ValueReference, *mut usize): GetNumberOfVariableDependencies,
-        "not supported by this FMU (providesPerElementDependencies is false)";
-    get_variable_dependencies(
-        ValueReference, *mut usize, *mut ValueReference, *mut usize, *mut Enumeration, usize,
-    ): GetVariableDependencies, "not supported by this FMU (providesPerElementDependencies is false)";
     refuse_step_mode(): EnterStepMode, "not supported by this FMU (hasEventMode is false)";
     enter_event_mode_of_co_simulation(): EnterEventMode, "not supported by this FMU (hasEventMode is false)";
 }

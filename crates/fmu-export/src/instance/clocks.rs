@@ -10,7 +10,7 @@ use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::clock::IntervalQualifier;
 use crate::context::Context;
-use crate::description::{ClockDescription, DataType, IntervalVariability, ValueReference};
+use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
@@ -18,7 +18,7 @@ use crate::status::Status;
 use crate::variables::Variables;
 
 /// Rejects invalid clock times.
-fn check_time(what: &str, name: &str, time: f64, is_allowed: bool) -> Result<(), Error> {
+fn check_time(what: &str, name: Name, time: f64, is_allowed: bool) -> Result<(), Error> {
     if is_allowed && time.is_finite() {
         Ok(())
     } else {
@@ -33,11 +33,11 @@ impl<M: Model> Instance<M> {
         let mut clocks = M::Variables::CLOCKS.iter().enumerate();
         clocks
             .find(|(_, clock)| clock.value_reference == reference)
-            .ok_or_else(|| Error::new(format!("{} is not a clock", variable.name)))
+            .ok_or_else(|| Error::new(format!("{} is not a clock", variable.name())))
     }
 
-    pub(super) fn clock_name(clock: &ClockDescription) -> &'static str {
-        Self::checked(clock.value_reference).name
+    pub(super) fn clock_name(clock: &ClockDescription) -> Name {
+        Self::checked(clock.value_reference).name()
     }
 
     /// Computes the ticks of the clocks activated by the importer, unless done.
@@ -101,7 +101,8 @@ impl<M: Model> Instance<M> {
         }
         let clocked = M::Variables::CLOCKED;
         for &reference in references {
-            let found = clocked.binary_search_by_key(&reference, |(clocked, _)| *clocked);
+            let Some(variable) = M::Variables::description(reference) else { continue };
+            let found = clocked.binary_search_by_key(&variable.value_reference, |(clocked, _)| *clocked);
             let Ok(found) = found else { continue };
             let mut clocks = clocked[found].1.iter().map(|&clock| Self::clock(clock).map(|(place, _)| place));
             let ticks = |position: Result<usize, Error>| {
@@ -110,7 +111,7 @@ impl<M: Model> Instance<M> {
             if !clocks.any(ticks) {
                 return Err(Error::new(format!(
                     "the variable {} can be set only while its clock ticks",
-                    M::Variables::description(reference).map_or("", |variable| variable.name)
+                    variable.name()
                 )));
             }
         }

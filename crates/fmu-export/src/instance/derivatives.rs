@@ -4,7 +4,7 @@
 use super::values::REALS;
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, Initial, ValueReference, VariableDescription, Version};
+use crate::description::{Causality, Initial, ScalarVariable, ValueReference, Version};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
@@ -91,7 +91,7 @@ impl<M: Model> Instance<M> {
                 0.0
             };
             if !sensitivity.is_finite() {
-                let name = Self::checked(known).name;
+                let name = Self::checked(known).name();
                 return Err(Error::new(format!("the derivative by {name} is {}", Shown(*sensitivity))));
             }
         }
@@ -109,12 +109,12 @@ impl<M: Model> Instance<M> {
         for (&reference, order) in references.iter().zip(orders) {
             let variable = Self::variable(reference, REALS)?;
             if variable.causality != Causality::Output {
-                return Err(Error::new(format!("the variable {} is not an output", variable.name)));
+                return Err(Error::new(format!("the variable {} is not an output", variable.name())));
             }
             if order != 1 {
                 return Err(Error::new(format!(
                     "order {order} of the derivative of {}; maxOutputDerivativeOrder is 1",
-                    variable.name
+                    variable.name()
                 )));
             }
         }
@@ -122,7 +122,7 @@ impl<M: Model> Instance<M> {
         // Along the direction in which time, states and inputs change.
         let mut direction = self.memory.variables.along_derivatives();
         for (reference, variable) in M::Variables::described() {
-            if let Some(input) = variable.real_input {
+            if let Some(input) = variable.real_input() {
                 direction.set_real(reference, self.memory.inputs.slope(input));
             }
         }
@@ -146,39 +146,44 @@ impl<M: Model> Instance<M> {
             if unknown >= M::Variables::FIRST_EVENT_INDICATOR {
                 return Err(Error::new(format!(
                     "{} is not an unknown: it is an event indicator",
-                    variable.name
+                    variable.name()
                 )));
             }
-            self.check_unknown(variable)?;
+            self.check_unknown(&variable)?;
         }
         Ok(())
     }
 
     fn check_knowns(&self, knowns: &[ValueReference]) -> Result<(), Error> {
-        knowns.iter().try_for_each(|&known| self.check_known(Self::variable(known, REALS)?))
+        knowns.iter().try_for_each(|&known| self.check_known(&Self::variable(known, REALS)?))
     }
 
     /// Checks the seeds of variables, each of which may occur once.
     fn check_seeds(role: &str, references: &[ValueReference], seeds: &[f64]) -> Result<(), Error> {
-        for (position, (reference, &seed)) in references.iter().zip(seeds).enumerate() {
-            let name = Self::checked(*reference).name;
+        for (&reference, &seed) in references.iter().zip(seeds) {
             if !seed.is_finite() {
+                let name = Self::checked(reference).name();
                 return Err(Error::new(format!("{} for the seed of {name}", Shown(seed))));
             }
-            if references[..position].contains(reference) {
-                return Err(Error::new(format!("{name} occurs twice among the {role}")));
-            }
         }
-        Ok(())
+        if references.is_sorted_by(|one, next| one < next) {
+            return Ok(());
+        }
+        let mut sorted = references.to_vec();
+        sorted.sort_unstable();
+        sorted.windows(2).find(|pair| pair[0] == pair[1]).map_or(Ok(()), |twice| {
+            let name = Self::checked(twice[0]).name();
+            Err(Error::new(format!("{name} occurs twice among the {role}")))
+        })
     }
 
     /// Whether changing a known has an effect: an input held at a bound stays there.
     fn can_change(&self, known: ValueReference) -> bool {
-        Self::checked(known).real_input.is_none_or(|input| self.memory.inputs.is_free(input))
+        Self::checked(known).real_input().is_none_or(|input| self.memory.inputs.is_free(input))
     }
 
     /// Checks an unknown: a calculated variable.
-    fn check_unknown(&self, variable: &VariableDescription) -> Result<(), Error> {
+    fn check_unknown(&self, variable: &ScalarVariable) -> Result<(), Error> {
         let calculated = match variable.causality {
             Causality::Output => true,
             // A local state is an unknown of the initialization and a known of the steps.
@@ -195,15 +200,19 @@ impl<M: Model> Instance<M> {
         if calculated {
             Ok(())
         } else {
-            Err(Error::new(format!("{} is not an unknown in the state {}", variable.name, self.memory.phase)))
+            Err(Error::new(format!(
+                "{} is not an unknown in the state {}",
+                variable.name(),
+                self.memory.phase
+            )))
         }
     }
 
     /// Checks a known: an input, or time if anything depends on it; in initialization mode also a parameter or exact
     /// start value; later a state, and in FMI 3.0 a settable parameter (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
     /// 2.4.8).
-    fn check_known(&self, variable: &VariableDescription) -> Result<(), Error> {
-        let is_state = variable.state.is_some();
+    pub(super) fn check_known(&self, variable: &ScalarVariable) -> Result<(), Error> {
+        let is_state = variable.state().is_some();
         let initializing = self.memory.phase == Phase::InitializationMode;
         let known = match variable.causality {
             Causality::Input => true,
@@ -217,7 +226,7 @@ impl<M: Model> Instance<M> {
         if known {
             Ok(())
         } else {
-            Err(Error::new(format!("{} is not a known in the state {}", variable.name, self.memory.phase)))
+            Err(Error::new(format!("{} is not a known in the state {}", variable.name(), self.memory.phase)))
         }
     }
 
@@ -251,10 +260,14 @@ impl<M: Model> Instance<M> {
         let initializing = self.memory.phase == Phase::InitializationMode;
         for (&reference, value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
-            let from = if variable.state.is_some() && !initializing { &direction } else { derivatives };
+            let from = if variable.state().is_some() && !initializing { &direction } else { derivatives };
             *value = from.real(reference);
             if !value.is_finite() {
-                return Err(Error::new(format!("the derivative of {} is {}", variable.name, Shown(*value))));
+                return Err(Error::new(format!(
+                    "the derivative of {} is {}",
+                    variable.name(),
+                    Shown(*value)
+                )));
             }
         }
         Ok(())

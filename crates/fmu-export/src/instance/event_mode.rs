@@ -73,11 +73,16 @@ impl<M: Model> Instance<M> {
         match references.iter().find(|reference| !registered.contains(reference)) {
             Some(&reference) if self.is_interrupted() => Err(Error::new(format!(
                 "the variable {} with the value reference {reference} is not one of requiredIntermediateVariables",
-                M::Variables::description(reference).map_or("unknown", |variable| variable.name)
+                name_of::<M>(reference)
             ))),
             _ => Ok(()),
         }
     }
+}
+
+/// A variable's name for messages.
+pub(crate) fn name_of<M: Model>(reference: ValueReference) -> String {
+    M::Variables::description(reference).map_or("unknown".to_owned(), |variable| variable.name().to_string())
 }
 
 /// Whether intermediate updates can exchange a variable: `intermediateUpdate`.

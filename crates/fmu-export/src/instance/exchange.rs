@@ -170,7 +170,7 @@ impl<M: ModelExchange> Instance<M> {
     }
 
     pub(crate) fn set_time(&mut self, time: f64) -> Answer {
-        if self.memory.phase == Phase::EventMode && !M::Variables::STATE_NAMES.is_empty() {
+        if self.memory.phase == Phase::EventMode && !M::Variables::STATE_NOMINALS.is_empty() {
             return Err(Error::new(
                 "must not be called in the state Event Mode of a model with continuous states",
             ));
@@ -188,7 +188,7 @@ impl<M: ModelExchange> Instance<M> {
 
     pub(crate) fn set_continuous_states(&mut self, states: &[f64]) -> Answer {
         if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
-            let name = M::Variables::STATE_NAMES[wrong];
+            let name = M::Variables::state_name(wrong);
             return Err(Error::new(format!("{} for the state {name}", Shown(states[wrong]))));
         }
         M::Variables::set_states(&mut self.memory.variables, |state| states[state]);
@@ -201,7 +201,7 @@ impl<M: ModelExchange> Instance<M> {
         M::Variables::each_state(&self.memory.variables, |state, value| states[state] = value);
         // After a failed event they may be anything.
         if let Some(wrong) = states.iter().position(|state| !state.is_finite()) {
-            let name = M::Variables::STATE_NAMES[wrong];
+            let name = M::Variables::state_name(wrong);
             return Err(Error::new(format!("the state {name} is {}", Shown(states[wrong]))));
         }
         Ok(status)
@@ -230,7 +230,7 @@ impl<M: ModelExchange> Instance<M> {
         if let Some((state, value)) = wrong {
             self.log_discarded(format_args!(
                 "the derivative of {} is {} at {} s",
-                M::Variables::STATE_NAMES[state],
+                M::Variables::state_name(state),
                 Shown(value),
                 Shown(self.memory.time)
             ));
@@ -246,7 +246,7 @@ impl<M: ModelExchange> Instance<M> {
         if let Some((state, value)) = beyond {
             self.log_discarded(format_args!(
                 "the state {} is {} at {} s, outside the range in which the equations are valid",
-                M::Variables::STATE_NAMES[state],
+                M::Variables::state_name(state),
                 Shown(value),
                 Shown(self.memory.time)
             ));

@@ -116,14 +116,6 @@ impl<M: Model> Memory<M> {
         Ok(true)
     }
 
-    /// Sets the state at a position.
-    pub(super) fn set_state(&mut self, position: usize, value: f64) {
-        let mut states = vec![0.0; M::Variables::STATE_NAMES.len()];
-        M::Variables::each_state(&self.variables, |state, value| states[state] = value);
-        states[position] = value;
-        M::Variables::set_states(&mut self.variables, |state| states[state]);
-    }
-
     pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {
         self.variables.clock_mut(position).expect("each position has a clock")
     }

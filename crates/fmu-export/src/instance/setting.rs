@@ -40,11 +40,16 @@ impl<M: Model> Instance<M> {
     /// Whether the variable exists and may be set. Separate from setting Real inputs, which is faster without.
     #[inline(never)]
     fn check(&self, reference: ValueReference, types: &[DataType], value: f64) -> Result<(), Error> {
-        self.check_settable(Self::variable(reference, types)?, value)
+        self.check_settable(Self::attributes(reference, types)?, reference, value)
     }
 
     /// Whether a variable may be set now, and to this value (as a number).
-    fn check_settable(&self, variable: &VariableDescription, value: f64) -> Result<(), Error> {
+    fn check_settable(
+        &self,
+        variable: &VariableDescription,
+        reference: ValueReference,
+        value: f64,
+    ) -> Result<(), Error> {
         let settable = match variable.causality {
             Causality::Input if self.memory.phase != Phase::ConfigurationMode => self.takes_input(variable),
             _ => self.is_settable_now(variable),
@@ -55,7 +60,7 @@ impl<M: Model> Instance<M> {
         if settable && value.is_finite() && within {
             Ok(())
         } else {
-            Err(self.set_error(variable, value, settable))
+            Err(self.set_error(reference, value, settable))
         }
     }
 
@@ -78,7 +83,7 @@ impl<M: Model> Instance<M> {
                 | Phase::EventMode
                 | Phase::StepEventMode
                 | Phase::ClockActivationMode => variable.variability == Variability::Tunable,
-                Phase::ContinuousTimeMode => variable.state.is_some(),
+                Phase::ContinuousTimeMode => variable.first_state.is_some(),
                 Phase::StepFailed
                 | Phase::Terminated
                 | Phase::Error
@@ -89,26 +94,30 @@ impl<M: Model> Instance<M> {
 
     /// Why a variable cannot be set to a value.
     #[cold]
-    fn set_error(&self, variable: &VariableDescription, value: f64, settable: bool) -> Error {
+    fn set_error(&self, reference: ValueReference, value: f64, settable: bool) -> Error {
+        let variable = Self::checked(reference);
         Error::new(if !settable {
             format!(
                 "{} ({}, {}) cannot be set in the state {}",
-                variable.name, variable.causality, variable.variability, self.memory.phase
+                variable.name(),
+                variable.causality,
+                variable.variability,
+                self.memory.phase
             )
         } else if !value.is_finite() {
-            format!("{} for the variable {}", Shown(value), variable.name)
+            format!("{} for the variable {}", Shown(value), variable.name())
         } else if variable.causality == Causality::StructuralParameter {
             format!(
                 "{} for the size {}, fixed at {} when this FMU was built",
                 Shown(value),
-                variable.name,
+                variable.name(),
                 Shown(variable.min)
             )
         } else {
             format!(
                 "{} for the variable {} is outside its range {} to {}",
                 Shown(value),
-                variable.name,
+                variable.name(),
                 Shown(variable.min),
                 Shown(variable.max)
             )
@@ -119,17 +128,18 @@ impl<M: Model> Instance<M> {
     /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
     /// once, since finite differences leave the range repeatedly.
     #[cold]
-    fn warn_of_bounds(&mut self, variable: &'static VariableDescription, value: f64) -> Status {
+    fn warn_of_bounds(&mut self, reference: ValueReference, value: f64) -> Status {
+        let variable = Self::checked(reference);
         let tries = self.memory.phase == Phase::ContinuousTimeMode || self.may_roll_back;
-        if !self.logged_inputs.contains(&variable.name) {
-            self.logged_inputs.push(variable.name);
+        if !self.logged_inputs.contains(&reference) {
+            self.logged_inputs.push(reference);
         } else if tries {
             return Status::Ok;
         }
         let warned = self.warn(format_args!(
             "{} for the input {} is outside its range {} to {}; the nearest bound is used",
             Shown(value),
-            variable.name,
+            variable.name(),
             Shown(variable.min),
             Shown(variable.max)
         ));
@@ -137,7 +147,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn is_real_input(reference: ValueReference) -> bool {
-        M::Variables::description(reference).is_some_and(|variable| variable.real_input.is_some())
+        M::Variables::attributes(reference).is_some_and(|variable| variable.first_real_input.is_some())
     }
 
     /// Sets values, after checking all of them.
@@ -168,9 +178,9 @@ impl<M: Model> Instance<M> {
             let variable = Self::checked(reference);
             let memory = &mut self.memory;
             write(&mut memory.variables, reference, value);
-            if let Some(position) = variable.real_input {
+            if let Some(position) = variable.real_input() {
                 if memory.inputs.set_value(position, as_number(value)) {
-                    status = self.warn_of_bounds(variable, as_number(value));
+                    status = self.warn_of_bounds(reference, as_number(value));
                 }
             } else if variable.causality == Causality::Input {
                 memory.inputs.set_others(memory.variables.inputs());
@@ -196,28 +206,28 @@ impl<M: Model> Instance<M> {
                 && is_set(&this.memory.variables, reference, value)
         };
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::variable(reference, types)?;
+            let variable = Self::attributes(reference, types)?;
             if !is_kept(self, variable, reference, value) {
-                self.check_settable(variable, as_number(value))?;
+                self.check_settable(variable, reference, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
-            if is_kept(self, variable, reference, value) {
+            if is_kept(self, &variable, reference, value) {
                 continue;
             }
             let memory = &mut self.memory;
             memory.stale = true;
-            if let Some(state) = variable.state {
-                memory.set_state(state.into(), as_number(value));
+            if variable.state().is_some() {
+                memory.variables.set_state(reference, as_number(value));
                 continue;
             }
             write(&mut memory.variables, reference, value);
-            match variable.real_input {
+            match variable.real_input() {
                 Some(position) => {
                     if memory.inputs.set_value(position, as_number(value)) {
-                        status = self.warn_of_bounds(variable, as_number(value));
+                        status = self.warn_of_bounds(reference, as_number(value));
                     }
                 }
                 // A Float32.
@@ -314,7 +324,7 @@ impl<M: Model> Instance<M> {
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
                 status = self.warn(format_args!(
                     "the input {} is discrete and constant; its derivatives are ignored",
-                    variable.name
+                    variable.name()
                 ));
             }
         }
@@ -324,8 +334,8 @@ impl<M: Model> Instance<M> {
     /// The Real input and order of a derivative, if settable.
     fn input_derivative(reference: ValueReference, order: i32, value: f64) -> Result<(usize, usize), Error> {
         let variable = Self::variable(reference, REALS)?;
-        let name = variable.name;
-        let Some(position) = variable.real_input else {
+        let name = variable.name();
+        let Some(position) = variable.real_input() else {
             return Err(Error::new(format!("the variable {name} is not an input")));
         };
         let Some(order) = usize::try_from(order).ok().filter(|order| (1..=MAX_ORDER).contains(order)) else {

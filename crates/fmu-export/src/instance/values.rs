@@ -1,11 +1,11 @@
 //! Variables by value reference, and getting them (FMI 2.0.5, section 2.1.7).
 
-use core::{mem, slice};
+use core::mem;
 use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, ValueReference, VariableDescription, Version};
+use crate::description::{Causality, DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::display::Shown;
 use crate::error::{Error, check_memory};
 use crate::model::Model;
@@ -49,13 +49,18 @@ impl<M: Model> Instance<M> {
         Version::Three => &[DataType::Integer],
     };
 
-    /// The variable of a value reference, if its type is one of `types`.
-    pub(super) fn variable(
+    /// A scalar variable, if its type is one of `types`.
+    pub(super) fn variable(reference: ValueReference, types: &[DataType]) -> Result<ScalarVariable, Error> {
+        Self::attributes(reference, types).map(|_| Self::checked(reference))
+    }
+
+    /// Likewise its attributes.
+    pub(super) fn attributes(
         reference: ValueReference,
         types: &[DataType],
     ) -> Result<&'static VariableDescription, Error> {
-        let variable = M::Variables::description(reference).ok_or_else(|| Self::no_variable(reference))?;
-        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(variable)) }
+        let variable = M::Variables::attributes(reference).ok_or_else(|| Self::no_variable(reference))?;
+        if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(reference)) }
     }
 
     #[cold]
@@ -65,23 +70,20 @@ impl<M: Model> Instance<M> {
 
     /// The error that a variable has another type.
     #[cold]
-    fn type_error(variable: &VariableDescription) -> Error {
+    fn type_error(reference: ValueReference) -> Error {
+        let variable = Self::checked(reference);
         let data_type = variable.data_type.name(Self::DESCRIPTION.version);
-        Error::new(format!("the variable {} is of the type {data_type}", variable.name))
+        Error::new(format!("the variable {} is of the type {data_type}", variable.name()))
     }
 
     /// A variable whose value reference was checked.
-    pub(super) fn checked(reference: ValueReference) -> &'static VariableDescription {
+    pub(super) fn checked(reference: ValueReference) -> ScalarVariable {
         M::Variables::description(reference).expect("the value reference was checked")
     }
 
     /// The value references of a variable's elements, or that of a scalar.
-    pub(crate) fn elements(reference: &ValueReference) -> Result<&[ValueReference], Error> {
-        if M::Variables::INNER_ELEMENTS.binary_search(reference).is_ok() {
-            return Err(Self::no_variable(*reference));
-        }
-        let array = M::Variables::ARRAYS.binary_search_by_key(reference, |elements| elements[0]);
-        Ok(array.map_or(slice::from_ref(reference), |array| M::Variables::ARRAYS[array]))
+    pub(crate) fn elements(reference: ValueReference) -> Result<impl Iterator<Item = ValueReference>, Error> {
+        M::Variables::elements(reference).ok_or_else(|| Self::no_variable(reference))
     }
 
     /// Runs a body on the value references of scalars: those of the elements of arrays, which have as many values as
@@ -93,7 +95,7 @@ impl<M: Model> Instance<M> {
         body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
     ) -> Answer {
         // Known to the compiler, so that the body is inlined.
-        if const { M::Variables::ARRAYS.is_empty() } {
+        if const { !M::Variables::HAS_ARRAYS } {
             // In FMI 2.0 both are one argument.
             if const { matches!(Self::DESCRIPTION.version, Version::Three) } {
                 Self::check_values(references.len(), values)?;
@@ -103,8 +105,8 @@ impl<M: Model> Instance<M> {
         let mut scalars = mem::take(&mut self.scalars);
         scalars.clear();
         // Not as many as the importer says, which may be any number.
-        for reference in references {
-            scalars.extend_from_slice(Self::elements(reference)?);
+        for &reference in references {
+            scalars.extend(Self::elements(reference)?);
         }
         Self::check_values(scalars.len(), values)?;
         let answer = body(self, &scalars);
@@ -131,7 +133,7 @@ impl<M: Model> Instance<M> {
         mut read: impl FnMut(&M::Variables, ValueReference, T) -> Result<(), Error>,
     ) -> Answer {
         for &reference in references {
-            Self::variable(reference, types)?;
+            Self::attributes(reference, types)?;
         }
         let status = self.compute_values()?;
         for (&reference, value) in references.iter().zip(values) {
@@ -144,14 +146,15 @@ impl<M: Model> Instance<M> {
         let time = self.memory.time;
         let mut no_number = Ok(());
         let status = self.get(references, values, REALS, |variables, reference, target| {
-            let variable = Self::checked(reference);
-            let value =
-                if variable.causality == Causality::Independent { time } else { variables.real(reference) };
+            let causality = M::Variables::attributes(reference).map(|variable| variable.causality);
+            let is_time = causality == Some(Causality::Independent);
+            let value = if is_time { time } else { variables.real(reference) };
             // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
                 *target = value;
             } else if no_number.is_ok() {
-                let message = format!("the variable {} is {}", variable.name, Shown(value));
+                let name = Self::checked(reference).name();
+                let message = format!("the variable {name} is {}", Shown(value));
                 no_number = Err(Error::new(message));
             }
             Ok(())
@@ -190,7 +193,7 @@ impl<M: Model> Instance<M> {
         self.get(references, values, FLOATS, |variables, reference, value| {
             let number = variables.float32(reference);
             if !number.is_finite() {
-                let name = Self::checked(reference).name;
+                let name = Self::checked(reference).name();
                 return Err(Error::new(format!("the variable {name} is {}", Shown(number.into()))));
             }
             *value = number;

@@ -10,11 +10,12 @@ use crate::persistence::{Archive, Persistent};
 /// An element that the pattern lacks is noticed from this share of its row on. Below, it is of no consequence: it changes
 /// an error as little as the Jacobian. Rounding is far less.
 const MISSED: f64 = 1e-9;
+/// The most steps that a Jacobian serves: about as many as in CVODE.
+const SERVES: u32 = 20;
+/// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it.
+const SMALL_ERROR: f64 = 0.01;
 /// The largest relative difference of a step's length from the one of the factors.
 const SIMILAR: f64 = 0.4;
-/// The time of a multiplication with sparse factors over that with dense ones; `benches/integrator/run` measures it.
-const SPARSE_OVER_DENSE: usize = 4;
-
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
     /// Their number.
@@ -89,9 +90,10 @@ impl Jacobian {
         self.is_fresh
     }
 
-    /// Counts a completed step.
-    pub(super) fn count_step(&mut self) {
-        (self.serves, self.is_fresh) = (self.serves.saturating_sub(1), false);
+    /// Counts a completed step with an error relative to the tolerance.
+    pub(super) fn count_step<S: System>(&mut self, error: f64) {
+        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR;
+        (self.serves, self.is_fresh) = (if serves { self.serves.saturating_sub(1) } else { 0 }, false);
     }
 
     /// Has it renewed before the next step.
@@ -125,14 +127,24 @@ impl Jacobian {
         by_time: &mut [f64],
     ) {
         let size = states.len();
-        (self.serves, self.is_fresh, self.factored_for) = (S::METHOD.jacobian_serves, true, 0.0);
+        (self.serves, self.is_fresh, self.factored_for) =
+            (if S::METHOD.takes_any_jacobian { SERVES } else { 1 }, true, 0.0);
         if S::MAY_BE_SPARSE && size > MOST_DENSE {
             let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
             loop {
                 matrix.follow(pattern);
                 let Some(groups) = &matrix.groups else { break };
+                self.serves = SERVES;
                 self.elements.resize(pattern.count(size), 0.0);
                 matrix.products.resize(size * groups.count(), 0.0);
+                if !groups.long_rows.is_empty() {
+                    system.gradients(time, states, &groups.long_rows, |row, gradient| {
+                        let columns = pattern.range(row).zip(pattern.row(row));
+                        for (element, &column) in columns {
+                            self.elements[element] = gradient(column as usize);
+                        }
+                    });
+                }
                 system.linearize(time, states, groups, &mut matrix.products, by_time);
                 if groups.take(&matrix.products, &mut self.elements) {
                     return;
@@ -186,6 +198,8 @@ struct Groups {
     /// The group of each column.
     of: Vec<u32>,
     number: usize,
+    /// The rows that are left out of the groups.
+    long_rows: Vec<usize>,
 }
 
 /// Those of the groups, and one that checks them.
@@ -206,14 +220,24 @@ impl Directions for Groups {
 }
 
 impl Groups {
-    /// Takes the elements from products. Returns whether they give the product that checks them, too.
+    fn new(pattern: &Arc<Pattern>) -> Self {
+        let long_rows = pattern.long_rows();
+        let (of, number) = pattern.groups(&long_rows);
+        Self { pattern: Arc::clone(pattern), of, number, long_rows }
+    }
+
+    /// Takes the elements from products, but for long rows. Returns whether all give the product that checks them, too.
     fn take(&self, products: &[f64], elements: &mut [f64]) -> bool {
         let mut is_complete = true;
+        let mut long_rows = self.long_rows.iter().copied().peekable();
         for (row, products) in products.chunks_exact(self.count()).enumerate() {
+            let is_long = long_rows.next_if_eq(&row).is_some();
             let check = products[self.number];
             let (mut difference, mut terms) = (check, check.abs());
             for (element, &column) in self.pattern.range(row).zip(self.pattern.row(row)) {
-                elements[element] = products[self.of[column as usize] as usize];
+                if !is_long {
+                    elements[element] = products[self.of[column as usize] as usize];
+                }
                 let term = elements[element] * check_direction(column as usize);
                 difference -= term;
                 terms += term.abs();
@@ -270,48 +294,30 @@ impl Matrix {
         }
         (self.groups, self.factors) = (None, Factors::NONE);
         if !pattern.is_full() {
-            let (of, number) = pattern.groups();
-            self.groups = Some(Groups { pattern: Arc::clone(pattern), of, number });
-            let factors = sparse::Factors::new(pattern);
-            if SPARSE_OVER_DENSE * factors.work() < pattern.size().pow(3) / 3 {
-                self.factors = Factors::Sparse(Box::new(factors));
-            }
+            self.groups = Some(Groups::new(pattern));
+            self.factors = Factors::Sparse(Box::new(sparse::Factors::new(pattern)));
         }
     }
 
     /// Factors the matrix for a step of a length, or takes factors for a similar length where the method allows them.
     /// Returns whether it is regular to working precision.
     pub(super) fn factor<S: System>(&mut self, jacobian: &mut Jacobian, length: f64, size: usize) -> bool {
-        if S::METHOD.jacobian_serves > 1 {
-            // With factors for another length the Jacobian is, in effect, multiplied by their ratio.
-            if (jacobian.factored_for - length).abs() > SIMILAR * length {
-                (jacobian.factored_for, self.is_factored) = (length, false);
-            }
-            self.scale = length / jacobian.factored_for;
-            if self.is_factored {
-                return true;
-            }
+        // With factors for another length the Jacobian is, in effect, multiplied by their ratio.
+        let similar = if S::METHOD.takes_any_jacobian { SIMILAR * length } else { 0.0 };
+        if (jacobian.factored_for - length).abs() > similar {
+            (jacobian.factored_for, self.is_factored) = (length, false);
         }
-        let length = if S::METHOD.jacobian_serves > 1 { jacobian.factored_for } else { length };
-        let diagonal = (length * S::METHOD.gamma).recip();
+        self.scale = length / jacobian.factored_for;
+        if self.is_factored {
+            return true;
+        }
+        let diagonal = (jacobian.factored_for * S::METHOD.gamma).recip();
         self.is_factored = match &mut self.factors {
             Factors::Dense { elements, pivots } => {
                 elements.resize(size * size, 0.0);
                 pivots.resize(size, 0);
-                match &self.groups {
-                    Some(Groups { pattern, .. }) if S::MAY_BE_SPARSE => {
-                        elements.fill(0.0);
-                        for row in 0..size {
-                            for (element, &column) in pattern.range(row).zip(pattern.row(row)) {
-                                elements[row * size + column as usize] = -jacobian.elements[element];
-                            }
-                        }
-                    }
-                    _ => {
-                        for (factor, element) in elements.iter_mut().zip(&jacobian.elements) {
-                            *factor = -element;
-                        }
-                    }
+                for (factor, element) in elements.iter_mut().zip(&jacobian.elements) {
+                    *factor = -element;
                 }
                 for i in 0..size {
                     elements[i * size + i] += diagonal;
@@ -334,7 +340,7 @@ impl Matrix {
             Factors::Sparse(factors) if S::MAY_BE_SPARSE => factors.solve(vector),
             Factors::Sparse(_) => {}
         }
-        if S::METHOD.jacobian_serves > 1 {
+        if S::METHOD.takes_any_jacobian {
             for element in vector {
                 *element *= self.scale;
             }

@@ -27,8 +27,8 @@ pub struct Method {
     /// The weights of the stages in the polynomials of the dense output; without, it is the cubic through states and
     /// derivatives at both ends.
     pub(super) dense: &'static [&'static [f64]],
-    /// The number of steps that a Jacobian serves. Above 1, the order must hold with any matrix in its place.
-    pub(super) jacobian_serves: u32,
+    /// Whether the order holds with any matrix in place of the Jacobian, which then serves many steps.
+    pub(super) takes_any_jacobian: bool,
 }
 
 /// `Rodas5P`: fifth order with an embedded method of fourth order and dense output of fourth order, eight stages
@@ -45,7 +45,7 @@ pub const RODAS5P: Method = Method {
     error: &[1.0],
     estimate_order: 5.0,
     dense: &DENSE,
-    jacobian_serves: 1,
+    takes_any_jacobian: false,
 };
 
 /// `ROS34PW2`: third order with an embedded method of second order, four stages (Rang and Angermann, New Rosenbrock
@@ -73,7 +73,7 @@ pub const ROS34PW2: Method = Method {
     error: &[0.277_749_947_647_967_95, -1.403_239_895_175_999, 1.772_630_127_667_550_6, 0.5],
     estimate_order: 3.0,
     dense: &[],
-    jacobian_serves: 20,
+    takes_any_jacobian: true,
 };
 
 /// γ of `Rodas5P`.

@@ -25,7 +25,8 @@ impl Pattern {
     }
 
     /// The pattern with these columns in each row, or the full one if there are too many for it to be of use.
-    pub(crate) fn of_rows(size: usize, mut row: impl FnMut(usize, &mut Vec<usize>)) -> Self {
+    #[must_use]
+    pub fn of_rows(size: usize, mut row: impl FnMut(usize, &mut Vec<usize>)) -> Self {
         let (mut pattern, mut found) = (Self { starts: vec![0], columns: vec![] }, vec![]);
         for index in 0..size {
             found.clear();
@@ -109,11 +110,28 @@ impl Pattern {
         }
     }
 
-    /// The group of each column, and the number of groups: those of a group share no row, so that a product with the sum
-    /// of their unit vectors gives the elements of all (Curtis, Powell and Reid, On the estimation of sparse Jacobian
-    /// matrices, IMA Journal of Applied Mathematics 13, 1974).
-    pub(super) fn groups(&self) -> (Vec<u32>, usize) {
-        let rows_of = self.transposed();
+    /// The rows whose elements are computed one by one, as their columns would need as many groups.
+    pub(super) fn long_rows(&self) -> Vec<usize> {
+        let mut rows: Vec<_> = (0..self.size()).collect();
+        rows.sort_by_key(|&row| Reverse(self.row(row).len()));
+        let work = |&long: &usize| {
+            let gradients = if long > 0 { RECORDING + long * GRADIENT } else { 0 };
+            gradients + self.row(rows[long]).len()
+        };
+        let count = (0..self.size()).min_by_key(work).unwrap_or(0);
+        rows.truncate(count);
+        rows.sort_unstable();
+        rows
+    }
+
+    /// The group of each column, and the number of groups: those of a group share no row but these, so that a product
+    /// with the sum of their unit vectors gives the elements of all (Curtis, Powell and Reid, On the estimation of sparse
+    /// Jacobian matrices, IMA Journal of Applied Mathematics 13, 1974).
+    pub(super) fn groups(&self, left_out: &[usize]) -> (Vec<u32>, usize) {
+        let mut rows_of = self.transposed();
+        for rows in &mut rows_of {
+            rows.retain(|&row| left_out.binary_search(&(row as usize)).is_err());
+        }
         let mut groups = vec![u32::MAX; self.size()];
         let (mut taken_by, mut count) = (vec![usize::MAX; self.size() + 1], 0);
         for (column, rows) in rows_of.iter().enumerate() {
@@ -148,14 +166,19 @@ impl Pattern {
         // By the unknown whose elimination makes it; empty otherwise.
         let mut cliques: Vec<Vec<u32>> = vec![vec![]; size];
         let mut degrees: Vec<_> = neighbors.iter().map(Vec::len).collect();
-        let mut queue: BinaryHeap<_> =
-            degrees.iter().enumerate().map(|(unknown, &degree)| Reverse((degree, unknown))).collect();
+        // The first come first among equals, so that several chains of eliminations take turns.
+        let mut queue: BinaryHeap<_> = degrees
+            .iter()
+            .enumerate()
+            .map(|(unknown, &degree)| Reverse((degree, unknown, unknown)))
+            .collect();
+        let mut arrivals = size;
         // When an unknown was last found to be in the present clique; `size` once eliminated.
         let mut found = vec![usize::MAX; size];
         // The members of a clique that are not in the present one, and when they were last counted.
         let mut others = vec![(usize::MAX, 0); size];
         let mut order = vec![];
-        while let Some(Reverse((degree, pivot))) = queue.pop() {
+        while let Some(Reverse((degree, _, pivot))) = queue.pop() {
             if found[pivot] == size || degree != degrees[pivot] {
                 continue;
             }
@@ -195,7 +218,8 @@ impl Pattern {
                 let bound = neighbors[member].len() + clique.len() - 1 + apart;
                 degrees[member] = bound.min(size - now - 2);
                 cliques_of[member].push(number(pivot));
-                queue.push(Reverse((degrees[member], member)));
+                queue.push(Reverse((degrees[member], arrivals, member)));
+                arrivals += 1;
             }
             cliques[pivot] = clique;
         }
@@ -203,6 +227,9 @@ impl Pattern {
     }
 }
 
+/// The time of recording an evaluation, and of a gradient from the record, in evaluations with a direction.
+const RECORDING: usize = 8;
+const GRADIENT: usize = 4;
 /// Rows with so few elements are sparse, whatever their length; otherwise a quarter is too many.
 const FEW: usize = 16;
 
@@ -225,13 +252,13 @@ mod tests {
 
     #[test]
     fn columns_of_a_group_share_no_row() {
-        let (groups, count) = rod(20).groups();
+        let (groups, count) = rod(20).groups(&[]);
         assert_eq!(count, 3);
         let expected: Vec<_> = (0..20).map(|column| column % 3).collect();
         assert_eq!(groups, expected);
         // A square of cells: each with four neighbors, whose columns differ from its own and from each other.
         let cells = square(12);
-        let (groups, count) = cells.groups();
+        let (groups, count) = cells.groups(&[]);
         assert!((5..=9).contains(&count), "{count} groups");
         for row in 0..cells.size() {
             let mut found: Vec<_> = cells.row(row).iter().map(|&column| groups[column as usize]).collect();
@@ -281,6 +308,17 @@ mod tests {
         }
         assert!(left.is_empty());
         count
+    }
+
+    #[test]
+    fn a_row_of_all_columns_is_left_out_of_the_groups() {
+        let mean = Pattern::of_rows(40, |row, columns| {
+            columns.extend(if row == 7 { 0..40 } else { row.saturating_sub(1)..(row + 2).min(40) });
+        });
+        assert_eq!(mean.long_rows(), [7]);
+        assert_eq!(mean.groups(&[7]).1, 3);
+        assert_eq!(mean.groups(&[]).1, 40);
+        assert_eq!(rod(40).long_rows(), [0; 0]);
     }
 
     #[test]

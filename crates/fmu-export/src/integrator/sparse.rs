@@ -92,11 +92,6 @@ impl Factors {
         factors
     }
 
-    /// The multiplications of a factorization.
-    pub(super) fn work(&self) -> usize {
-        self.lower.columns.iter().map(|&step| self.upper.range(step as usize).len() + 1).sum()
-    }
-
     /// Factors a multiple of the unit matrix minus a matrix. Returns whether it is regular to working precision.
     pub(super) fn factor(&mut self, diagonal: f64, pattern: &Pattern, elements: &[f64]) -> bool {
         if !self.is_diagonal {
@@ -280,7 +275,14 @@ mod tests {
         };
         let pattern =
             Pattern::of_rows(60, |_, columns| columns.extend((0..3).map(|_| random() as usize % 60)));
-        let elements = (0..pattern.count(60)).map(|_| f64::from(random() % 2001) / 1000.0 - 1.0).collect();
+        let elements =
+            (0..60).flat_map(|row| pattern.row(row).iter().map(move |&column| (row, column as usize)));
+        let mut element = |(row, column)| {
+            let value = f64::from(random() % 2001) / 1000.0 - 1.0;
+            // Every fifth state does not depend on itself.
+            if row == column && row % 5 == 0 { 0.0 } else { value }
+        };
+        let elements = elements.map(&mut element).collect();
         (pattern, elements)
     }
 

@@ -18,6 +18,8 @@ fn main() {
         "undeclared",
         "draining",
         "falling",
+        "rod",
+        "field",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");

@@ -63,7 +63,7 @@ pub struct States<T = f64> {
 impl ::core::default::Default for States {
     fn default() -> Self {
         Self {
-            position: 1.0, velocity: 0.0, wear: [0.0, 0.0]
+            position: 1.0, velocity: 0.0, wear: [0.0; 2]
         }
     }
 }
@@ -108,9 +108,6 @@ impl ::core::default::Default for Outputs {
 impl States {
     /// The number of states.
     pub const COUNT: usize = 4;
-
-    /// The names of the states, in the order of the arrays.
-    pub const NAMES: [&'static str; Self::COUNT] = ["position", "velocity", "wear[1]", "wear[2]"];
 }
 
 impl<T: ::core::marker::Copy> States<T> {
@@ -118,19 +115,25 @@ impl<T: ::core::marker::Copy> States<T> {
     #[must_use]
     pub fn from_array(values: [T; 4]) -> Self {
         Self {
-            position: values[0], velocity: values[1], wear: [values[2], values[3]]
+            position: values[0], velocity: values[1], wear: ::core::array::from_fn::<_, 2, _>(|i0| values[2 + i0])
         }
     }
 
     /// The states as an array, in the order of declaration.
     #[must_use]
-    pub const fn to_array(&self) -> [T; 4] {
-        [self.position, self.velocity, self.wear[0], self.wear[1]]
+    pub fn to_array(&self) -> [T; 4] {
+        let mut values = [self.position; 4];
+        let mut number = 0;
+        self.for_each(&mut |value| {
+            values[number] = value;
+            number += 1;
+        });
+        values
     }
 }
 
 /// All variables of the model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Variables<T = f64> {
     /// The parameters.
     pub parameters: Parameters<T>,
@@ -149,6 +152,7 @@ pub struct Variables<T = f64> {
 }
 
 ::fmu_export::persistent!(Variables { parameters, inputs, start, states, derivatives, locals, outputs });
+::fmu_export::cloned!(Variables<T> { parameters, inputs, start, states, derivatives, locals, outputs });
 ::fmu_export::numbers!(Variables { nested parameters, nested inputs, nested start, nested states, nested derivatives, other locals, nested outputs });
 
 impl ::core::default::Default for Variables {
@@ -183,9 +187,7 @@ pub struct Evaluation<'a, T = f64> {
 }
 
 impl ::fmu_export::Inputs for Inputs {
-    const REALS: &'static [::fmu_export::RealInput] = &[
-        ::fmu_export::RealInput { min: f64::NEG_INFINITY, max: f64::INFINITY },
-    ];
+    const REALS: &'static [::fmu_export::RealInput] = &[::fmu_export::RealInput { min: f64::NEG_INFINITY, max: f64::INFINITY }];
 
     fn real(&self, position: usize) -> f64 {
         match position {
@@ -204,14 +206,12 @@ impl ::fmu_export::Variables for Variables {
     type Inputs = Inputs;
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
-    const STATE_NAMES: &'static [&'static str] = &States::NAMES;
-    const STATE_NOMINALS: &'static [f64] = &[1.0, 1.0, 1.0, 1.0];
-    const VALUE_REFERENCES: &'static [fmi::ValueReference] = &[0, 1, 2, 3, 4, 5, 6, 7, 10, 11, 20, 21, 50, 100];
-    const DEPENDENCIES: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
-        (3, &[3]),
-        (1, &[1]),
-        (2, &[3, 1]),
-        (50, &[100, 3]),
+    const STATE_NOMINALS: &'static [f64] = &::fmu_export::typed::repeated::<f64, 4>(&[(1, 1.0), (1, 1.0), (2, 1.0)]);
+    const DEPENDENCIES: &'static [fmi::Dependencies] = &[
+        fmi::Dependencies { unknown: 3, count: 1, stride: 1, knowns: &[fmi::Knowns { first: 3, count: 1, step: 1, stride: 0 }] },
+        fmi::Dependencies { unknown: 1, count: 1, stride: 1, knowns: &[fmi::Knowns { first: 1, count: 1, step: 1, stride: 0 }] },
+        fmi::Dependencies { unknown: 2, count: 1, stride: 1, knowns: &[fmi::Knowns { first: 3, count: 1, step: 1, stride: 0 }, fmi::Knowns { first: 1, count: 1, step: 1, stride: 0 }] },
+        fmi::Dependencies { unknown: 50, count: 1, stride: 1, knowns: &[fmi::Knowns { first: 100, count: 1, step: 1, stride: 0 }, fmi::Knowns { first: 3, count: 1, step: 1, stride: 0 }] },
     ];
     const DEPENDS_ON_TIME: bool = true;
 
@@ -240,15 +240,27 @@ impl ::fmu_export::Variables for Variables {
     }
 
     fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
-        variables.states.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));
+        let mut state = 0;
+        variables.states.for_each(&mut |value| {
+            function(state, value);
+            state += 1;
+        });
     }
 
     fn each_derivative<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
-        variables.derivatives.to_array().into_iter().enumerate().for_each(|(state, value)| function(state, value));
+        let mut state = 0;
+        variables.derivatives.for_each(&mut |value| {
+            function(state, value);
+            state += 1;
+        });
     }
 
     fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
-        variables.states = States::from_array(::core::array::from_fn(state));
+        let mut position = 0;
+        variables.states.for_each_mut(&mut |value| {
+            *value = state(position);
+            position += 1;
+        });
     }
 
     fn real(&self, reference: fmi::ValueReference) -> f64 {
@@ -262,10 +274,8 @@ impl ::fmu_export::Variables for Variables {
             5 => self.outputs.power,
             6 => self.outputs.loss,
             7 => self.parameters.stiffness,
-            10 => self.states.wear[0],
-            20 => self.derivatives.wear[0],
-            11 => self.states.wear[1],
-            21 => self.derivatives.wear[1],
+            10..=11 => self.states.wear[(reference - 10) as usize],
+            20..=21 => self.derivatives.wear[(reference - 20) as usize],
             _ => 0.0,
         }
     }
@@ -277,8 +287,7 @@ impl ::fmu_export::Variables for Variables {
             3 => self.start.position = value,
             1 => self.start.velocity = value,
             7 => self.parameters.stiffness = value,
-            10 => self.start.wear[0] = value,
-            11 => self.start.wear[1] = value,
+            10..=11 => self.start.wear[(reference - 10) as usize] = value,
             _ => {}
         }
     }
@@ -328,12 +337,15 @@ impl ::fmu_export::Variables for Variables {
         self.outputs.energy = mark.into();
         self.outputs.power = mark.into();
         self.outputs.loss = mark.into();
-        self.derivatives.wear[0] = mark.into();
-        self.derivatives.wear[1] = mark.into();
+        self.derivatives.wear.fill(mark.into());
     }
 
     fn states_from_start(&mut self) {
-        self.states = self.start;
+        self.states.clone_from(&self.start);
+    }
+
+    fn swap_states_and_start(&mut self) {
+        ::core::mem::swap(&mut self.states, &mut self.start);
     }
 
     fn zero() -> Self {
@@ -350,36 +362,37 @@ impl ::fmu_export::Variables for Variables {
     }
 
     fn along_derivatives(&self) -> Self {
-        Self { start: self.derivatives, ..Self::zero() }
+        Self { start: self.derivatives.clone(), ..Self::zero() }
     }
 
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
         // Fast if their sum is finite; in four parts that do not wait for each other.
         let sums: [f64; 4] = [
-            0.0 + self.states.position.abs() + self.derivatives.position.abs() + self.outputs.energy.abs(),
-            0.0 + self.states.velocity.abs() + self.derivatives.velocity.abs() + self.outputs.power.abs(),
-            0.0 + self.states.wear[0].abs() + self.derivatives.wear[0].abs() + self.outputs.loss.abs(),
-            0.0 + self.states.wear[1].abs() + self.derivatives.wear[1].abs(),
+            0.0 + self.states.position.abs() + self.derivatives.velocity.abs() + self.outputs.loss.abs(),
+            0.0 + self.states.velocity.abs() + ::fmu_export::typed::sum_of_magnitudes(&self.derivatives.wear[..]),
+            0.0 + ::fmu_export::typed::sum_of_magnitudes(&self.states.wear[..]) + self.outputs.energy.abs(),
+            0.0 + self.derivatives.position.abs() + self.outputs.power.abs(),
         ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {
             return ::core::option::Option::None;
         }
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {
-            let reals: &[(_, f64)] = &[
-                (3, variables.states.position),
-                (1, variables.states.velocity),
-                (10, variables.states.wear[0]),
-                (11, variables.states.wear[1]),
-                (4, variables.derivatives.position),
-                (50, variables.derivatives.velocity),
-                (20, variables.derivatives.wear[0]),
-                (21, variables.derivatives.wear[1]),
-                (2, variables.outputs.energy),
-                (5, variables.outputs.power),
-                (6, variables.outputs.loss),
+            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[f64])] = &[
+                (3, 1, ::core::slice::from_ref(&variables.states.position)),
+                (1, 1, ::core::slice::from_ref(&variables.states.velocity)),
+                (10, 1, &variables.states.wear[..]),
+                (4, 1, ::core::slice::from_ref(&variables.derivatives.position)),
+                (50, 1, ::core::slice::from_ref(&variables.derivatives.velocity)),
+                (20, 1, &variables.derivatives.wear[..]),
+                (2, 1, ::core::slice::from_ref(&variables.outputs.energy)),
+                (5, 1, ::core::slice::from_ref(&variables.outputs.power)),
+                (6, 1, ::core::slice::from_ref(&variables.outputs.loss)),
             ];
-            reals.iter().find(|(_, value)| !value.is_finite()).map(|&(reference, _)| reference)
+            reals.iter().find_map(|(first, stride, values)| {
+                let element = values.iter().position(|value| !value.is_finite())?;
+                ::core::option::Option::Some(first + stride * element as fmi::ValueReference)
+            })
         }
         find(self)
     }
@@ -389,20 +402,18 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     model_identifier: "mass_oscillator",
     guid: "{3d834c8e-31b1-5cf9-adef-cc21629c8888}",
     variables: &[
-        fmi::VariableDescription { name: "time", data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "velocity", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(1) },
-        fmi::VariableDescription { name: "energy", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "position", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(0) },
-        fmi::VariableDescription { name: "der(position)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "power", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "loss", data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "stiffness", data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "wear[1]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(2) },
-        fmi::VariableDescription { name: "wear[2]", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: Some(3) },
-        fmi::VariableDescription { name: "der(wear[1])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "der(wear[2])", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "der(velocity)", data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: None, state: None },
-        fmi::VariableDescription { name: "force", data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, real_input: Some(0), state: None },
+        fmi::VariableDescription { base_name: "time", value_reference: 0, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "velocity", value_reference: 1, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: Some(1) },
+        fmi::VariableDescription { base_name: "energy", value_reference: 2, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "position", value_reference: 3, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: Some(0) },
+        fmi::VariableDescription { base_name: "der(position)", value_reference: 4, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "power", value_reference: 5, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "loss", value_reference: 6, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "stiffness", value_reference: 7, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Parameter, variability: fmi::Variability::Fixed, initial: fmi::Initial::Exact, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "wear", value_reference: 10, dimensions: &[2], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Approx, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: Some(2) },
+        fmi::VariableDescription { base_name: "der(wear)", value_reference: 20, dimensions: &[2], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "der(velocity)", value_reference: 50, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Local, variability: fmi::Variability::Continuous, initial: fmi::Initial::Calculated, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: None, first_state: None },
+        fmi::VariableDescription { base_name: "force", value_reference: 100, dimensions: &[], stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: fmi::Initial::None, min: f64::NEG_INFINITY, max: f64::INFINITY, first_real_input: Some(0), first_state: None },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
     version: fmi::Version::Two,
@@ -415,6 +426,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         directional_derivatives: true,
         adjoint_derivatives: false,
         event_mode: false,
+        per_element_dependencies: false,
     },
 };
 }

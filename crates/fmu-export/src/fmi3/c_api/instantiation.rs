@@ -10,7 +10,7 @@ use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
     LogMessageCallback, Status, String, ValueReference,
 };
-use crate::instance::event_mode::has_intermediate_update;
+use crate::instance::event_mode::{has_intermediate_update, name_of};
 use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;
@@ -175,13 +175,13 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
             M::Variables::DESCRIPTION.capabilities.event_mode && has_intermediate_update(variable)
         });
         if variable.is_none() {
-            let name = M::Variables::description(reference).map_or("unknown", |variable| variable.name);
+            let name = name_of::<M>(reference);
             return Err(Error::new(format!(
                 "requiredIntermediateVariables: the variable {name} with the value reference {reference} is not \
                  available in Intermediate Update Mode (intermediateUpdate is false)"
             )));
         }
-        scalars.extend_from_slice(instance::Instance::<M>::elements(&reference)?);
+        scalars.extend(instance::Instance::<M>::elements(reference)?);
     }
     Ok(scalars.into())
 }

@@ -52,7 +52,7 @@ fn run<E: Equations>(name: &str, end: f64, set: impl Fn(&mut E::Variables)) {
         let mut states = String::new();
         E::Variables::each_state(&simulation.variables, |_, state: f64| states += &format!(",{state:?}"));
         // A Jacobian takes one evaluation for each state, and one for the derivative with respect to time.
-        let jacobian = E::Variables::STATE_NAMES.len() as u64 + 1;
+        let jacobian = E::Variables::STATE_NOMINALS.len() as u64 + 1;
         let (numbers, duals) = (NUMBERS.load(Ordering::Relaxed), DUALS.load(Ordering::Relaxed));
         println!("{name},{tolerance:?},{numbers},{}{states}", duals / jacobian);
     }

@@ -12,7 +12,37 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", vessels: "Vessels");
+    falling: "falling", rod: "rod", field: "field", vessels: "Vessels");
+
+/// Conduction along an insulated rod, from a cosine's half wave.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Rod {}
+
+impl Equations for Rod {
+    type Variables = rod::Variables;
+
+    fn initialize<T: Number>(&self, variables: &mut rod::Variables<T>) {
+        let cells = variables.states.t.len() as f64;
+        for (cell, state) in variables.states.t.iter_mut().enumerate() {
+            *state = T::from(((cell as f64 + 0.5) / cells * std::f64::consts::PI).cos() + 1.0);
+        }
+    }
+
+    fn evaluate<T: Number>(&self, _time: T, variables: rod::Evaluation<'_, T>) {
+        let rod::Evaluation { parameters, states, derivatives, .. } = variables;
+        let cells = &states.t;
+        let last = cells.len() - 1;
+        for (cell, slope) in derivatives.t.iter_mut().enumerate() {
+            let (before, after) = (cells[cell.saturating_sub(1)], cells[(cell + 1).min(last)]);
+            *slope = parameters.rate * (before - cells[cell] * 2.0 + after);
+        }
+        derivatives.average = T::from(0.0);
+        if parameters.averages {
+            let sum = cells.iter().fold(T::from(0.0), |sum, &state| sum + state);
+            derivatives.average = sum / T::from(cells.len() as f64);
+        }
+    }
+}
 
 /// A ball that falls through the ground: its event counts the impact and leaves it there.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -39,6 +69,33 @@ impl Equations for Falling {
         let impacts = &mut variables.outputs.impacts;
         *impacts = if event.is_initial { 0 } else { *impacts + 1 };
         Ok(())
+    }
+}
+
+/// Arrays of each size, of which large ones are on the heap.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Field {}
+
+impl Equations for Field {
+    type Variables = field::Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: field::Evaluation<'_, T>) {
+        let field::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
+        let field::States { x, grid, .. } = states;
+        for (i, slope) in derivatives.x.iter_mut().enumerate() {
+            let [left, right] = [x[i.saturating_sub(1)], x[(i + 1).min(299)]];
+            *slope = inputs.gain * (left - x[i] * 2.0 + right) + inputs.heat[i];
+        }
+        for (i, row) in derivatives.grid.iter_mut().enumerate() {
+            for (j, slope) in row.iter_mut().enumerate() {
+                *slope = x[j + 1] - grid[i].iter().fold(T::from(0.0), |sum, &x| sum + x);
+            }
+        }
+        derivatives.last = x[299];
+        for (i, row) in outputs.row.iter_mut().enumerate() {
+            *row = parameters.weight[i].iter().fold(grid[i][1], |sum, &weight| sum + weight);
+        }
+        outputs.warm = std::array::from_fn(|i| x[i] > 5.0);
     }
 }
 

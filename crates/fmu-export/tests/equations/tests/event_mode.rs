@@ -117,7 +117,7 @@ impl<E: Equations> Slave<E> {
     fn get<const N: usize>(&mut self, names: [&str; N]) -> [f64; N] {
         let references = names.map(|name| {
             let mut described = E::Variables::described();
-            described.find(|(_, variable)| variable.name == name).expect("there is such a variable").0
+            described.find(|(_, variable)| variable.name() == name).expect("there is such a variable").0
         });
         let mut values = [f64::NAN; N];
         // SAFETY: see above.
@@ -132,7 +132,7 @@ impl<E: Equations> Slave<E> {
     fn set(&mut self, name: &str, value: f64) {
         let mut described = E::Variables::described();
         let (reference, _) =
-            described.find(|(_, variable)| variable.name == name).expect("there is such a variable");
+            described.find(|(_, variable)| variable.name() == name).expect("there is such a variable");
         let (references, values) = (&raw const reference, &raw const value);
         // SAFETY: see above.
         let status = unsafe { c_api::set_float64::<Integrated<E>>(self.0, references, 1, values, 1) };

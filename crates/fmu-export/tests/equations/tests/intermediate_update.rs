@@ -31,7 +31,7 @@ struct Importer {
 
 fn reference(name: &str) -> ValueReference {
     let mut described = decay::Variables::described();
-    described.find(|(_, variable)| variable.name == name).expect("there is such a variable").0
+    described.find(|(_, variable)| variable.name() == name).expect("there is such a variable").0
 }
 
 fn get(instance: Instance, name: &str) -> (Status, f64) {

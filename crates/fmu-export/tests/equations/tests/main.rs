@@ -1,7 +1,10 @@
 //! The integrator, on models of equations.
 
+mod allocations;
+mod arrays;
 mod event_mode;
 mod intermediate_update;
+mod rod;
 mod samples;
 mod solutions;
 mod vessels;

@@ -102,29 +102,32 @@ fn tables_agree_with_the_xml() {
     assert_eq!(description.model_identifier, "Vessels");
     assert_eq!(description.log_categories, ["logStatusError", "logStatusWarning", "logEvents"]);
     assert!(description.capabilities.interpolate_inputs && description.capabilities.get_and_set_state);
-    assert_eq!(description.variables.len(), 23);
-    for (reference, variable) in description.variables.iter().enumerate() {
-        let text = format!(r#"<ScalarVariable name="{}" valueReference="{reference}""#, variable.name);
+    assert_eq!(Variables::described().count(), 23);
+    for (reference, variable) in Variables::described() {
+        let text = format!(r#"<ScalarVariable name="{}" valueReference="{reference}""#, variable.name());
         assert!(Variables::MODEL_DESCRIPTION_XML.contains(&text), "{text}");
     }
-    let inflow = &description.variables[1];
+    let inflow = Variables::description(1).unwrap();
     assert_eq!(
-        (inflow.data_type, inflow.causality, inflow.variability, inflow.initial, inflow.real_input),
+        (inflow.data_type, inflow.causality, inflow.variability, inflow.initial, inflow.real_input()),
         (DataType::Real, Causality::Input, Variability::Continuous, Initial::None, Some(0))
     );
-    let mode = &description.variables[14];
+    let mode = Variables::description(14).unwrap();
     assert_eq!((mode.data_type, mode.min, mode.max), (DataType::Enumeration, 1.0, 2.0));
-    let level = &description.variables[3];
+    let level = Variables::description(3).unwrap();
     assert_eq!((level.min, level.max), (f64::NEG_INFINITY, f64::INFINITY));
 }
 
 #[test]
 fn the_runtime_is_told_event_indicators_and_states() {
     assert_eq!(Variables::EVENT_INDICATORS, ["first_is_empty", "second.is_empty"]);
-    let variables = Variables::DESCRIPTION.variables.iter();
-    let mut states: Vec<_> =
-        variables.filter_map(|variable| Some((variable.state?, variable.name))).collect();
-    states.sort_unstable();
-    assert!(states.iter().map(|(position, _)| usize::from(*position)).eq(0..Variables::STATE_NAMES.len()));
-    assert!(states.iter().map(|(_, name)| *name).eq(Variables::STATE_NAMES.iter().copied()));
+    let states =
+        Variables::described().filter_map(|(_, variable)| Some((variable.state()?, variable.name())));
+    let mut states: Vec<_> = states.collect();
+    states.sort_unstable_by_key(|(position, _)| *position);
+    assert!(states.iter().map(|(position, _)| *position).eq(0..Variables::STATE_NOMINALS.len()));
+    for (position, name) in states {
+        assert_eq!(name, States::NAMES[position]);
+        assert_eq!(name, Variables::state_name(position));
+    }
 }

@@ -1,0 +1,61 @@
+//! A layer of a neural network, y = tanh(W u + b), with the weights of a file.
+
+use fmu_export::{Context, Equations, Error, Number, Persistent};
+
+fmu_export::fmu!(equations {Type});
+
+/// What `resources/weights.csv` says of each output: its bias, then its weights.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct {Type} {
+    rows: Vec<Vec<f64>>,
+}
+
+impl Equations for {Type} {
+    type Variables = Variables;
+
+    fn prepare(
+        &mut self,
+        variables: &mut Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.rows = rows(&String::from_utf8_lossy(&context.resource("weights.csv")?))?;
+        let (count, length) = (variables.outputs.y.len(), 1 + variables.inputs.u.len());
+        if self.rows.len() == count && self.rows.iter().all(|row| row.len() == length) {
+            Ok(())
+        } else {
+            let message = format!("weights.csv must have {count} rows of {length} numbers");
+            Err(Error::new(message))
+        }
+    }
+
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+        for (y, row) in variables.outputs.y.iter_mut().zip(&self.rows) {
+            let mut sum = T::from(row[0]);
+            for (&weight, &u) in row[1..].iter().zip(variables.inputs.u.iter()) {
+                sum += u * weight;
+            }
+            *y = sum.tanh();
+        }
+    }
+}
+
+fn rows(csv: &str) -> Result<Vec<Vec<f64>>, Error> {
+    let number = |text: &str| {
+        let refused = |error| Error::new(format!("weights.csv: '{text}': {error}"));
+        text.trim().parse().map_err(refused)
+    };
+    let row = |line: &str| line.split(',').map(number).collect();
+    csv.lines().map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_file_has_a_row_for_each_output() -> Result<(), Error> {
+        let rows = rows(include_str!("../resources/weights.csv"))?;
+        assert!(rows.len() == 4 && rows.iter().all(|row| row.len() == 4));
+        Ok(())
+    }
+}

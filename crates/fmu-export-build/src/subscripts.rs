@@ -1,0 +1,175 @@
+//! Reading elements of arrays: in the `reads` of an array, `T[i-1]` is the element before each one's own. The letters i,
+//! j, k, … are an element's own subscripts; a subscript may also be a number, or `:` for all.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// The letters, one for each of the 16 dimensions that an array may have.
+const FIRST_LETTER: u8 = b'i';
+const LETTERS: usize = 16;
+
+enum Subscript {
+    /// A number, from 1.
+    Fixed(usize),
+    /// The reading element's own subscript in a dimension, moved.
+    Own {
+        dimension: usize,
+        offset: isize,
+    },
+    All,
+}
+
+/// An entry of `reads`: the name of what it reads, and subscripts unless it reads a whole variable.
+pub(crate) struct Read<'a> {
+    pub(crate) name: Cow<'a, str>,
+    text: &'a str,
+    subscripts: Vec<Subscript>,
+}
+
+/// The positions that the elements of an array read.
+pub(crate) enum Found<'n> {
+    /// All the same.
+    Alike(&'n [usize]),
+    Each(Vec<Vec<usize>>),
+}
+
+impl Found<'_> {
+    /// Those of an element.
+    pub(crate) fn of(&self, element: usize) -> &[usize] {
+        match self {
+            Self::Alike(positions) => positions,
+            Self::Each(positions) => &positions[element],
+        }
+    }
+}
+
+impl<'a> Read<'a> {
+    pub(crate) fn new(text: &'a str) -> Result<Self, String> {
+        let whole = Self { name: text.into(), text, subscripts: Vec::new() };
+        let Some((before, rest)) = text.split_once('[') else { return Ok(whole) };
+        let Some((inside, after)) = rest.split_once(']') else { return Ok(whole) };
+        let subscripts: Vec<_> =
+            inside.split(',').map(|subscript| Subscript::new(subscript.trim())).collect::<Result<_, _>>()?;
+        if subscripts.iter().all(|subscript| matches!(subscript, Subscript::Fixed(_))) {
+            // The name of an element.
+            return Ok(whole);
+        }
+        Ok(Self { name: format!("{before}{after}").into(), text, subscripts })
+    }
+
+    /// Whether elements of an array read different variables.
+    pub(crate) fn is_of_elements(&self) -> bool {
+        !self.subscripts.is_empty()
+    }
+
+    /// What each element of an array with some sizes reads in another with given positions and sizes. At the ends of an
+    /// array there is nothing beyond.
+    pub(crate) fn elements<'n>(
+        &self,
+        of: &[usize],
+        positions: &'n [usize],
+        sizes: &[usize],
+    ) -> Result<Found<'n>, String> {
+        if !self.is_of_elements() {
+            return Ok(Found::Alike(positions));
+        }
+        let Self { text, name, subscripts } = self;
+        if sizes.is_empty() {
+            return Err(format!("it reads '{text}', but '{name}' is not an array"));
+        }
+        if subscripts.len() != sizes.len() {
+            return Err(format!("it reads '{text}', but '{name}' has {} subscripts", sizes.len()));
+        }
+        for (subscript, &size) in subscripts.iter().zip(sizes) {
+            match subscript {
+                Subscript::Own { dimension, .. } if *dimension >= of.len() => {
+                    let (letter, dimensions) = (letter(*dimension), dimension + 1);
+                    return Err(format!(
+                        "it reads '{text}', but only arrays of {dimensions} dimensions have a subscript {letter}"
+                    ));
+                }
+                Subscript::Fixed(number) if !(1..=size).contains(number) => {
+                    return Err(format!("it reads '{text}', but '{name}' has no element {number}"));
+                }
+                _ => {}
+            }
+        }
+        let count = of.iter().product();
+        let each: Vec<Vec<usize>> = (0..count)
+            .map(|element| {
+                let own = indices(element, of);
+                let flat = subscripts.iter().zip(sizes).fold(vec![0], |flat, (subscript, &size)| {
+                    let range = subscript.range(&own, size);
+                    flat.into_iter()
+                        .flat_map(|row| range.clone().map(move |index| row * size + index))
+                        .collect()
+                });
+                flat.into_iter().map(|index| positions[index]).collect()
+            })
+            .collect();
+        if each.iter().all(Vec::is_empty) {
+            return Err(format!("it reads '{text}', but '{name}' has no such element"));
+        }
+        Ok(Found::Each(each))
+    }
+}
+
+impl Subscript {
+    fn new(text: &str) -> Result<Self, String> {
+        if text == ":" {
+            return Ok(Self::All);
+        }
+        let number = text.parse().map(Self::Fixed);
+        let own = || {
+            let (letter, offset) = text.split_at_checked(1)?;
+            let dimension = usize::from(letter.as_bytes()[0].checked_sub(FIRST_LETTER)?);
+            let offset = offset.trim().replace(' ', "");
+            let offset = match offset.as_bytes().first() {
+                None => Some(0),
+                Some(b'+' | b'-') => offset.parse().ok(),
+                _ => None,
+            };
+            Some(Self::Own {
+                dimension: Some(dimension).filter(|dimension| *dimension < LETTERS)?,
+                offset: offset?,
+            })
+        };
+        number.ok().or_else(own).ok_or_else(|| {
+            format!(
+                "'{text}' is not a subscript: i, i-1 or i+1 (i, j, … are those of the element that reads), a number, or : for all"
+            )
+        })
+    }
+
+    /// The indices from 0 that it means in a dimension of a size, for an element with its own indices.
+    fn range(&self, own: &[usize], size: usize) -> Range<usize> {
+        match self {
+            Self::All => 0..size,
+            Self::Fixed(number) => number - 1..*number,
+            Self::Own { dimension, offset } => match own[*dimension].checked_add_signed(*offset) {
+                Some(index) if index < size => index..index + 1,
+                _ => 0..0,
+            },
+        }
+    }
+}
+
+fn letter(dimension: usize) -> char {
+    ('i'..).nth(dimension).unwrap_or_default()
+}
+
+/// An element's indices, from 0, in an array with some sizes.
+fn indices(element: usize, sizes: &[usize]) -> Vec<usize> {
+    let mut rest = element;
+    let mut indices: Vec<_> = sizes
+        .iter()
+        .rev()
+        .map(|size| {
+            let index = rest % size;
+            rest /= size;
+            index
+        })
+        .collect();
+    indices.reverse();
+    indices
+}

@@ -1,0 +1,76 @@
+//! Which elements of a variable depend on which of others (FMI 3.0.2, section 2.2.9).
+
+use std::collections::BTreeMap;
+
+use super::Instance;
+use crate::calling_sequence::Phase;
+use crate::description::{Causality, Dependencies, Initial, ScalarVariable, ValueReference};
+use crate::error::Error;
+use crate::model::Model;
+use crate::variables::Variables;
+
+/// `fmi3Dependent`: no more is known of a dependency.
+pub(crate) const DEPENDENT: i32 = 5;
+
+/// A dependency of an element on another variable's, both counted from 1; 0 is all elements.
+pub(crate) struct Dependency {
+    pub(crate) element: usize,
+    pub(crate) independent: ValueReference,
+    pub(crate) element_of_independent: usize,
+}
+
+impl<M: Model> Instance<M> {
+    /// The dependencies of a variable: until initialization ends those of its initial value.
+    pub(crate) fn dependencies(&self, dependent: ValueReference) -> Result<Vec<Dependency>, Error> {
+        if !Self::DESCRIPTION.capabilities.per_element_dependencies {
+            return Err(Error::new("not supported by this FMU (providesPerElementDependencies is false)"));
+        }
+        let unknowns = Self::elements(dependent)?;
+        let variable = Self::checked(dependent);
+        let is_initial = matches!(
+            self.memory.phase,
+            Phase::Instantiated | Phase::ConfigurationMode | Phase::InitializationMode
+        );
+        let is_unknown = match variable.causality {
+            Causality::Output => true,
+            Causality::Local => {
+                variable.initial == Initial::Calculated || is_initial && variable.initial == Initial::Approx
+            }
+            Causality::CalculatedParameter => is_initial,
+            _ => false,
+        };
+        if !is_unknown {
+            return Err(Error::new(format!("{} has no dependencies", variable.name())));
+        }
+        let declared =
+            if is_initial { M::Variables::INITIAL_DEPENDENCIES } else { M::Variables::DEPENDENCIES };
+        let declared: BTreeMap<_, Vec<_>> = declared
+            .iter()
+            .flat_map(Dependencies::each)
+            .filter(|(unknown, _)| Self::checked(*unknown).value_reference == dependent)
+            .map(|(unknown, knowns)| (unknown, knowns.collect()))
+            .collect();
+        let mut dependencies = Vec::new();
+        for (unknown, element) in unknowns.zip(1..) {
+            if let Some(knowns) = declared.get(&unknown) {
+                dependencies.extend(knowns.iter().map(|&known| {
+                    let known = Self::checked(known);
+                    let element_of_independent = known.element + 1;
+                    Dependency { element, independent: known.value_reference, element_of_independent }
+                }));
+            } else {
+                // It may depend on everything.
+                let variables = Self::DESCRIPTION.variables.iter();
+                let knowns = variables.filter(|known| {
+                    self.check_known(&ScalarVariable { description: known, element: 0 }).is_ok()
+                });
+                dependencies.extend(knowns.map(|known| Dependency {
+                    element,
+                    independent: known.value_reference,
+                    element_of_independent: 0,
+                }));
+            }
+        }
+        Ok(dependencies)
+    }
+}

@@ -1,0 +1,113 @@
+//! Models of many states, whose Jacobians are sparse.
+
+use std::ffi::{CString, c_void};
+use std::ptr;
+
+use fmu_export::fmi2::c_api;
+use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Status};
+use fmu_export::{Context, InputSignal, Integrated, Model as _, Simulation, Step, Variables as _};
+use fmu_export_equations::{Rod, rod};
+
+use crate::allocations::counted;
+
+const CELLS: usize = 200;
+
+fn simulation(tolerance: f64, averages: bool) -> Simulation<Integrated<Rod>> {
+    let mut simulation = Simulation::<Integrated<Rod>>::default();
+    simulation.experiment.tolerance = Some(tolerance);
+    simulation.variables.parameters.averages = averages;
+    simulation.initialize().unwrap();
+    simulation
+}
+
+/// The solution of the equations, which are those of cells of a finite length.
+fn temperature(cell: usize, time: f64) -> f64 {
+    let wave = std::f64::consts::PI / CELLS as f64;
+    let decay = 4.0 * 400.0 * (0.5 * wave).sin().powi(2);
+    1.0 + ((cell as f64 + 0.5) * wave).cos() * (-decay * time).exp()
+}
+
+#[test]
+fn a_rod_follows_its_closed_form() {
+    // With the average, a row of the Jacobian has all columns.
+    for averages in [false, true] {
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            for steps in [1, 100] {
+                let mut simulation = simulation(tolerance, averages);
+                for _ in 0..steps {
+                    simulation.step(5.0 / f64::from(steps)).unwrap();
+                }
+                let states = &simulation.variables.states;
+                let average = if averages { 5.0 } else { 0.0 };
+                let expected = (0..CELLS).map(|cell| temperature(cell, 5.0)).chain([average]);
+                for (found, expected) in states.t.iter().copied().chain([states.average]).zip(expected) {
+                    // Each of some hundred steps errs by less than the tolerance, relative to a state and 1.
+                    let error = (found - expected).abs() / (tolerance * (expected.abs() + 1.0));
+                    assert!(
+                        error < 100.0,
+                        "{found} instead of {expected}, {error:.0} tolerances of {tolerance:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn steps_after_the_first_allocate_nothing() {
+    let Simulation { mut model, mut variables, inputs, experiment, .. } = simulation(1e-6, false);
+    let inputs = InputSignal::constant(inputs);
+    let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
+    let mut step = |number: u32| {
+        let step = Step { start: f64::from(number) * 0.1, size: 0.1, inputs: &inputs };
+        model.step(&mut variables, &step, &mut Context::new(experiment, &mut log)).unwrap();
+    };
+    step(0);
+    // With several Jacobians.
+    let ((), allocations, _) = counted(|| (1..60).for_each(step));
+    assert_eq!(allocations, 0);
+}
+
+/// A saved state holds what it is serialized to, and no matrices, twice at most.
+#[test]
+fn a_saved_state_is_no_larger_than_twice_its_bytes() {
+    type Model = Integrated<Rod>;
+    let token = CString::new(rod::Variables::DESCRIPTION.guid).unwrap();
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    // SAFETY: strings and callbacks outlive the calls; handles are used until they are freed.
+    unsafe {
+        let instance = c_api::instantiate::<Model>(
+            c"rod".as_ptr(),
+            CO_SIMULATION,
+            token.as_ptr(),
+            ptr::null(),
+            &raw const callbacks,
+            0,
+            0,
+        );
+        assert_eq!(c_api::setup_experiment::<Model>(instance, 1, 1e-6, 0.0, 0, 0.0), Status::Ok);
+        assert_eq!(c_api::enter_initialization_mode::<Model>(instance), Status::Ok);
+        assert_eq!(c_api::exit_initialization_mode::<Model>(instance), Status::Ok);
+        for step in 0..30 {
+            assert_eq!(c_api::do_step::<Model>(instance, f64::from(step), 1.0, 1), Status::Ok);
+        }
+        let mut state: *mut c_void = ptr::null_mut();
+        let (status, _, held) = counted(|| c_api::get_fmu_state::<Model>(instance, &raw mut state));
+        assert_eq!(status, Status::Ok);
+        let mut size = 0;
+        let status = c_api::serialized_fmu_state_size::<Model>(instance, state, &raw mut size);
+        assert_eq!(status, Status::Ok);
+        // The states, their start values and derivatives at least.
+        assert!(size > 3 * 8 * CELLS, "{size} bytes");
+        let held = usize::try_from(held).unwrap();
+        assert!(held > 3 * 8 * CELLS && held <= 2 * size, "{held} bytes held, {size} serialized");
+        assert_eq!(c_api::free_fmu_state::<Model>(instance, &raw mut state), Status::Ok);
+        c_api::free_instance::<Model>(instance);
+    }
+}
