@@ -14,7 +14,7 @@ const FRICTION_SLACK: f64 = 1.25;
 /// The share of the tolerance for the error of a single step of the actuation: the errors of several steps and of kinks
 /// add up, and the gas path amplifies rod position errors up to three times. Found by experiment, as is the gas path's.
 const ACTUATION_SHARE: f64 = 0.1;
-const GAS_PATH_SHARE: f64 = 0.25;
+const GAS_PATH_SHARE: f64 = 0.28;
 
 /// Flows between the volumes at a compressor or wastegate depend steeply on their pressures, so errors of these count
 /// more than by full scale, to reach 0.01 % of the flow's full scale too. These shares of the full scales count as 100

@@ -198,17 +198,16 @@ impl Equations for Plant {
     fn evaluate_part(&self, part: Part, _time: f64, variables: Evaluation<'_>) {
         let Evaluation { parameters, inputs, states, derivatives, .. } = variables;
         let inputs = self.latch.hold(parameters, *inputs);
-        let StateGroups { actuation, gas_path } = StateGroups { actuation: ActuationStates::of(states), gas_path: GasPathStates::of(states) };
         *derivatives = States::from_groups(match part {
             Part::Fast => StateGroups {
-                actuation: self.system.actuation(&inputs, &actuation, 0.0).derivatives,
-                gas_path,
+                actuation: self.system.actuation(&inputs, &ActuationStates::of(states), 0.0).derivatives,
+                gas_path: GasPathStates::of(derivatives),
             },
             Part::Slow => {
                 let opening = self.system.actuator.opening(states.actuator.position);
                 StateGroups {
-                    actuation,
-                    gas_path: self.system.gas_path(&inputs, &gas_path, opening).derivatives,
+                    actuation: ActuationStates::of(derivatives),
+                    gas_path: self.system.gas_path(&inputs, &GasPathStates::of(states), opening).derivatives,
                 }
             }
         });

@@ -14,7 +14,8 @@ use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{
-    Directions, Integrate, Integrator, MOST_DENSE, Method, Part, Pattern, StepFailure, System, Tolerance, TwoParts,
+    Directions, Integrate, Integrator, MOST_DENSE, Method, Part, Pattern, StepFailure, System, Tolerance,
+    TwoParts,
 };
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
@@ -405,8 +406,9 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         let end = step.end();
         let coincidence = TIME_TOLERANCE * step.size + time_rounding(end);
         let last_event = if E::SAMPLES_INPUTS { end - coincidence } else { end + coincidence };
-        let mut is_evaluated = (self.evaluated.take())
-            .is_some_and(|(time, inputs)| time.to_bits() == step.start.to_bits() && inputs == *variables.inputs());
+        let mut is_evaluated = (self.evaluated.take()).is_some_and(|(time, inputs)| {
+            time.to_bits() == step.start.to_bits() && inputs == *variables.inputs()
+        });
         E::Variables::each_state(variables, |state, value: f64| {
             is_evaluated &= states[state].to_bits() == value.to_bits();
             states[state] = value;
@@ -705,11 +707,9 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
         self.most_trials
     }
 
-    fn is_within(&self, states: Range<usize>, state: impl Fn(usize) -> f64) -> bool {
-        E::Variables::STRICT_STATES.iter().all(|(positions, min, max)| {
-            let own = positions.start.max(states.start)..positions.end.min(states.end);
-            own.into_iter().all(|position| (*min..=*max).contains(&state(position)))
-        })
+    fn range(state: usize) -> [f64; 2] {
+        let strict = E::Variables::STRICT_STATES.iter().find(|(states, ..)| states.contains(&state));
+        strict.map_or([f64::NEG_INFINITY, f64::INFINITY], |&(_, min, max)| [min, max])
     }
 }
 

@@ -339,8 +339,10 @@ impl Work {
     /// would limit the steps after it, too.
     fn first_step<S: System>(&self, tolerance: &Tolerance<'_>) -> f64 {
         let norm = |values: &[f64]| {
-            let scaled =
-                values.iter().enumerate().map(|(i, value)| (value / tolerance.scale::<S>(i, self.from[i])).abs());
+            let scaled = values
+                .iter()
+                .enumerate()
+                .map(|(i, value)| (value / tolerance.scale::<S>(i, self.from[i])).abs());
             scaled.fold(0.0, f64::max)
         };
         let (states, slopes) = (norm(&self.from), norm(&self.slopes));

@@ -150,7 +150,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         Self::each_state(&places, |position, place| {
             of_state = if position == state { place } else { of_state };
         });
-        let is_at = |reference: ValueReference, place: f64| places.real(reference).to_bits() == place.to_bits();
+        let is_at =
+            |reference: ValueReference, place: f64| places.real(reference).to_bits() == place.to_bits();
         let mut declared = Self::DEPENDENCIES.iter().flat_map(Dependencies::each);
         let reads = declared.find(|(unknown, _)| is_at(*unknown, of_derivative));
         reads.is_none_or(|(_, mut knowns)| knowns.any(|known| is_at(known, of_state)))

@@ -67,8 +67,8 @@ pub trait TwoParts: System {
     fn is_constant(&self) -> bool;
     /// The number of trials after which a communication step fails.
     fn most_trials(&self) -> u32;
-    /// Whether a state is in its range.
-    fn is_within(&self, states: Range<usize>, state: impl Fn(usize) -> f64) -> bool;
+    /// The range of a state.
+    fn range(state: usize) -> [f64; 2];
 }
 
 /// Integrates the first states, `FAST` in number, ahead of the other ones, `SLOW` in number.
@@ -104,8 +104,8 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
     fn new<S: TwoParts>(size: usize) -> Self {
         assert_eq!(size, FAST + SLOW, "the numbers of states of `TwoRates`");
         Self {
-            fast: Course::new(),
-            slow: Course::new(),
+            fast: Course::new(S::range),
+            slow: Course::new(|state| S::range(FAST + state)),
             coupling: [[0.0; SLOW]; FAST],
             drives: array::from_fn(|state| S::drives(state, FAST..FAST + SLOW)),
             ahead: vec![],
@@ -137,7 +137,8 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         let (mut fast_slopes, mut slow_slopes) = ([0.0; FAST], [0.0; SLOW]);
         system.present_derivatives(split(&mut fast_slopes, &mut slow_slopes));
         let scale = |state: usize| tolerance.scale::<S>(state, states[state]);
-        let (fast_states, slow_states) = (array::from_fn(|i| states[i]), array::from_fn(|i| states[FAST + i]));
+        let (fast_states, slow_states) =
+            (array::from_fn(|i| states[i]), array::from_fn(|i| states[FAST + i]));
         fast.begin::<S>((time, end), fast_states, fast_slopes, scale);
         slow.begin::<S>((time, end), slow_states, slow_slopes, |i| scale(FAST + i));
         ahead.reserve(MOST_AHEAD);
@@ -282,7 +283,6 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                 drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
             }
             let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
-            let trial = trial.filter(|trial| system.is_within(0..FAST, |state| trial.states[state]));
             if let Some(trial) = fast.settle(trial, length, to)? {
                 ahead.push(FastStep {
                     begin,
@@ -334,9 +334,6 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             let fast = self.fast_at(time);
             Self::slow(self.system, time, &fast, states)
         });
-        let within = |state: usize, trial: &Trial<SLOW>| trial.states[state - FAST];
-        let trial =
-            trial.filter(|trial| self.system.is_within(FAST..FAST + SLOW, |state| within(state, trial)));
         let settled = slow.settle(trial, length, to);
         if settled.map_err(|failure| StepFailure { state: FAST + failure.state })?.is_some() {
             if to < self.end {
@@ -365,6 +362,9 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
 /// The integration of a part.
 #[derive(Clone, Debug)]
 struct Course<const N: usize> {
+    /// The range of each state; steps beyond it are rejected.
+    min: [f64; N],
+    max: [f64; N],
     /// The time reached.
     time: f64,
     /// The states at this time.
@@ -411,8 +411,10 @@ impl<const N: usize> Persistent for Course<N> {
 }
 
 impl<const N: usize> Course<N> {
-    fn new() -> Self {
+    fn new(range: impl Fn(usize) -> [f64; 2]) -> Self {
         Self {
+            min: array::from_fn(|i| range(i)[0]),
+            max: array::from_fn(|i| range(i)[1]),
             time: 0.0,
             states: [0.0; N],
             slopes: [f64::NAN; N],
@@ -463,6 +465,13 @@ impl<const N: usize> Course<N> {
         }
         // Comparisons ignore NaN; the sum does not.
         if sum.is_finite() { largest } else { f64::INFINITY }
+    }
+
+    /// Whether states are in their ranges.
+    #[inline]
+    fn is_within(&self, states: &[f64; N]) -> bool {
+        // Without branches, which cost more than the comparisons.
+        (0..N).fold(true, |is_within, i| is_within & (states[i] >= self.min[i]) & (states[i] <= self.max[i]))
     }
 
     /// Renews the Jacobian, with the derivatives as a function of the states.
@@ -558,8 +567,10 @@ impl<const N: usize> Course<N> {
         length: f64,
         to: f64,
     ) -> Result<Option<Trial<N>>, StepFailure> {
-        let error =
-            trial.as_ref().map_or(f64::INFINITY, |trial| self.relative(&trial.states, &trial.error));
+        let error = match &trial {
+            Some(trial) if self.is_within(&trial.states) => self.relative(&trial.states, &trial.error),
+            _ => f64::INFINITY,
+        };
         // The fourth root instead of the third damps the changes of the length.
         let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
         if self.is_abandoned || !is_accepted && self.steps.next < SHORTEST_STEP {
@@ -575,12 +586,13 @@ impl<const N: usize> Course<N> {
         Ok(trial)
     }
 
-    /// The position of the largest error, or of the first that is not finite.
+    /// The position of the largest error, or of the first that is not finite or whose state is out of range.
     #[cold]
     fn decisive(&self, trial: &Trial<N>) -> usize {
         let relative = |i: usize| {
-            let relative = (trial.error[i] * self.weights[i]).abs() + 0.0 * trial.states[i];
-            if relative.is_nan() { f64::INFINITY } else { relative }
+            let is_within = (self.min[i]..=self.max[i]).contains(&trial.states[i]);
+            let relative = (trial.error[i] * self.weights[i]).abs();
+            if relative.is_nan() || !is_within { f64::INFINITY } else { relative }
         };
         (0..N).rev().max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
     }
