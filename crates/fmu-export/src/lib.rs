@@ -117,9 +117,13 @@ macro_rules! fmu {
         $crate::fmu!(@struct $model);
         $crate::fmu!(equations $model);
     };
-    (equations $model:ident) => {
+    (equations struct $model:ident, $integrator:ty) => {
+        $crate::fmu!(@struct $model);
+        $crate::fmu!(equations $model, $integrator);
+    };
+    (equations $model:ident $(, $integrator:ty)?) => {
         $crate::fmu!(@variables);
-        variables::export_functions!($crate::Integrated<$model>);
+        variables::export_functions!($crate::Integrated<$model $(, $integrator)?>);
     };
     (sampled struct $model:ident) => {
         $crate::fmu!(@struct $model);
