@@ -28,6 +28,8 @@ use crate::variables::Variables;
 const MOST_TRIALS: u32 = 100_000;
 /// … and how many more for each time as long as the longest internal step.
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;
+/// The most events after which tests check the evaluation: later ones, as of a fast clock, repeat the branches.
+const MOST_AUDITED: u32 = 1000;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
 /// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
@@ -53,6 +55,8 @@ pub struct Integrated<E: Equations, I = Integrator> {
     events: Events,
     /// Memory for the states as an array, which does not belong to a clone.
     states: Vec<f64>,
+    /// The number of events after which tests have checked the evaluation.
+    audited: u32,
     /// The time in s and the inputs of the last evaluation, if the variables are still its results.
     evaluated: Option<(f64, <E::Variables as Variables>::Inputs)>,
 }
@@ -70,7 +74,8 @@ impl<E: Equations, I: Integrate> Clone for Integrated<E, I> {
     }
 
     fn clone_from(&mut self, source: &Self) {
-        let Self { equations, integrator, time, elapsed, look, events, states: _, evaluated } = self;
+        let Self { equations, integrator, time, elapsed, look, events, states: _, audited: _, evaluated } =
+            self;
         equations.clone_from(&source.equations);
         integrator.clone_from(&source.integrator);
         (*time, *elapsed, *look) = (source.time, source.elapsed, source.look);
@@ -107,6 +112,7 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
             look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
             states: vec![],
+            audited: 0,
             evaluated: None,
         }
     }
@@ -182,6 +188,11 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
     }
 
     fn take_parameters(&mut self, variables: &Self::Variables) {
+        self.restored(variables);
+        self.integrator.discard_jacobian();
+    }
+
+    fn restored(&mut self, variables: &Self::Variables) {
         self.evaluated = None;
         self.equations.take_parameters(variables);
     }
@@ -554,8 +565,9 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
-            if cfg!(debug_assertions) {
+            if cfg!(debug_assertions) && self.audited < MOST_AUDITED {
                 // Tests of a model check each of its branches.
+                self.audited += 1;
                 self.check_evaluation(variables)?;
             }
             evaluate_values(&self.equations, self.time, variables);

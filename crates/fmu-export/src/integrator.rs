@@ -131,6 +131,8 @@ pub trait Integrate: Clone + core::fmt::Debug + Persistent + Send + Sync + 'stat
     fn new<S: TwoParts>(size: usize) -> Self;
     /// Prepares for a jump.
     fn restart(&mut self);
+    /// Has the Jacobian renewed before the next step.
+    fn discard_jacobian(&mut self);
     /// Takes a step as [`Integrator::step`].
     ///
     /// # Errors
@@ -162,6 +164,10 @@ impl Integrate for Integrator {
 
     fn restart(&mut self) {
         self.restart();
+    }
+
+    fn discard_jacobian(&mut self) {
+        self.jacobian.discard();
     }
 
     fn step<S: TwoParts>(

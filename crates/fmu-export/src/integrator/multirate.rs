@@ -114,8 +114,14 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         }
     }
 
+    /// Jumps are noticed by the derivatives.
     fn restart(&mut self) {
         self.together.restart();
+    }
+
+    fn discard_jacobian(&mut self) {
+        (self.fast.serves, self.slow.serves) = (0, 0);
+        self.together.discard_jacobian();
     }
 
     /// Takes all steps to the end.

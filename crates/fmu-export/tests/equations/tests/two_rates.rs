@@ -1,8 +1,8 @@
 //! Two parts with steps of their own, against closed forms.
 
+use fmu_export::{Integrated, Simulation, TwoRates};
 use fmu_export_equations::furnace::Variables;
 use fmu_export_equations::{EVALUATIONS, Furnace};
-use fmu_export::{Integrated, Simulation, TwoRates};
 
 type Model = Integrated<Furnace, TwoRates<1, 1>>;
 
