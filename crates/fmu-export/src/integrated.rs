@@ -496,25 +496,9 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
                 }
             }
             if trials > most_trials {
-                let cause = if events > most_trials / MOST_TRIALS_AN_EVENT {
-                    let what = last_cause
-                        .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
-                    format!("{events} of them are events, which come ever faster, the last caused by {what}")
-                } else {
-                    let what = if E::Variables::STATE_NOMINALS.is_empty() {
-                        "an event indicator".to_owned()
-                    } else {
-                        E::Variables::state_name(self.integrator.decisive_state())
-                    };
-                    format!(
-                        "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
-                    )
-                };
-                return Err(Error::new(format!(
-                    "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
-                    Shown(step.start),
-                    Shown(self.time)
-                )));
+                let limits = (most_trials, tolerance);
+                let events = Some(events).filter(|events| *events > most_trials / MOST_TRIALS_AN_EVENT);
+                return Err(self.abandoned(step.start, limits, events, last_cause));
             }
         }
         self.time = end;
@@ -581,6 +565,35 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             event = Event { time: self.time, is_initial: false, is_due: false, indicators: &[] };
         }
         Err(self.events.endless(self.time, E::Variables::EVENT_INDICATORS))
+    }
+
+    /// Why a step from a time (s) was abandoned: for the number of events, of which an indicator caused the last, if that
+    /// is too large.
+    #[cold]
+    fn abandoned(
+        &self,
+        start: f64,
+        (most_trials, tolerance): (u32, f64),
+        events: Option<u32>,
+        last_cause: Option<usize>,
+    ) -> Error {
+        let cause = if let Some(events) = events {
+            let what =
+                last_cause.map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
+            format!("{events} of them are events, which come ever faster, the last caused by {what}")
+        } else {
+            let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                "an event indicator".to_owned()
+            } else {
+                E::Variables::state_name(self.integrator.decisive_state())
+            };
+            format!("{what} changes too fast for a step this long, or for the tolerance {tolerance:?}")
+        };
+        Error::new(format!(
+            "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
+            Shown(start),
+            Shown(self.time)
+        ))
     }
 
     #[cold]

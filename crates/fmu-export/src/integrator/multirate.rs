@@ -477,7 +477,8 @@ impl<const N: usize> Course<N> {
     #[inline]
     fn is_within(&self, states: &[f64; N]) -> bool {
         // Without branches, which cost more than the comparisons.
-        (0..N).fold(true, |is_within, i| is_within & (states[i] >= self.min[i]) & (states[i] <= self.max[i]))
+        let is_outside = |i: usize| !(self.min[i]..=self.max[i]).contains(&states[i]);
+        (0..N).map(|i| u32::from(is_outside(i))).sum::<u32>() == 0
     }
 
     /// Renews the Jacobian, with the derivatives as a function of the states.
@@ -539,6 +540,7 @@ impl<const N: usize> Course<N> {
     }
 
     /// The states at which a stage is evaluated.
+    #[allow(clippy::inline_always, reason = "so that each stage's coefficients are constants")]
     #[inline(always)]
     fn moved<const STAGE: usize>(&self, stages: &[[f64; N]; STAGES]) -> [f64; N] {
         let mut moved = self.states;
@@ -549,6 +551,7 @@ impl<const N: usize> Course<N> {
     }
 
     /// Solves the linear equations of a stage.
+    #[allow(clippy::inline_always, reason = "so that each stage's coefficients are constants")]
     #[inline(always)]
     fn solve<const STAGE: usize>(
         &self,
