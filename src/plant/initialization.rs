@@ -7,12 +7,13 @@
 
 use std::array;
 
-use fmu_export::{Dual, Number};
+use fmu_export::{Dual, Number, Simulation};
 
-use super::integration::{IntervalInputs, Pace, budget};
+use super::BoostPlant;
 use super::system::{GAS_PATH_SCALES, System};
-use super::variables::{ActuationStates, GasPathStates, Inputs, Parameters, StateGroups, States};
-use crate::solver::course::Interval;
+use super::variables::{
+    ActuationStates, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States, Variables,
+};
 use crate::solver::linear;
 use crate::solver::steady_state::{self, NoSteadyState};
 
@@ -82,7 +83,7 @@ pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> 
             Settled { states: settle_gas_path(&system, inputs, actuated, gas_path), shortcoming: None }
         }
         Err(failure) => {
-            let (states, followed) = follow_transient(&system, inputs, start);
+            let (states, followed) = follow_transient(parameters, inputs, start);
             Settled { states, shortcoming: Some(Shortcoming { failure, followed }) }
         }
     }
@@ -194,29 +195,29 @@ fn settle_gas_path<D: Number>(
     states
 }
 
-/// Integrates until everything is at rest, for at most [`LONGEST_TRANSIENT`] and within the budget of a short step.
-/// Returns the states and the time in s, those of the last whole second if the integration fails.
-fn follow_transient(system: &System, inputs: &Inputs, start: States) -> (States, f64) {
-    // The parameter's default, not its value, so that the start does not depend on integration settings.
-    let tolerance = Parameters::default().solver.relative_tolerance;
-    let signal = IntervalInputs { at: |_| *inputs, is_constant: true };
-    let mut pace = Pace::default();
-    let mut states = start;
-    let budget = budget(0.0);
-    for second in 0..LONGEST_TRANSIENT {
-        let slopes = system.evaluate(inputs, &states).derivatives().to_array();
-        if slopes
-            .iter()
-            .zip(start.to_array())
-            .all(|(slope, start)| slope.abs() < AT_REST * start.abs().max(1.0))
-        {
-            return (states, f64::from(second));
-        }
-        let before = states;
-        let interval = Interval { from: 0.0, to: 1.0, tolerance, budget: &budget };
-        if pace.advance(system, &signal, &mut states, interval).is_err() {
-            return (before, f64::from(second));
+/// Simulates until everything is at rest, for at most [`LONGEST_TRANSIENT`]. Returns the states and the time in s, those
+/// of the last whole second if the integration fails.
+fn follow_transient(parameters: &Parameters, inputs: &Inputs, start: States) -> (States, f64) {
+    let mut parameters = *parameters;
+    parameters.initialization.mode = InitializationMode::Given;
+    parameters.tank.frozen = true;
+    parameters.valve.duty_latch = false;
+    // The default, so that the start does not depend on integration settings.
+    parameters.solver = Parameters::default().solver;
+    let mut simulation = Simulation::<BoostPlant> {
+        variables: Variables { parameters, start, ..Variables::default() },
+        inputs: *inputs,
+        ..Simulation::default()
+    };
+    if simulation.initialize().is_ok() {
+        for second in 0..LONGEST_TRANSIENT {
+            let states = simulation.variables.states;
+            let derivatives = simulation.variables.derivatives.to_array();
+            let is_at_rest = |(slope, start): (&f64, f64)| slope.abs() < AT_REST * start.abs().max(1.0);
+            if derivatives.iter().zip(start.to_array()).all(is_at_rest) || simulation.step(1.0).is_err() {
+                return (states, f64::from(second));
+            }
         }
     }
-    (states, f64::from(LONGEST_TRANSIENT))
+    (simulation.variables.states, f64::from(LONGEST_TRANSIENT))
 }

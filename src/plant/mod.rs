@@ -13,20 +13,19 @@
 //! and volumes are not published. They are chosen here to reproduce the paper's figures; the description of each
 //! parameter in `modelDescription/plant.json` states its source.
 //!
-//! [`Plant`] is the model: its equations, start (`initialization`) and integration over communication steps
-//! (`integration`).
+//! [`Plant`] is the model: its equations, start (`initialization`) and `error_control`.
 
 pub mod actuator;
 mod air_filter;
 mod compressor;
 mod cylinders;
 mod duty_latch;
+mod error_control;
 mod exhaust;
 mod exhaust_manifold;
 mod flow_resistance;
 mod gas;
 mod initialization;
-mod integration;
 mod intercooler;
 mod orifice;
 mod port;
@@ -42,18 +41,18 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
-use fmu_export::display::{Rounded, Seconds};
-use fmu_export::{
-    Context, Equations, Error, Event, Experiment, InputSignal, Integrated, Number, Persistent, Step,
-};
+use fmu_export::display::Rounded;
+use fmu_export::integrator::{Method, ROS34PW2};
+use fmu_export::{Context, Equations, Error, Event, Integrated, Number, Part, Persistent, TwoRates};
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, follow_settled, running, settled};
-use self::integration::{IntervalInputs, Pace, budget};
-use self::system::{Instant, System};
-use self::variables::{Evaluation, InitializationMode, Inputs, Parameters, States, Variables};
+use self::system::System;
+use self::variables::{
+    ActuationStates, Evaluation, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States,
+    Variables,
+};
 use crate::LONGEST_STEP;
-use crate::solver::course::Interval;
 use crate::solver::steady_state::NoSteadyState;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes too fast for
@@ -67,19 +66,23 @@ const ROUNDING: f64 = 1e-9;
 const SMALLEST_TOLERANCE: f64 = 1e-8;
 
 /// The plant as an FMU's model.
-pub type BoostPlant = Integrated<Plant>;
-
-/// The plant's equations, with its own integrator in co-simulation (`integration`).
 ///
-/// In Model Exchange the importer's takes its place. PWM periods are time events. Kinks of the equations, such as the
-/// rod's stops and reversals, are not events: solvers do not need them (`docs/integration.md`).
+/// The actuation is cheap, oscillates and has kinks (stops, friction reversal, the valve changing ports); the gas path
+/// is several times as expensive, stiff, smooth and does not oscillate. Unless the exhaust pushes the wastegate, the
+/// actuation drives the gas path but not vice versa, so each takes its own steps. `docs/integration.md` compares the
+/// methods tried.
+pub type BoostPlant = Integrated<Plant, TwoRates<{ ActuationStates::COUNT }, { GasPathStates::COUNT }>>;
+
+/// The plant's equations.
+///
+/// PWM periods are time events. Kinks of the equations, such as the rod's stops and reversals, are not events: solvers do
+/// not need them (`docs/integration.md`).
 #[derive(Clone, Debug, Persistent)]
 pub struct Plant {
     /// Derived from the parameters, for the integration.
     #[persistent(skip)]
     system: System,
     latch: DutyLatch,
-    pace: Pace,
     /// The states of a settled start, for its derivatives.
     found: States,
     /// Whether they are a steady state.
@@ -91,7 +94,6 @@ impl Default for Plant {
         Self {
             system: System::new(&Parameters::default()),
             latch: DutyLatch::default(),
-            pace: Pace::default(),
             found: States::default(),
             is_settled: true,
         }
@@ -101,7 +103,18 @@ impl Default for Plant {
 impl Equations for Plant {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
-    const ADVANCES_ITSELF: bool = true;
+    /// Of all states, where the parts are coupled.
+    const METHOD: &'static Method = &ROS34PW2;
+    const LONGEST_INTERNAL_STEP: f64 = 0.025;
+    const ERROR_SCALES: Option<&'static [f64]> = Some(&error_control::ERROR_SCALES);
+    /// The duty.
+    const SAMPLES_INPUTS: bool = true;
+
+    /// The parameter's, or the importer's if smaller.
+    fn tolerance(&self, variables: &Variables, asked: Option<f64>) -> f64 {
+        let own = variables.parameters.solver.relative_tolerance;
+        own.min(asked.unwrap_or(own)).max(SMALLEST_TOLERANCE)
+    }
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
@@ -181,36 +194,28 @@ impl Equations for Plant {
         self.evaluate_with(&self.system, variables);
     }
 
-    fn advance(
-        &mut self,
-        variables: &mut Variables,
-        step: &Step<'_, Inputs>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let parameters = &variables.parameters;
-        let mut states = variables.states;
-        let tolerance = tolerance(parameters, context.experiment);
-        let budget = budget(step.size);
-        let mut done = 0.0;
-        if parameters.valve.duty_latch {
-            let begin = step.start - self.latch.start_time;
-            let frequency = parameters.valve.pwm_frequency;
-            // The duty is discrete: all periods that start within a step have the same one.
-            if let Some(period_start) = self.latch.next_before(begin + step.size, frequency) {
-                done = (period_start - begin).max(0.0);
-                let interval = Interval { from: 0.0, to: done, tolerance, budget: &budget };
-                self.integrate(&mut states, parameters, step, interval)?;
-                self.latch.take_until(begin + step.size, frequency, step.inputs.initial().hp_wastegate_pwm);
+    #[inline]
+    fn evaluate_part(&self, part: Part, _time: f64, variables: Evaluation<'_>) {
+        let Evaluation { parameters, inputs, states, derivatives, .. } = variables;
+        let inputs = self.latch.hold(parameters, *inputs);
+        *derivatives = States::from_groups(match part {
+            Part::Fast => StateGroups {
+                actuation: self.system.actuation(&inputs, &ActuationStates::of(states), 0.0).derivatives,
+                gas_path: GasPathStates::of(derivatives),
+            },
+            Part::Slow => {
+                let opening = self.system.actuator.opening(states.actuator.position);
+                StateGroups {
+                    actuation: ActuationStates::of(derivatives),
+                    gas_path: self.system.gas_path(&inputs, &GasPathStates::of(states), opening).derivatives,
+                }
             }
-        }
-        let interval = Interval { from: done, to: step.size, tolerance, budget: &budget };
-        let instant = self.integrate(&mut states, parameters, step, interval)?;
-        let inputs = self.latch.hold(parameters, step.inputs.at(step.size));
-        let instant = instant.unwrap_or_else(|| self.system.evaluate(&inputs, &states));
-        variables.states = states;
-        variables.derivatives = instant.derivatives();
-        (variables.outputs, variables.locals) = self.system.quantities(&inputs, &states, &instant);
-        Ok(())
+        });
+    }
+
+    /// When the exhaust pushes the wastegate.
+    fn is_coupled(&self, variables: &Variables) -> bool {
+        variables.parameters.actuator.exhaust_area != 0.0
     }
 
     fn next_event(&self, _time: f64, variables: &Variables) -> Option<f64> {
@@ -239,40 +244,6 @@ impl Plant {
         *derivatives = instant.derivatives();
         (*outputs, *locals) = system.quantities(&inputs, states, &instant);
     }
-
-    /// Advances the states over an interval, in s from the start of the step. Returns the evaluation at its end, unless
-    /// it is empty.
-    fn integrate(
-        &mut self,
-        states: &mut States,
-        parameters: &Parameters,
-        step: &Step<'_, Inputs>,
-        interval: Interval<'_>,
-    ) -> Result<Option<Instant>, Error> {
-        if interval.to <= interval.from {
-            return Ok(None);
-        }
-        let Self { system, latch, pace, .. } = self;
-        let signal: &InputSignal<Inputs> = step.inputs;
-        let (initial, is_constant) = (latch.hold(parameters, *signal.initial()), signal.is_constant());
-        let at = |time: f64| if is_constant { initial } else { latch.hold(parameters, signal.at(time)) };
-        pace.advance(system, &IntervalInputs { at, is_constant }, states, interval).map(Some).map_err(|failure| {
-            Error::new(format!(
-                "{} cannot be integrated beyond {} s: even the shortest steps, or as many as are tried, miss \
-                 the tolerance of {:?} of full scale; the equations are too stiff with these parameters and \
-                 inputs",
-                failure.state,
-                Seconds(step.start + failure.time),
-                interval.tolerance
-            ))
-        })
-    }
-}
-
-/// The integration tolerance: the parameter's, or the importer's if smaller.
-fn tolerance(parameters: &Parameters, experiment: Experiment) -> f64 {
-    let asked = experiment.tolerance.unwrap_or(f64::INFINITY);
-    parameters.solver.relative_tolerance.min(asked).max(SMALLEST_TOLERANCE)
 }
 
 /// Warns if the experiment does not start at rest.

@@ -50,6 +50,8 @@ enum Template {
     StateSpace,
     /// Heat conduction in a rod: an array of states that read their neighbors, for FMI 3.0
     Diffusion,
+    /// Two rates: a fast actuator on a slow thermal mass
+    Furnace,
     /// Clocks of each kind, for FMI 3.0
     Clocks,
     /// Data from a resource file
@@ -91,6 +93,7 @@ impl Template {
             Self::Feedthrough3 => files!("feedthrough_3"),
             Self::StateSpace => files!("state_space"),
             Self::Diffusion => files!("diffusion"),
+            Self::Furnace => files!("furnace"),
             Self::Clocks => files!("clocks"),
             Self::Resource => files!("resource", "resources/y.txt"),
             Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),

@@ -4,10 +4,14 @@
 use crate::context::Context;
 use crate::error::Error;
 use crate::events::Event;
+use crate::integrator::{Method, Part, RODAS5P};
 use crate::model::Step;
 use crate::number::Number;
 use crate::persistence::Persistent;
 use crate::variables::Variables;
+
+/// The relative tolerance if the importer gives none.
+pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 
 /// A model of ordinary differential equations, optionally with events.
 ///
@@ -49,6 +53,36 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Equations::evaluate`] for plain numbers, in models that compute with what [`Equations::take_parameters`] derived.
     fn evaluate_values(&self, time: f64, variables: EvaluationOf<'_, Self, f64>) {
         self.evaluate(time, variables);
+    }
+
+    /// The method of the built-in integrator.
+    const METHOD: &'static Method = &RODAS5P;
+
+    /// The longest step of the built-in integrator in s, where its error estimate may miss what is shorter.
+    const LONGEST_INTERNAL_STEP: f64 = f64::INFINITY;
+
+    /// The error of each state that a tolerance of 1 allows in a step; by default the sum of its magnitude and nominal
+    /// value.
+    const ERROR_SCALES: Option<&'static [f64]> = None;
+
+    /// The tolerance of the built-in integrator; `asked` is the importer's.
+    fn tolerance(&self, variables: &Self::Variables, asked: Option<f64>) -> f64 {
+        let _ = variables;
+        asked.unwrap_or(DEFAULT_TOLERANCE)
+    }
+
+    /// [`Equations::evaluate_values`] for [`TwoRates`](crate::TwoRates): computes at least the derivatives of one part's
+    /// states. The fast part must not read the slow states, unless the parts are [coupled](Equations::is_coupled).
+    fn evaluate_part(&self, part: Part, time: f64, variables: EvaluationOf<'_, Self, f64>) {
+        let _ = part;
+        self.evaluate_values(time, variables);
+    }
+
+    /// Whether the fast part depends on the slow one with these parameters: [`TwoRates`](crate::TwoRates) then integrates
+    /// both with the same steps.
+    fn is_coupled(&self, variables: &Self::Variables) -> bool {
+        let _ = variables;
+        false
     }
 
     /// Rejects contradictory parameters.
@@ -102,6 +136,10 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables);
         None
     }
+
+    /// Whether events sample inputs, which are constant between them: an event due at the end of a communication step then
+    /// belongs to the next step, with its inputs.
+    const SAMPLES_INPUTS: bool = false;
 
     /// Whether the model brings its own integrator, [`Equations::advance`]; in Model Exchange the importer's integrates.
     const ADVANCES_ITSELF: bool = false;

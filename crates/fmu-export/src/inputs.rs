@@ -20,7 +20,7 @@ pub struct RealInput {
 }
 
 /// The input variables of a model.
-pub trait Inputs: Clone + PartialEq + Persistent + Send + Sync + 'static {
+pub trait Inputs: Clone + core::fmt::Debug + PartialEq + Persistent + Send + Sync + 'static {
     /// The Real inputs, by position.
     const REALS: &'static [RealInput];
     /// The value of the Real input at a position.

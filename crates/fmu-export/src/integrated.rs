@@ -1,6 +1,7 @@
 //! Models of equations as an importer sees them: in co-simulation the built-in integrator steps between events and
 //! handles them at their times, in Model Exchange the importer does; dual numbers give derivatives.
 
+use core::ops::Range;
 use core::{fmt, mem};
 
 use crate::audit::{check_evaluation, first_discrete_difference};
@@ -12,7 +13,10 @@ use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
-use crate::integrator::{Directions, Integrator, MOST_DENSE, Pattern, StepFailure, System, Tolerance};
+use crate::integrator::{
+    Directions, Integrate, Integrator, MOST_DENSE, Method, Part, Pattern, StepFailure, System, Tolerance,
+    TwoParts,
+};
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
@@ -20,10 +24,12 @@ use crate::search::{self, ROUNDINGS, Trajectory};
 use crate::tape::{Recorded, Tape};
 use crate::variables::Variables;
 
-/// The relative tolerance if the importer gives none.
-pub const DEFAULT_TOLERANCE: f64 = 1e-6;
-/// The most trials and events in a communication step, which must end.
+/// The most trials and events in a communication step, which must end …
 const MOST_TRIALS: u32 = 100_000;
+/// … and how many more for each time as long as the longest internal step.
+const TRIALS_A_LONGEST_STEP: f64 = 50.0;
+/// The most events after which tests check the evaluation: later ones, as of a fast clock, repeat the branches.
+const MOST_AUDITED: u32 = 1000;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
 /// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
@@ -35,10 +41,10 @@ const TIME_TOLERANCE: f64 = 1e-9;
 /// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
 /// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
 #[derive(Debug)]
-pub struct Integrated<E: Equations> {
+pub struct Integrated<E: Equations, I = Integrator> {
     /// The model of equations.
     pub equations: E,
-    integrator: Integrator,
+    integrator: I,
     /// The present time in s.
     time: f64,
     /// The time since the step's start, over which states are integrated: late in an experiment, rounding of the
@@ -49,29 +55,36 @@ pub struct Integrated<E: Equations> {
     events: Events,
     /// Memory for the states as an array, which does not belong to a clone.
     states: Vec<f64>,
+    /// The number of events after which tests have checked the evaluation.
+    audited: u32,
+    /// The time in s and the inputs of the last evaluation, if the variables are still its results.
+    evaluated: Option<(f64, <E::Variables as Variables>::Inputs)>,
 }
 
-impl<E: Equations> Clone for Integrated<E> {
+impl<E: Equations, I: Integrate> Clone for Integrated<E, I> {
     fn clone(&self) -> Self {
         Self {
             equations: self.equations.clone(),
             integrator: self.integrator.clone(),
             events: self.events.clone(),
             states: vec![],
+            evaluated: self.evaluated.clone(),
             ..*self
         }
     }
 
     fn clone_from(&mut self, source: &Self) {
-        let Self { equations, integrator, time, elapsed, look, events, states: _ } = self;
+        let Self { equations, integrator, time, elapsed, look, events, states: _, audited: _, evaluated } =
+            self;
         equations.clone_from(&source.equations);
         integrator.clone_from(&source.integrator);
         (*time, *elapsed, *look) = (source.time, source.elapsed, source.look);
         events.clone_from(&source.events);
+        evaluated.clone_from(&source.evaluated);
     }
 }
 
-impl<E: Equations> Default for Integrated<E> {
+impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
     fn default() -> Self {
         const {
             assert!(
@@ -84,21 +97,29 @@ impl<E: Equations> Default for Integrated<E> {
                 "a model that advances itself handles its events within a step: leave out \"event_mode\" in the JSON"
             );
         }
+        const {
+            assert!(
+                I::FINDS_EVENTS || E::Variables::EVENT_INDICATORS.is_empty(),
+                "a model integrated by `TwoRates` has time events, but no event indicators"
+            );
+        }
         let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NOMINALS.len() };
         Self {
             equations: E::default(),
-            integrator: Integrator::new(states),
+            integrator: I::new::<Equated<'_, E>>(states),
             time: 0.0,
             elapsed: 0.0,
             look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
             states: vec![],
+            audited: 0,
+            evaluated: None,
         }
     }
 }
 
 /// The rest belongs to a step in progress.
-impl<E: Equations> crate::Persistent for Integrated<E> {
+impl<E: Equations, I: Integrate> crate::Persistent for Integrated<E, I> {
     fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
         self.integrator.persist(archive)?;
@@ -108,7 +129,7 @@ impl<E: Equations> crate::Persistent for Integrated<E> {
     }
 }
 
-impl<E: Equations> Model for Integrated<E> {
+impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
     type Variables = E::Variables;
     const LONGEST_STEP: f64 = E::LONGEST_STEP;
 
@@ -151,7 +172,7 @@ impl<E: Equations> Model for Integrated<E> {
         if E::ADVANCES_ITSELF {
             return self.equations.advance(variables, step, context);
         }
-        let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
+        let tolerance = self.equations.tolerance(variables, context.experiment.tolerance);
         let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             let stops = Stops { events: EventsLeft::None, internal_steps: false };
@@ -162,10 +183,17 @@ impl<E: Equations> Model for Integrated<E> {
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        self.evaluated = None;
         with_inputs(variables, inputs, |variables| evaluate_values(&self.equations, time, variables));
     }
 
     fn take_parameters(&mut self, variables: &Self::Variables) {
+        self.restored(variables);
+        self.integrator.discard_jacobian();
+    }
+
+    fn restored(&mut self, variables: &Self::Variables) {
+        self.evaluated = None;
         self.equations.take_parameters(variables);
     }
 
@@ -243,7 +271,7 @@ impl<E: Equations> Model for Integrated<E> {
     }
 }
 
-impl<E: Equations> ModelExchange for Integrated<E> {
+impl<E: Equations, I: Integrate> ModelExchange for Integrated<E, I> {
     fn event_indicators(
         &self,
         time: f64,
@@ -267,11 +295,12 @@ impl<E: Equations> ModelExchange for Integrated<E> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        self.evaluated = None;
         with_inputs(variables, inputs, |variables| self.equations.event(event, variables, context))
     }
 }
 
-impl<E: Equations> EventMode for Integrated<E> {
+impl<E: Equations, I: Integrate> EventMode for Integrated<E, I> {
     fn step_to_event(
         &mut self,
         variables: &mut Self::Variables,
@@ -280,7 +309,7 @@ impl<E: Equations> EventMode for Integrated<E> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        let tolerance = context.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
+        let tolerance = self.equations.tolerance(variables, context.experiment.tolerance);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
@@ -300,7 +329,7 @@ impl<E: Equations> EventMode for Integrated<E> {
     }
 }
 
-impl<E: Equations> Integrated<E> {
+impl<E: Equations, I: Integrate> Integrated<E, I> {
     fn take_states(&mut self) -> Vec<f64> {
         let mut states = mem::take(&mut self.states);
         states.resize(E::Variables::STATE_NOMINALS.len(), 0.0);
@@ -386,12 +415,24 @@ impl<E: Equations> Integrated<E> {
     ) -> Result<Option<Stop>, Error> {
         (self.time, self.elapsed) = (step.start, 0.0);
         let end = step.end();
-        let last_event = end + TIME_TOLERANCE * step.size + time_rounding(end);
-        E::Variables::each_state(variables, |state, value| states[state] = value);
+        let coincidence = TIME_TOLERANCE * step.size + time_rounding(end);
+        let last_event = if E::SAMPLES_INPUTS { end - coincidence } else { end + coincidence };
+        let mut is_evaluated = (self.evaluated.take()).is_some_and(|(time, inputs)| {
+            time.to_bits() == step.start.to_bits() && inputs == *variables.inputs()
+        });
+        E::Variables::each_state(variables, |state, value: f64| {
+            is_evaluated &= states[state].to_bits() == value.to_bits();
+            states[state] = value;
+        });
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let most_trials =
+            MOST_TRIALS.saturating_add((step.size / E::LONGEST_INTERNAL_STEP * TRIALS_A_LONGEST_STEP) as u32);
         let (mut trials, mut events) = (0, 0);
         let mut last_cause = None;
         // Inputs and tunable parameters may have jumped since the last step.
-        evaluate_values(&self.equations, self.time, variables);
+        if !is_evaluated {
+            evaluate_values(&self.equations, self.time, variables);
+        }
         let mut crossed = self.find_changes(variables)?;
         loop {
             let due = if STOPS {
@@ -429,40 +470,39 @@ impl<E: Equations> Integrated<E> {
                     variables: &mut *variables,
                     inputs: step.inputs,
                     start: step.start,
+                    most_trials,
                 };
-                let limits = Tolerance { relative: tolerance, nominals: E::Variables::STATE_NOMINALS };
-                let reached = self
-                    .integrator
-                    .step(&mut system, (self.elapsed, target), states, &limits, &mut trials)
-                    .map_err(|failure| self.not_integrable(failure, tolerance))?;
-                crossed = self.find_event(variables, step, reached, states, &mut trials)?;
+                let nominals = E::ERROR_SCALES.unwrap_or(E::Variables::STATE_NOMINALS);
+                let limits = Tolerance { relative: tolerance, nominals };
+                let times = (self.elapsed, target);
+                match self.integrator.step(&mut system, times, states, &limits, &mut trials) {
+                    Ok(reached) => {
+                        crossed = self.find_event(variables, step, reached, states, &mut trials)?;
+                        self.integrator.end_step(&Equated {
+                            equations: &self.equations,
+                            variables: &mut *variables,
+                            inputs: step.inputs,
+                            start: step.start,
+                            most_trials,
+                        });
+                    }
+                    Err(failure) if trials <= most_trials => {
+                        return Err(self.not_integrable(failure, tolerance));
+                    }
+                    Err(_) => {}
+                }
                 if STOPS && stops.internal_steps && !crossed && self.elapsed < step.size {
                     return Ok(Some(Stop::InternalStep(self.time)));
                 }
             }
-            if trials > MOST_TRIALS {
-                let cause = if events > MOST_TRIALS / MOST_TRIALS_AN_EVENT {
-                    let what = last_cause
-                        .map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
-                    format!("{events} of them are events, which come ever faster, the last caused by {what}")
-                } else {
-                    let what = if E::Variables::STATE_NOMINALS.is_empty() {
-                        "an event indicator".to_owned()
-                    } else {
-                        E::Variables::state_name(self.integrator.decisive_state())
-                    };
-                    format!(
-                        "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}"
-                    )
-                };
-                return Err(Error::new(format!(
-                    "the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events: {cause}",
-                    Shown(step.start),
-                    Shown(self.time)
-                )));
+            if trials > most_trials {
+                let limits = (most_trials, tolerance);
+                let events = Some(events).filter(|events| *events > most_trials / MOST_TRIALS_AN_EVENT);
+                return Err(self.abandoned(step.start, limits, events, last_cause));
             }
         }
         self.time = end;
+        self.evaluated = Some((end, variables.inputs().clone()));
         Ok(None)
     }
 
@@ -509,8 +549,9 @@ impl<E: Equations> Integrated<E> {
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
-            if cfg!(debug_assertions) {
+            if cfg!(debug_assertions) && self.audited < MOST_AUDITED {
                 // Tests of a model check each of its branches.
+                self.audited += 1;
                 self.check_evaluation(variables)?;
             }
             evaluate_values(&self.equations, self.time, variables);
@@ -524,6 +565,35 @@ impl<E: Equations> Integrated<E> {
             event = Event { time: self.time, is_initial: false, is_due: false, indicators: &[] };
         }
         Err(self.events.endless(self.time, E::Variables::EVENT_INDICATORS))
+    }
+
+    /// Why a step from a time (s) was abandoned: for the number of events, of which an indicator caused the last, if that
+    /// is too large.
+    #[cold]
+    fn abandoned(
+        &self,
+        start: f64,
+        (most_trials, tolerance): (u32, f64),
+        events: Option<u32>,
+        last_cause: Option<usize>,
+    ) -> Error {
+        let cause = if let Some(events) = events {
+            let what =
+                last_cause.map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
+            format!("{events} of them are events, which come ever faster, the last caused by {what}")
+        } else {
+            let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                "an event indicator".to_owned()
+            } else {
+                E::Variables::state_name(self.integrator.decisive_state())
+            };
+            format!("{what} changes too fast for a step this long, or for the tolerance {tolerance:?}")
+        };
+        Error::new(format!(
+            "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
+            Shown(start),
+            Shown(self.time)
+        ))
     }
 
     #[cold]
@@ -556,15 +626,15 @@ fn with_inputs<V: Variables, R>(
 }
 
 /// The integrator's last step, along which events are searched.
-struct Solution<'a, E: Equations> {
-    model: &'a mut Integrated<E>,
+struct Solution<'a, E: Equations, I> {
+    model: &'a mut Integrated<E, I>,
     variables: &'a mut E::Variables,
-    step: &'a Step<'a, InputsOf<Integrated<E>>>,
+    step: &'a Step<'a, <E::Variables as Variables>::Inputs>,
     states: &'a mut [f64],
 }
 
 #[allow(clippy::inline_always, reason = "as `first_event`")]
-impl<E: Equations> Trajectory for Solution<'_, E> {
+impl<E: Equations, I: Integrate> Trajectory for Solution<'_, E, I> {
     type Error = Error;
 
     #[inline(always)]
@@ -582,8 +652,8 @@ impl<E: Equations> Trajectory for Solution<'_, E> {
         let Self { model, variables, step, states } = self;
         model.elapsed = elapsed;
         model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-        let mut system =
-            Equated { equations: &model.equations, variables, inputs: step.inputs, start: step.start };
+        let (equations, inputs) = (&model.equations, step.inputs);
+        let mut system = Equated { equations, variables, inputs, start: step.start, most_trials: 0 };
         model.integrator.states_at(&mut system, elapsed, states);
         system.evaluate(elapsed, states);
         model.find_changes(variables)
@@ -594,21 +664,23 @@ impl<E: Equations> Trajectory for Solution<'_, E> {
 struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
-    inputs: &'a InputSignal<InputsOf<Integrated<E>>>,
+    inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
     /// The start of the step and its inputs, in s.
     start: f64,
+    /// The most trials of the step.
+    most_trials: u32,
 }
 
 impl<E: Equations> Equated<'_, E> {
-    fn set(&mut self, elapsed: f64, states: &[f64]) {
+    fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
         if !self.inputs.is_constant() {
             self.inputs.set_at(elapsed, self.variables.inputs_mut());
         }
-        E::Variables::set_states(self.variables, |state| states[state]);
+        E::Variables::set_states(self.variables, states);
     }
 
     fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
-        self.set(elapsed, states);
+        self.set(elapsed, |state| states[state]);
         evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
 
@@ -619,7 +691,7 @@ impl<E: Equations> Equated<'_, E> {
         states: &[f64],
         tape: &'t Tape,
     ) -> (Vec<Recorded<'t>>, Vec<Recorded<'t>>) {
-        self.set(elapsed, states);
+        self.set(elapsed, |state| states[state]);
         let constant = |value: f64, _| Recorded::from(value);
         let mut recorded = self.variables.combined(self.variables, constant);
         let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
@@ -631,11 +703,55 @@ impl<E: Equations> Equated<'_, E> {
     }
 }
 
+impl<E: Equations> TwoParts for Equated<'_, E> {
+    fn drives(state: usize, slow: Range<usize>) -> bool {
+        slow.into_iter().any(|derivative| E::Variables::derivative_reads(derivative, state))
+    }
+
+    #[inline]
+    fn part_derivatives(
+        &mut self,
+        part: Part,
+        elapsed: f64,
+        states: impl Fn(usize) -> f64,
+        derivatives: impl FnMut(usize, f64),
+    ) {
+        self.set(elapsed, states);
+        let time = self.start + elapsed;
+        self.equations.evaluate_part(part, time, E::Variables::evaluation(self.variables));
+        E::Variables::each_derivative(self.variables, derivatives);
+    }
+
+    fn present_derivatives(&self, derivatives: impl FnMut(usize, f64)) {
+        E::Variables::each_derivative(self.variables, derivatives);
+    }
+
+    fn is_coupled(&self) -> bool {
+        self.equations.is_coupled(self.variables)
+    }
+
+    fn is_constant(&self) -> bool {
+        self.inputs.is_constant()
+    }
+
+    fn most_trials(&self) -> u32 {
+        self.most_trials
+    }
+
+    fn range(state: usize) -> [f64; 2] {
+        let strict = E::Variables::STRICT_STATES.iter().find(|(states, ..)| states.contains(&state));
+        strict.map_or([f64::NEG_INFINITY, f64::INFINITY], |&(_, min, max)| [min, max])
+    }
+}
+
 impl<E: Equations> System for Equated<'_, E> {
+    const METHOD: &'static Method = E::METHOD;
+    const TOLERANCE_IS_ABSOLUTE: bool = E::ERROR_SCALES.is_some();
+    const LONGEST_STEP: f64 = E::LONGEST_INTERNAL_STEP;
     const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
-        self.set(elapsed, states);
+        self.set(elapsed, |state| states[state]);
         if self.variables.first_beyond().is_some() {
             // The integrator takes a shorter step.
             return derivatives.fill(f64::NAN);
@@ -652,8 +768,15 @@ impl<E: Equations> System for Equated<'_, E> {
         products: &mut [f64],
         by_time: &mut [f64],
     ) {
-        self.set(elapsed, states);
+        self.set(elapsed, |state| states[state]);
         let time = self.start + elapsed;
+        let is_autonomous = !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant();
+        if is_autonomous {
+            by_time.fill(0.0);
+            if directions.count() == 0 {
+                return;
+            }
+        }
         let constant = |value: f64, _| Dual::from(value);
         let mut duals = self.variables.combined(self.variables, constant);
         let count = directions.count();
@@ -665,6 +788,9 @@ impl<E: Equations> System for Equated<'_, E> {
             E::Variables::each_derivative(&duals, |row, rate: Dual| {
                 products[row * count + direction] = rate.derivative;
             });
+        }
+        if is_autonomous {
+            return;
         }
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();

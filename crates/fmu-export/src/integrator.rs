@@ -21,8 +21,10 @@
 mod dense;
 mod jacobian;
 mod method;
+mod multirate;
 mod pattern;
 mod sparse;
+mod step_size;
 
 use core::mem;
 
@@ -32,20 +34,15 @@ use crate::persistence::{Archive, Persistent};
 pub use jacobian::Directions;
 use jacobian::{Jacobian, Matrix};
 pub use method::{Method, RODAS5P, ROS34PW2};
+pub use multirate::{Part, TwoParts, TwoRates};
 pub use pattern::Pattern;
+use step_size::StepSize;
 
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
 /// The most states whose linear equations are always dense: about where both take equally long for random networks.
 pub const MOST_DENSE: usize = 20;
 
-/// The safety factor on the length that would just meet the tolerance.
-const SAFETY: f64 = 0.9;
-/// The largest growth of the step length from one step to the next, and the largest reduction.
-const GROWTH: f64 = 6.0;
-const REDUCTION: f64 = 0.2;
-/// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
-const ROUNDING: f64 = 1e-6;
 /// The shortest step, in roundings of the time.
 const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
 
@@ -53,6 +50,10 @@ const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
 pub trait System {
     /// How it is integrated.
     const METHOD: &'static Method = &RODAS5P;
+    /// Whether the tolerance is relative to nominal values alone.
+    const TOLERANCE_IS_ABSOLUTE: bool = false;
+    /// The longest step in s.
+    const LONGEST_STEP: f64 = f64::INFINITY;
     /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
     const MAY_BE_SPARSE: bool = false;
 
@@ -95,8 +96,7 @@ pub struct StepFailure {
 #[derive(Debug)]
 pub struct Integrator {
     size: usize,
-    /// The length of the next step in s; 0 if still to be estimated.
-    next: f64,
+    steps: StepSize,
     jacobian: Jacobian,
     /// Memory for a step, and the last one. A clone has none, as it is between steps.
     work: Option<Box<Work>>,
@@ -104,7 +104,7 @@ pub struct Integrator {
 
 impl Clone for Integrator {
     fn clone(&self) -> Self {
-        Self { size: self.size, next: self.next, jacobian: self.jacobian.clone(), work: None }
+        Self { size: self.size, steps: self.steps, jacobian: self.jacobian.clone(), work: None }
     }
 
     fn clone_from(&mut self, source: &Self) {
@@ -117,9 +117,76 @@ impl Clone for Integrator {
 
 impl Persistent for Integrator {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        self.next.persist(archive)?;
+        self.steps.next.persist(archive)?;
         self.jacobian.persist(archive)?;
         self.jacobian.check(self.size)
+    }
+}
+
+/// What integrates the states of a model in co-simulation.
+pub trait Integrate: Clone + core::fmt::Debug + Persistent + Send + Sync + 'static {
+    /// Whether [`Integrate::states_at`] gives states within a step, where events are searched.
+    const FINDS_EVENTS: bool;
+    /// An integrator for this many states of a system.
+    fn new<S: TwoParts>(size: usize) -> Self;
+    /// Prepares for a jump.
+    fn restart(&mut self);
+    /// Has the Jacobian renewed before the next step.
+    fn discard_jacobian(&mut self);
+    /// Takes a step as [`Integrator::step`].
+    ///
+    /// # Errors
+    /// When even the shortest step misses the tolerance.
+    fn step<S: TwoParts>(
+        &mut self,
+        system: &mut S,
+        times: (f64, f64),
+        states: &[f64],
+        tolerance: &Tolerance<'_>,
+        trials: &mut u32,
+    ) -> Result<f64, StepFailure>;
+    /// The states at a time in the last step.
+    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]);
+    /// Takes the derivatives at the end of the last step.
+    fn end_step<S: TwoParts>(&mut self, system: &S) {
+        let _ = system;
+    }
+    /// The position of the state whose error determined the length of the last trial.
+    fn decisive_state(&self) -> usize;
+}
+
+impl Integrate for Integrator {
+    const FINDS_EVENTS: bool = true;
+
+    fn new<S: TwoParts>(size: usize) -> Self {
+        Self::new(size)
+    }
+
+    fn restart(&mut self) {
+        self.restart();
+    }
+
+    fn discard_jacobian(&mut self) {
+        self.jacobian.discard();
+    }
+
+    fn step<S: TwoParts>(
+        &mut self,
+        system: &mut S,
+        times: (f64, f64),
+        states: &[f64],
+        tolerance: &Tolerance<'_>,
+        trials: &mut u32,
+    ) -> Result<f64, StepFailure> {
+        self.step(system, times, states, tolerance, trials)
+    }
+
+    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
+        self.states_at(system, time, states);
+    }
+
+    fn decisive_state(&self) -> usize {
+        self.decisive_state()
     }
 }
 
@@ -127,12 +194,12 @@ impl Integrator {
     /// An integrator for this many states.
     #[must_use]
     pub fn new(size: usize) -> Self {
-        Self { size, next: 0.0, jacobian: Jacobian::default(), work: None }
+        Self { size, steps: StepSize::new(0.0, f64::INFINITY), jacobian: Jacobian::default(), work: None }
     }
 
     /// Re-estimates the length of the next step, as after a jump.
     pub fn restart(&mut self) {
-        self.next = 0.0;
+        self.steps.next = 0.0;
         self.jacobian.discard();
     }
 
@@ -149,41 +216,33 @@ impl Integrator {
         tolerance: &Tolerance<'_>,
         trials: &mut u32,
     ) -> Result<f64, StepFailure> {
-        let Self { size, next, jacobian, work } = self;
+        let Self { size, steps, jacobian, work } = self;
         let work = work.get_or_insert_with(|| Box::new(Work::new(*size, S::METHOD)));
         work.from.copy_from_slice(states);
         work.begin = time;
         system.derivatives(time, states, &mut work.slopes);
         work.linearize(system, jacobian);
-        let left = end - time;
-        if *next <= 0.0 {
-            *next = work.first_step(tolerance);
+        if steps.next <= 0.0 {
+            steps.next = work.first_step::<S>(tolerance);
         }
-        let mut rejected = false;
+        *steps = StepSize::new(steps.next, S::LONGEST_STEP);
         loop {
             *trials += 1;
-            // The longest that reaches the end in equal steps.
-            let length = left / (left / (*next * (1.0 + ROUNDING))).ceil().max(1.0);
+            let (length, to) = steps.within(time, end);
             let error = work.trial(system, jacobian, length, tolerance);
             work.decisive = error.state;
-            let by_error = if error.largest > 0.0 {
-                SAFETY * error.largest.powf(-S::METHOD.estimate_order.recip())
+            let factor = if error.largest > 0.0 {
+                error.largest.powf(-S::METHOD.estimate_order.recip())
             } else {
-                GROWTH
+                f64::INFINITY
             };
-            if error.largest <= 1.0 {
-                let most = if rejected { 1.0 } else { GROWTH };
-                let allowed = length * by_error.clamp(REDUCTION, most);
-                // A step cut short by the end, with hardly any error, says little about longer ones.
-                *next = if by_error >= most { allowed.max(*next) } else { allowed };
+            if steps.judge(length, error.largest, factor) {
                 work.length = length;
                 work.has_dense = false;
                 jacobian.count_step::<S>(error.largest);
-                return Ok(if length >= left { end } else { time + length });
+                return Ok(to);
             }
-            rejected = true;
-            *next = length * by_error.clamp(REDUCTION, 1.0);
-            if *next <= SHORTEST_STEP * time.abs().max(end.abs()) || *next < f64::MIN_POSITIVE {
+            if steps.next <= SHORTEST_STEP * time.abs().max(end.abs()) || steps.next < f64::MIN_POSITIVE {
                 return Err(StepFailure { state: error.state });
             }
             if !jacobian.is_fresh() {
@@ -193,17 +252,17 @@ impl Integrator {
         }
     }
 
-    /// The position of the state whose error determined the length of the last trial.
-    #[must_use]
-    pub(crate) fn decisive_state(&self) -> usize {
-        self.work.as_ref().map_or(0, |work| work.decisive)
-    }
-
     /// The states at a time in the last step.
     pub fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
         if let Some(work) = &mut self.work {
             work.states_at(system, time, states);
         }
+    }
+
+    /// The position of the state whose error determined the length of the last trial.
+    #[must_use]
+    pub(crate) fn decisive_state(&self) -> usize {
+        self.work.as_ref().map_or(0, |work| work.decisive)
     }
 }
 
@@ -284,10 +343,12 @@ impl Work {
     /// The length of a first step: that in which the states change by a hundredth at their present derivatives
     /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The end does not limit it: it
     /// would limit the steps after it, too.
-    fn first_step(&self, tolerance: &Tolerance<'_>) -> f64 {
+    fn first_step<S: System>(&self, tolerance: &Tolerance<'_>) -> f64 {
         let norm = |values: &[f64]| {
-            let scaled =
-                values.iter().enumerate().map(|(i, value)| (value / tolerance.scale(i, self.from[i])).abs());
+            let scaled = values
+                .iter()
+                .enumerate()
+                .map(|(i, value)| (value / tolerance.scale::<S>(i, self.from[i])).abs());
             scaled.fold(0.0, f64::max)
         };
         let (states, slopes) = (norm(&self.from), norm(&self.slopes));
@@ -371,7 +432,7 @@ impl Work {
                 [1.0] => *last,
                 weights => weights.iter().zip(weighted).map(|(weight, stage)| weight * stage[state]).sum(),
             };
-            let scale = tolerance.scale(state, self.from[state].abs().max(to.abs()));
+            let scale = tolerance.scale::<S>(state, self.from[state].abs().max(to.abs()));
             let error = (error / scale).abs();
             if !to.is_finite() || error.is_nan() {
                 return LargestError { largest: f64::INFINITY, state };
@@ -394,8 +455,10 @@ pub struct Tolerance<'a> {
 }
 
 impl Tolerance<'_> {
-    fn scale(&self, state: usize, value: f64) -> f64 {
-        self.relative * (value.abs() + self.nominals[state])
+    #[inline]
+    fn scale<S: System>(&self, state: usize, value: f64) -> f64 {
+        let magnitude = if S::TOLERANCE_IS_ABSOLUTE { 0.0 } else { value.abs() };
+        self.relative * (magnitude + self.nominals[state])
     }
 }
 
@@ -490,7 +553,7 @@ mod tests {
     /// The errors of one step from 1: at its end, the estimate there, and at its middle.
     fn errors<S: System>(mut system: S, length: f64) -> [[f64; 2]; 3] {
         let mut integrator = Integrator::new(2);
-        integrator.next = length;
+        integrator.steps.next = length;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
         integrator.step(&mut system, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
         let stages = &integrator.work.as_ref().unwrap().stages;
@@ -537,7 +600,7 @@ mod tests {
     /// Takes a step from t = 1 with an initial length and a distant end. Returns the number of trials.
     fn step_from(integrator: &mut Integrator, length: f64, tolerance: &Tolerance<'_>) -> u32 {
         let mut trials = 0;
-        integrator.next = length;
+        integrator.steps.next = length;
         integrator.step(&mut Nonlinear, (1.0, 1e4), &exact(1.0), tolerance, &mut trials).unwrap();
         trials
     }
@@ -547,7 +610,7 @@ mod tests {
         let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
         assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
-        let proposed = integrator.next;
+        let proposed = integrator.steps.next;
         // Its error is the fifth power of the safety factor, up to terms of higher order.
         let error = trial(&mut integrator, &mut Nonlinear, proposed, &tolerance).largest;
         assert!(error > 0.4 && error < 0.8, "{error}");
@@ -579,11 +642,11 @@ mod tests {
         let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0] };
         let mut integrator = Integrator::new(1);
         let mut trials = 0;
-        integrator.next = 2.0;
+        integrator.steps.next = 2.0;
         integrator.step(&mut Wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
         assert_eq!(trials, 2);
         // A fifth of 2, up to the division of the time to the end into equal steps.
-        assert!((integrator.next - 0.4).abs() < 1e-3, "{}", integrator.next);
+        assert!((integrator.steps.next - 0.4).abs() < 1e-3, "{}", integrator.steps.next);
     }
 
     #[test]
@@ -598,7 +661,7 @@ mod tests {
         let mut steps = 0;
         while length < 1e-2 {
             step_from(&mut integrator, length, &tolerance);
-            (length, steps) = (integrator.next, steps + 1);
+            (length, steps) = (integrator.steps.next, steps + 1);
         }
         assert_eq!(steps, 9);
     }
@@ -607,9 +670,9 @@ mod tests {
     fn a_step_that_the_end_cuts_short_leaves_the_length_of_the_next() {
         let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
-        integrator.next = 0.1;
+        integrator.steps.next = 0.1;
         let end = integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
-        assert_eq!([end, integrator.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
+        assert_eq!([end, integrator.steps.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
     }
 
     #[test]
@@ -618,7 +681,7 @@ mod tests {
         assert_ne!((begin + (end - begin)).to_bits(), end.to_bits(), "rounding would end it elsewhere");
         let tolerance = Tolerance { relative: 1e6, nominals: &[1.0; 2] };
         let mut integrator = Integrator::new(2);
-        integrator.next = 10.0;
+        integrator.steps.next = 10.0;
         let reached =
             integrator.step(&mut Nonlinear, (begin, end), &exact(begin), &tolerance, &mut 0).unwrap();
         assert_eq!(reached.to_bits(), end.to_bits());
@@ -649,7 +712,7 @@ mod tests {
     fn the_error_is_relative_to_the_larger_of_both_ends_and_the_nominal_value() {
         let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0, 0.25] };
         let mut integrator = Integrator::new(2);
-        integrator.next = 0.5;
+        integrator.steps.next = 0.5;
         for (from, larger) in [(0.0, 0.5_f64.sin()), (2.0, 2.0 + 0.5_f64.sin()), (-2.0, 2.0)] {
             integrator.step(&mut Rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
             let error = trial(&mut integrator, &mut Rising, 0.5, &tolerance);
@@ -689,7 +752,7 @@ mod tests {
     fn within_a_step_the_error_is_less_than_at_its_end() {
         let length = 0.1;
         let mut integrator = Integrator::new(2);
-        integrator.next = length;
+        integrator.steps.next = length;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
         integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
         for eighth in 1..8 {
@@ -725,7 +788,7 @@ mod tests {
             }
         }
         let mut integrator = Integrator::new(1);
-        integrator.next = 1.0;
+        integrator.steps.next = 1.0;
         let tolerance = Tolerance { relative: 1.0, nominals: &[1.0] };
         integrator.step(&mut Stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
         // An L-stable method with a few stages leaves a multiple of 1e-6; an explicit one would have 1e48.

@@ -73,7 +73,7 @@ pub use clock::Clock;
 pub use clocked::{Clocked, ClockedModel};
 pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
-pub use equations::{Equations, EvaluationOf, VariablesOf};
+pub use equations::{DEFAULT_TOLERANCE, Equations, EvaluationOf, VariablesOf};
 pub use error::Error;
 pub use event_mode::EventMode;
 #[doc(hidden)]
@@ -82,7 +82,8 @@ pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
-pub use integrated::{DEFAULT_TOLERANCE, Integrated};
+pub use integrated::Integrated;
+pub use integrator::{Part, TwoRates};
 pub use model::{InputsOf, Model, Step};
 pub use model_exchange::ModelExchange;
 pub use number::{Dual, Number};
@@ -116,9 +117,13 @@ macro_rules! fmu {
         $crate::fmu!(@struct $model);
         $crate::fmu!(equations $model);
     };
-    (equations $model:ident) => {
+    (equations struct $model:ident, $integrator:ty) => {
+        $crate::fmu!(@struct $model);
+        $crate::fmu!(equations $model, $integrator);
+    };
+    (equations $model:ident $(, $integrator:ty)?) => {
         $crate::fmu!(@variables);
-        variables::export_functions!($crate::Integrated<$model>);
+        variables::export_functions!($crate::Integrated<$model $(, $integrator)?>);
     };
     (sampled struct $model:ident) => {
         $crate::fmu!(@struct $model);

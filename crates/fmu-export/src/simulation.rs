@@ -2,8 +2,10 @@
 
 use core::fmt;
 
+use crate::audit::are_equal;
 use crate::clock::Clock;
 use crate::context::{Context, Experiment};
+use crate::description::Causality;
 use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{InputsOf, Model, Step};
@@ -33,6 +35,9 @@ pub struct Simulation<M: Model> {
     pub time: f64,
     /// The logged messages: category and text.
     pub messages: Vec<(&'static str, String)>,
+    /// The variables with the parameters that the model took last.
+    #[doc(hidden)]
+    pub taken: Option<M::Variables>,
 }
 
 impl<M: Model> Default for Simulation<M> {
@@ -45,6 +50,7 @@ impl<M: Model> Default for Simulation<M> {
             experiment: Experiment::default(),
             time: 0.0,
             messages: vec![],
+            taken: None,
         }
     }
 }
@@ -58,6 +64,7 @@ impl<M: Model> Simulation<M> {
         M::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
         let Self { model, variables, inputs, experiment, messages, .. } = self;
+        self.taken = Some(variables.clone());
         let mut log = log_to(messages);
         model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
     }
@@ -75,7 +82,7 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// Those of the model.
     pub fn tick(&mut self, clock: impl Fn(&mut M::Variables) -> &mut Clock) -> Result<(), Error> {
-        let Self { model, variables, inputs, experiment, messages, time } = self;
+        let Self { model, variables, inputs, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
         let mut log = log_to(messages);
         let ticked = model.tick(*time, variables, inputs, &mut Context::new(*experiment, &mut log));
@@ -88,11 +95,14 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// As [`Simulation::step`].
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
-        let Self { model, variables, experiment, messages, time, .. } = self;
+        let Self { model, variables, experiment, messages, time, taken, .. } = self;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
-        model.take_parameters(variables);
+        if taken.as_ref().is_none_or(|taken| has_other_parameters(taken, variables)) {
+            model.take_parameters(variables);
+            *taken = Some(variables.clone());
+        }
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;
@@ -101,6 +111,12 @@ impl<M: Model> Simulation<M> {
         *time += size;
         Ok(())
     }
+}
+
+/// Whether any parameter differs.
+fn has_other_parameters<V: Variables>(one: &V, other: &V) -> bool {
+    let mut parameters = V::described().filter(|(_, variable)| variable.causality == Causality::Parameter);
+    parameters.any(|(reference, variable)| !are_equal(one, other, reference, variable.data_type))
 }
 
 fn log_to(messages: &mut Vec<(&'static str, String)>) -> impl FnMut(&'static str, fmt::Arguments<'_>) {

@@ -131,6 +131,31 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         }
         beyond
     }
+    /// Whether the derivative of a state reads a state, as far as the model's JSON tells.
+    #[must_use]
+    fn derivative_reads(derivative: usize, state: usize) -> bool
+    where
+        Self: Variables<Of<f64> = Self>,
+    {
+        // Each number by its place, in the order in which generated structs are visited.
+        let (zero, mut count) = (Self::zero(), 0.0);
+        let places = zero.combined(&zero, |_, _| {
+            count += 1.0;
+            count
+        });
+        let (mut of_derivative, mut of_state) = (0.0, 0.0);
+        Self::each_derivative(&places, |position, place| {
+            of_derivative = if position == derivative { place } else { of_derivative };
+        });
+        Self::each_state(&places, |position, place| {
+            of_state = if position == state { place } else { of_state };
+        });
+        let is_at =
+            |reference: ValueReference, place: f64| places.real(reference).to_bits() == place.to_bits();
+        let mut declared = Self::DEPENDENCIES.iter().flat_map(Dependencies::each);
+        let reads = declared.find(|(unknown, _)| is_at(*unknown, of_derivative));
+        reads.is_none_or(|(_, mut knowns)| knowns.any(|known| is_at(known, of_state)))
+    }
     /// Sets each state by its position.
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
     /// The value of a Real variable.

@@ -1,5 +1,7 @@
 //! Dense linear systems by LU factorization with partial pivoting, in place.
 
+use core::mem;
+
 /// Factors a square matrix, by rows; `pivots` gets the exchanged rows. Returns whether it is regular to working
 /// precision.
 pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
@@ -46,9 +48,61 @@ pub(crate) fn solve(factors: &[f64], pivots: &[usize], vector: &mut [f64]) {
     }
 }
 
+/// Inverts a matrix of a few rows in place, by Gauss-Jordan elimination with partial pivoting. Returns whether it is
+/// regular to working precision.
+pub(super) fn invert<const N: usize>(matrix: &mut [[f64; N]; N]) -> bool {
+    // Columns of the inverse are stored instead of the unit matrix's.
+    let mut pivots = [0; N];
+    for column in 0..N {
+        let pivot = (column + 1..N).fold(column, |pivot, row| {
+            if matrix[row][column].abs() > matrix[pivot][column].abs() { row } else { pivot }
+        });
+        let largest = matrix[pivot][column].abs();
+        if !(largest > f64::MIN_POSITIVE && largest.is_finite()) {
+            return false;
+        }
+        pivots[column] = pivot;
+        if pivot != column {
+            matrix.swap(column, pivot);
+        }
+        let reciprocal = matrix[column][column].recip();
+        matrix[column][column] = 1.0;
+        let row = matrix[column].map(|element| element * reciprocal);
+        for other in matrix.iter_mut() {
+            let factor = mem::replace(&mut other[column], 0.0);
+            for (element, above) in other.iter_mut().zip(&row) {
+                *element -= factor * above;
+            }
+        }
+        matrix[column] = row;
+    }
+    // Exchanged rows of a matrix are exchanged columns of its inverse.
+    for column in (0..N).rev().filter(|&column| pivots[column] != column) {
+        for row in matrix.iter_mut() {
+            row.swap(column, pivots[column]);
+        }
+    }
+    matrix.iter().flatten().all(|element| element.is_finite())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_matrix_times_its_inverse_is_one() {
+        let matrix = [[0.0, 2.0, 1.0], [1.0, -1.0, 0.0], [3.0, 0.0, -2.0]];
+        let mut inverse = matrix;
+        assert!(invert(&mut inverse));
+        for (row, factors) in matrix.iter().enumerate() {
+            for column in 0..3 {
+                let product: f64 = factors.iter().zip(&inverse).map(|(a, row)| a * row[column]).sum();
+                // A handful of operations on numbers of order 1.
+                assert!((product - f64::from(u8::from(row == column))).abs() < 1e-14);
+            }
+        }
+        assert!(!invert(&mut [[1.0, 2.0], [2.0, 4.0]]));
+    }
 
     #[test]
     fn a_system_that_needs_pivoting_is_solved() {

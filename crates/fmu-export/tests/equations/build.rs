@@ -20,6 +20,7 @@ fn main() {
         "falling",
         "rod",
         "field",
+        "furnace",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");

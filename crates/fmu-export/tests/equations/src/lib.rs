@@ -1,6 +1,8 @@
 //! Models of equations, by which the built-in integrator is tested.
 
-use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Persistent, Step};
+use std::cell::Cell;
+
+use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Step};
 
 macro_rules! variables {
     ($($model:ident: $identifier:literal),*) => {$(
@@ -12,7 +14,7 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", rod: "rod", field: "field", vessels: "Vessels");
+    falling: "falling", rod: "rod", field: "field", furnace: "furnace", vessels: "Vessels");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -306,6 +308,71 @@ impl Equations for Stairs {
         if event.indicators[0] {
             self.switches += 1;
             variables.outputs.last_switch = event.time;
+        }
+        Ok(())
+    }
+}
+
+/// A fast valve with a ripple, whose command is sampled every 0.1 s, on a slow thermal mass.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Furnace {
+    /// The command as sampled, and the number of samples.
+    held: f64,
+    samples: u32,
+}
+
+thread_local! {
+    /// The evaluations of valve and mass.
+    pub static EVALUATIONS: [Cell<u32>; 2] = const { [Cell::new(0), Cell::new(0)] };
+}
+
+impl Furnace {
+    fn valve<T: Number>(&self, time: T, variables: &mut furnace::Evaluation<'_, T>) {
+        let (p, states) = (variables.parameters, variables.states);
+        let target = p.ripple * (time * 200.0).sin() - p.feedback * states.temperature + self.held;
+        variables.derivatives.opening = (target - states.opening) / p.lag;
+    }
+}
+
+fn mass<T: Number>(variables: &mut furnace::Evaluation<'_, T>) {
+    let (p, states) = (variables.parameters, variables.states);
+    variables.derivatives.temperature = (states.opening - states.temperature) / p.time_constant;
+}
+
+impl Equations for Furnace {
+    type Variables = furnace::Variables;
+    const SAMPLES_INPUTS: bool = true;
+
+    fn evaluate<T: Number>(&self, time: T, mut variables: furnace::Evaluation<'_, T>) {
+        self.valve(time, &mut variables);
+        mass(&mut variables);
+    }
+
+    fn evaluate_part(&self, part: Part, time: f64, mut variables: furnace::Evaluation<'_>) {
+        EVALUATIONS.with(|counts| counts[part as usize].update(|count| count + 1));
+        match part {
+            Part::Fast => self.valve(time, &mut variables),
+            Part::Slow => mass(&mut variables),
+        }
+    }
+
+    fn is_coupled(&self, variables: &furnace::Variables) -> bool {
+        variables.parameters.feedback != 0.0
+    }
+
+    fn next_event(&self, _time: f64, _variables: &furnace::Variables) -> Option<f64> {
+        Some(0.1 * f64::from(self.samples))
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut furnace::Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        if event.is_due {
+            self.held = variables.inputs.command;
+            self.samples += 1;
         }
         Ok(())
     }

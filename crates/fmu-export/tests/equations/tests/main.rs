@@ -7,5 +7,6 @@ mod intermediate_update;
 mod rod;
 mod samples;
 mod solutions;
+mod two_rates;
 mod vessels;
 mod wrong_models;

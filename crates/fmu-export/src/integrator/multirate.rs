@@ -1,0 +1,621 @@
+//! Integration of a system in two parts, each with its own steps.
+//!
+//! The fast part does not depend on the slow one and leads in small steps. The slow part follows in large ones, with cubic
+//! interpolation between the fast steps.
+//!
+//! Both use [`ROS34PW2`] with a Jacobian from finite differences that serves many steps; steps of about the same length
+//! share the inverse of their matrix. The compiler knows the number of states, so a step costs little more than its
+//! evaluations.
+
+use core::{array, mem, ops::Range};
+
+use super::dense;
+use super::method::{Method, ROS34PW2};
+use super::{Integrate, Integrator, StepFailure, StepSize, System, Tolerance};
+use crate::error::Error;
+use crate::persistence::{Archive, Persistent};
+
+const METHOD: &Method = &ROS34PW2;
+const STAGES: usize = METHOD.stages.len();
+
+/// The most steps with one Jacobian.
+const SERVES: u32 = 25;
+/// The largest relative difference of a step's length from the one of the inverse.
+const SIMILAR: f64 = 0.4;
+/// The difference of a state for the Jacobian, in allowed errors.
+const DIFFERENCE: f64 = 1e-2;
+/// The difference in time for the drift, relative to the step.
+const TIME_DIFFERENCE: f64 = 1e-3;
+/// A jump that changes the derivatives by more than this many tolerances over the next step discards the Jacobian.
+const JUMP_RENEWS: f64 = 300.0;
+/// A larger jump than this many tolerances shortens the step: a long one would damp the fast modes that the jump excites
+/// without showing in its error estimate.
+const JUMP_SHORTENS: f64 = 30.0;
+/// The maximum lead of the fast part, in steps.
+const MOST_AHEAD: usize = 16;
+/// The first step in s.
+const FIRST_STEP: f64 = 1e-3;
+/// The shortest step in s; the integration fails if it is rejected.
+const SHORTEST_STEP: f64 = 1e-9;
+
+/// A part of a model's states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The first states, which do not depend on the others.
+    Fast,
+    /// The other states.
+    Slow,
+}
+
+/// A system whose parts can be evaluated one by one.
+pub trait TwoParts: System {
+    /// Computes the derivatives of a part's states from all states. Those of the other part are arbitrary.
+    fn part_derivatives(
+        &mut self,
+        part: Part,
+        time: f64,
+        states: impl Fn(usize) -> f64,
+        derivatives: impl FnMut(usize, f64),
+    );
+    /// The derivatives at the time and states of the last complete evaluation.
+    fn present_derivatives(&self, derivatives: impl FnMut(usize, f64));
+    /// Whether derivatives of the slow part depend on a fast state.
+    fn drives(state: usize, slow: Range<usize>) -> bool;
+    /// Whether the fast part depends on the slow one, so that both must take the same steps.
+    fn is_coupled(&self) -> bool;
+    /// Whether the inputs are constant.
+    fn is_constant(&self) -> bool;
+    /// The number of trials after which a communication step fails.
+    fn most_trials(&self) -> u32;
+    /// The range of a state.
+    fn range(state: usize) -> [f64; 2];
+}
+
+/// Integrates the first states, `FAST` in number, ahead of the other ones, `SLOW` in number.
+#[derive(Clone, Debug)]
+pub struct TwoRates<const FAST: usize, const SLOW: usize> {
+    fast: Course<FAST>,
+    slow: Course<SLOW>,
+    /// The derivatives of the slow slopes with respect to each fast state, as old as the slow Jacobian.
+    coupling: [[f64; SLOW]; FAST],
+    /// Whether they may differ from zero.
+    drives: [bool; FAST],
+    /// The fast part's steps that the slow part still needs; none between steps.
+    ahead: Vec<FastStep<FAST>>,
+    /// For coupled parts.
+    together: Integrator,
+    /// The position of the state with which the last step failed.
+    decisive: usize,
+}
+
+impl<const FAST: usize, const SLOW: usize> Persistent for TwoRates<FAST, SLOW> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { fast, slow, coupling, drives: _, ahead: _, together, decisive: _ } = self;
+        fast.persist(archive)?;
+        slow.persist(archive)?;
+        coupling.persist(archive)?;
+        together.persist(archive)
+    }
+}
+
+impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
+    const FINDS_EVENTS: bool = false;
+
+    fn new<S: TwoParts>(size: usize) -> Self {
+        assert_eq!(size, FAST + SLOW, "the numbers of states of `TwoRates`");
+        Self {
+            fast: Course::new(S::range),
+            slow: Course::new(|state| S::range(FAST + state)),
+            coupling: [[0.0; SLOW]; FAST],
+            drives: array::from_fn(|state| S::drives(state, FAST..FAST + SLOW)),
+            ahead: vec![],
+            together: Integrator::new(size),
+            decisive: 0,
+        }
+    }
+
+    /// Jumps are noticed by the derivatives.
+    fn restart(&mut self) {
+        self.together.restart();
+    }
+
+    fn discard_jacobian(&mut self) {
+        (self.fast.serves, self.slow.serves) = (0, 0);
+        self.together.discard_jacobian();
+    }
+
+    /// Takes all steps to the end.
+    fn step<S: TwoParts>(
+        &mut self,
+        system: &mut S,
+        (time, end): (f64, f64),
+        states: &[f64],
+        tolerance: &Tolerance<'_>,
+        trials: &mut u32,
+    ) -> Result<f64, StepFailure> {
+        if system.is_coupled() {
+            let reached = self.together.step(system, (time, end), states, tolerance, trials);
+            self.decisive = self.together.decisive_state();
+            return reached;
+        }
+        let Self { fast, slow, coupling, drives, ahead, .. } = self;
+        ahead.clear();
+        let (mut fast_slopes, mut slow_slopes) = ([0.0; FAST], [0.0; SLOW]);
+        system.present_derivatives(split(&mut fast_slopes, &mut slow_slopes));
+        let scale = |state: usize| tolerance.scale::<S>(state, states[state]);
+        let (fast_states, slow_states) =
+            (array::from_fn(|i| states[i]), array::from_fn(|i| states[FAST + i]));
+        fast.begin::<S>((time, end), fast_states, fast_slopes, scale);
+        slow.begin::<S>((time, end), slow_states, slow_slopes, |i| scale(FAST + i));
+        ahead.reserve(MOST_AHEAD);
+        let mut parts = Parts { system, fast, drives, ahead, end, trials };
+        while slow.time < end {
+            if let Err(failure) = parts.step_slow(slow, coupling) {
+                self.decisive = failure.state;
+                return Err(failure);
+            }
+        }
+        Ok(end)
+    }
+
+    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
+        if system.is_coupled() {
+            self.together.states_at(system, time, states);
+        } else {
+            states[..FAST].copy_from_slice(&self.fast.states);
+            states[FAST..].copy_from_slice(&self.slow.states);
+        }
+    }
+
+    fn end_step<S: TwoParts>(&mut self, system: &S) {
+        system.present_derivatives(split(&mut self.fast.slopes, &mut self.slow.slopes));
+    }
+
+    fn decisive_state(&self) -> usize {
+        self.decisive
+    }
+}
+
+/// Distributes derivatives to both parts.
+#[inline]
+fn split<const FAST: usize, const SLOW: usize>(
+    fast: &mut [f64; FAST],
+    slow: &mut [f64; SLOW],
+) -> impl FnMut(usize, f64) {
+    |state, rate| {
+        if state < FAST {
+            fast[state] = rate;
+        } else {
+            slow[state - FAST] = rate;
+        }
+    }
+}
+
+/// An accepted step of the fast part.
+#[derive(Clone, Copy, Debug)]
+struct FastStep<const N: usize> {
+    begin: f64,
+    end: f64,
+    /// The states and their derivatives at both ends.
+    states: [[f64; N]; 2],
+    slopes: [[f64; N]; 2],
+}
+
+impl<const N: usize> FastStep<N> {
+    /// The states at a time, by the cubic through states and derivatives at both ends.
+    fn at(&self, time: f64) -> [f64; N] {
+        let length = self.end - self.begin;
+        let share = (time - self.begin) / length;
+        let rest = 1.0 - share;
+        let (from, to) = (rest * rest * (1.0 + 2.0 * share), share * share * (3.0 - 2.0 * share));
+        let (first, last) = (length * share * rest * rest, -length * share * share * rest);
+        let Self { states, slopes, .. } = self;
+        array::from_fn(|i| {
+            from * states[0][i] + to * states[1][i] + first * slopes[0][i] + last * slopes[1][i]
+        })
+    }
+}
+
+/// The fast part at work, and what both parts need.
+struct Parts<'a, S, const FAST: usize> {
+    system: &'a mut S,
+    fast: &'a mut Course<FAST>,
+    drives: &'a [bool; FAST],
+    ahead: &'a mut Vec<FastStep<FAST>>,
+    end: f64,
+    trials: &'a mut u32,
+}
+
+impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
+    /// The fast states at a time.
+    #[inline]
+    fn fast_at(&self, time: f64) -> [f64; FAST] {
+        let step = self.ahead.iter().find(|step| time < step.end);
+        step.map_or(self.fast.states, |step| step.at(time))
+    }
+
+    /// The fast derivatives.
+    #[inline]
+    fn fast<const SLOW: usize>(
+        system: &mut S,
+        time: f64,
+        states: &[f64; FAST],
+        slow: &[f64; SLOW],
+    ) -> [f64; FAST] {
+        let mut slopes = [0.0; FAST];
+        system.part_derivatives(
+            Part::Fast,
+            time,
+            |state| if state < FAST { states[state] } else { slow[state - FAST] },
+            split(&mut slopes, &mut [0.0; SLOW]),
+        );
+        slopes
+    }
+
+    /// The slow derivatives.
+    #[inline]
+    fn slow<const SLOW: usize>(
+        system: &mut S,
+        time: f64,
+        fast: &[f64; FAST],
+        states: &[f64; SLOW],
+    ) -> [f64; SLOW] {
+        let mut slopes = [0.0; SLOW];
+        system.part_derivatives(
+            Part::Slow,
+            time,
+            |state| if state < FAST { fast[state] } else { states[state - FAST] },
+            split(&mut [0.0; FAST], &mut slopes),
+        );
+        slopes
+    }
+
+    /// Advances the fast part at least to a time, or to its maximum lead.
+    #[inline(never)]
+    fn lead_to<const SLOW: usize>(&mut self, time: f64, slow: &[f64; SLOW]) -> Result<(), StepFailure> {
+        let Self { system, fast, ahead, end, trials, .. } = self;
+        while fast.time < time && ahead.len() < MOST_AHEAD {
+            **trials += 1;
+            fast.is_abandoned = **trials > system.most_trials();
+            let (begin, states, slopes) = (fast.time, fast.states, fast.slopes);
+            if fast.serves == 0 {
+                fast.linearize(|states| Self::fast(system, begin, states, slow));
+            }
+            let (length, to) = fast.steps.within(begin, *end);
+            let mut drift = [0.0; FAST];
+            if !system.is_constant() {
+                let difference = TIME_DIFFERENCE * length;
+                let later = Self::fast(system, begin + difference, &states, slow);
+                drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
+            }
+            let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
+            if let Some(trial) = fast.settle(trial, length, to)? {
+                ahead.push(FastStep {
+                    begin,
+                    end: to,
+                    states: [states, trial.states],
+                    // The last stage is at the end.
+                    slopes: [slopes, trial.slopes],
+                });
+                if to < *end {
+                    fast.slopes = Self::fast(system, to, &trial.states, slow);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Tries a step of the slow part.
+    #[inline(never)]
+    fn step_slow<const SLOW: usize>(
+        &mut self,
+        slow: &mut Course<SLOW>,
+        coupling: &mut [[f64; SLOW]; FAST],
+    ) -> Result<(), StepFailure> {
+        *self.trials += 1;
+        slow.is_abandoned = *self.trials > self.system.most_trials();
+        let begin = slow.time;
+        if slow.serves == 0 {
+            self.linearize(slow, coupling);
+        }
+        let (mut length, mut to) = slow.steps.within(begin, self.end);
+        self.lead_to(to, &slow.states)?;
+        if self.fast.time < to {
+            to = self.fast.time;
+            length = to - begin;
+        }
+        let difference = TIME_DIFFERENCE * length;
+        let (now, later) = (self.fast_at(begin), self.fast_at(begin + difference));
+        let mut drift = [0.0; SLOW];
+        if self.system.is_constant() {
+            for state in (0..FAST).filter(|&state| self.drives[state]) {
+                let rate = (later[state] - now[state]) / difference;
+                drift = array::from_fn(|i| drift[i] + coupling[state][i] * rate);
+            }
+        } else {
+            let later = Self::slow(self.system, begin + difference, &later, &slow.states);
+            drift = array::from_fn(|i| (later[i] - slow.slopes[i]) / difference);
+        }
+        let trial = slow.trial(length, &drift, |time, states| {
+            let fast = self.fast_at(time);
+            Self::slow(self.system, time, &fast, states)
+        });
+        let settled = slow.settle(trial, length, to);
+        if settled.map_err(|failure| StepFailure { state: FAST + failure.state })?.is_some() {
+            if to < self.end {
+                slow.slopes = Self::slow(self.system, to, &self.fast_at(to), &slow.states);
+            }
+            let past = self.ahead.iter().take_while(|step| step.end <= to).count();
+            self.ahead.drain(..past);
+        }
+        Ok(())
+    }
+
+    /// Renews the slow part's Jacobian and its coupling to the fast part.
+    fn linearize<const SLOW: usize>(&mut self, slow: &mut Course<SLOW>, coupling: &mut [[f64; SLOW]; FAST]) {
+        let (time, fast) = (slow.time, self.fast_at(slow.time));
+        slow.linearize(|states| Self::slow(self.system, time, &fast, states));
+        for state in (0..FAST).filter(|&state| self.drives[state]) {
+            let mut moved = fast;
+            moved[state] += DIFFERENCE / self.fast.weights[state];
+            let difference = moved[state] - fast[state];
+            let slopes = Self::slow(self.system, time, &moved, &slow.states);
+            coupling[state] = array::from_fn(|i| (slopes[i] - slow.slopes[i]) / difference);
+        }
+    }
+}
+
+/// The integration of a part.
+#[derive(Clone, Debug)]
+struct Course<const N: usize> {
+    /// The range of each state; steps beyond it are rejected.
+    min: [f64; N],
+    max: [f64; N],
+    /// The time reached.
+    time: f64,
+    /// The states at this time.
+    states: [f64; N],
+    /// Their derivatives; not numbers before the first step.
+    slopes: [f64; N],
+    /// The reciprocals of the states' errors allowed in a step.
+    weights: [f64; N],
+    steps: StepSize,
+    /// The approximate Jacobian, by columns.
+    jacobian: [[f64; N]; N],
+    /// The number of remaining steps with it; 0 if there is none.
+    serves: u32,
+    /// Whether no step was accepted with it yet.
+    is_fresh: bool,
+    /// Whether the next step fails.
+    is_abandoned: bool,
+    /// The inverse of 1 − γ·h·J, by columns.
+    inverse: [[f64; N]; N],
+    /// The length h of the inverse; 0 if there is none.
+    inverse_of: f64,
+}
+
+/// A step that was tried.
+struct Trial<const N: usize> {
+    states: [f64; N],
+    /// Their estimated error.
+    error: [f64; N],
+    /// The derivatives of the last stage.
+    slopes: [f64; N],
+}
+
+impl<const N: usize> Persistent for Course<N> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { slopes, steps, jacobian, serves, is_fresh, inverse, inverse_of, .. } = self;
+        slopes.persist(archive)?;
+        steps.next.persist(archive)?;
+        jacobian.persist(archive)?;
+        serves.persist(archive)?;
+        is_fresh.persist(archive)?;
+        inverse.persist(archive)?;
+        inverse_of.persist(archive)
+    }
+}
+
+impl<const N: usize> Course<N> {
+    fn new(range: impl Fn(usize) -> [f64; 2]) -> Self {
+        Self {
+            min: array::from_fn(|i| range(i)[0]),
+            max: array::from_fn(|i| range(i)[1]),
+            time: 0.0,
+            states: [0.0; N],
+            slopes: [f64::NAN; N],
+            weights: [0.0; N],
+            steps: StepSize::new(FIRST_STEP, f64::INFINITY),
+            jacobian: [[0.0; N]; N],
+            serves: 0,
+            is_fresh: false,
+            is_abandoned: false,
+            inverse: [[0.0; N]; N],
+            inverse_of: 0.0,
+        }
+    }
+
+    /// Begins at a time, where the derivatives may have jumped, with the allowed error of each state.
+    fn begin<S: System>(
+        &mut self,
+        (time, end): (f64, f64),
+        states: [f64; N],
+        slopes: [f64; N],
+        allowed: impl Fn(usize) -> f64,
+    ) {
+        (self.time, self.states) = (time, states);
+        self.weights = array::from_fn(|i| allowed(i).recip());
+        self.steps = StepSize::new(self.steps.next, S::LONGEST_STEP);
+        let before = mem::replace(&mut self.slopes, slopes);
+        if before.iter().any(|slope| slope.is_nan()) {
+            return;
+        }
+        let (length, _) = self.steps.within(time, end);
+        let jump = self.relative(&states, &array::from_fn(|i| length * (slopes[i] - before[i])));
+        if jump > JUMP_RENEWS {
+            self.serves = 0;
+        }
+        if jump > JUMP_SHORTENS {
+            self.steps.next = length * (JUMP_SHORTENS / jump).sqrt().sqrt();
+        }
+    }
+
+    /// The largest error relative to what is allowed; infinite if an error or a state is not finite.
+    #[inline]
+    fn relative(&self, states: &[f64; N], error: &[f64; N]) -> f64 {
+        let (mut largest, mut sum) = (0.0, 0.0);
+        for ((state, error), weight) in states.iter().zip(error).zip(&self.weights) {
+            let relative = (error * weight).abs();
+            largest = if relative > largest { relative } else { largest };
+            sum += relative + 0.0 * state;
+        }
+        // Comparisons ignore NaN; the sum does not.
+        if sum.is_finite() { largest } else { f64::INFINITY }
+    }
+
+    /// Whether states are in their ranges.
+    #[inline]
+    fn is_within(&self, states: &[f64; N]) -> bool {
+        // Without branches, which cost more than the comparisons.
+        let is_outside = |i: usize| !(self.min[i]..=self.max[i]).contains(&states[i]);
+        (0..N).map(|i| u32::from(is_outside(i))).sum::<u32>() == 0
+    }
+
+    /// Renews the Jacobian, with the derivatives as a function of the states.
+    fn linearize(&mut self, mut derivatives: impl FnMut(&[f64; N]) -> [f64; N]) {
+        for column in 0..N {
+            let mut moved = self.states;
+            moved[column] += DIFFERENCE / self.weights[column];
+            let reciprocal = (moved[column] - self.states[column]).recip();
+            let slopes = derivatives(&moved);
+            self.jacobian[column] = array::from_fn(|row| (slopes[row] - self.slopes[row]) * reciprocal);
+        }
+        (self.serves, self.is_fresh, self.inverse_of) = (SERVES, true, 0.0);
+    }
+
+    /// Prepares a step of a length. Returns whether its linear equations have a solution.
+    fn prepare(&mut self, length: f64) -> bool {
+        if (self.inverse_of - length).abs() <= SIMILAR * length {
+            return true;
+        }
+        let weight = METHOD.gamma * length;
+        let mut matrix = self.jacobian.map(|column| column.map(|element| -weight * element));
+        for (i, column) in matrix.iter_mut().enumerate() {
+            column[i] += 1.0;
+        }
+        let is_regular = dense::invert(&mut matrix);
+        if is_regular {
+            (self.inverse, self.inverse_of) = (matrix, length);
+        }
+        is_regular
+    }
+
+    /// Tries a step; `drift` is the derivative of the slopes with respect to time. None if the linear equations have no
+    /// solution.
+    #[inline]
+    fn trial(
+        &mut self,
+        length: f64,
+        drift: &[f64; N],
+        mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N],
+    ) -> Option<Trial<N>> {
+        if !self.prepare(length) {
+            return None;
+        }
+        let mut stages = [[0.0; N]; STAGES];
+        self.solve::<0>(&mut stages, length, &self.slopes, drift);
+        let mut evaluated = |time: f64, states: &[f64; N]| derivatives(self.time + time * length, states);
+        let slopes = evaluated(METHOD.times[1], &self.moved::<1>(&stages));
+        self.solve::<1>(&mut stages, length, &slopes, drift);
+        let slopes = evaluated(METHOD.times[2], &self.moved::<2>(&stages));
+        self.solve::<2>(&mut stages, length, &slopes, drift);
+        let moved = self.moved::<3>(&stages);
+        let slopes = evaluated(METHOD.times[3], &moved);
+        self.solve::<3>(&mut stages, length, &slopes, drift);
+        let mut error = [0.0; N];
+        for (weight, stage) in METHOD.error.iter().zip(&stages) {
+            error = array::from_fn(|i| error[i] + weight * stage[i]);
+        }
+        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error, slopes })
+    }
+
+    /// The states at which a stage is evaluated.
+    #[allow(clippy::inline_always, reason = "so that each stage's coefficients are constants")]
+    #[inline(always)]
+    fn moved<const STAGE: usize>(&self, stages: &[[f64; N]; STAGES]) -> [f64; N] {
+        let mut moved = self.states;
+        for (weight, stage) in METHOD.states[STAGE].iter().zip(stages) {
+            moved = array::from_fn(|i| moved[i] + weight * stage[i]);
+        }
+        moved
+    }
+
+    /// Solves the linear equations of a stage.
+    #[allow(clippy::inline_always, reason = "so that each stage's coefficients are constants")]
+    #[inline(always)]
+    fn solve<const STAGE: usize>(
+        &self,
+        stages: &mut [[f64; N]; STAGES],
+        length: f64,
+        slopes: &[f64; N],
+        drift: &[f64; N],
+    ) {
+        let (weight, by_time) = (METHOD.gamma * length, METHOD.by_time[STAGE] * length);
+        let mut right: [f64; N] = array::from_fn(|i| weight * (slopes[i] + by_time * drift[i]));
+        for (share, stage) in METHOD.stages[STAGE].iter().zip(&*stages) {
+            let share = METHOD.gamma * share;
+            right = array::from_fn(|i| right[i] + share * stage[i]);
+        }
+        stages[STAGE] = product(&self.inverse, &right);
+    }
+
+    /// Accepts or rejects a step to a time. Returns it if accepted.
+    fn settle(
+        &mut self,
+        trial: Option<Trial<N>>,
+        length: f64,
+        to: f64,
+    ) -> Result<Option<Trial<N>>, StepFailure> {
+        let error = match &trial {
+            Some(trial) if self.is_within(&trial.states) => self.relative(&trial.states, &trial.error),
+            _ => f64::INFINITY,
+        };
+        // The fourth root instead of the third damps the changes of the length.
+        let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
+        if self.is_abandoned || !is_accepted && self.steps.next < SHORTEST_STEP {
+            return Err(StepFailure { state: trial.map_or(0, |trial| self.decisive(&trial)) });
+        }
+        let trial = trial.filter(|_| is_accepted);
+        if let Some(trial) = &trial {
+            (self.time, self.states) = (to, trial.states);
+            (self.serves, self.is_fresh) = (self.serves - 1, false);
+        } else if !self.is_fresh {
+            self.serves = 0;
+        }
+        Ok(trial)
+    }
+
+    /// The position of the largest error, or of the first that is not finite or whose state is out of range.
+    #[cold]
+    fn decisive(&self, trial: &Trial<N>) -> usize {
+        let relative = |i: usize| {
+            let is_within = (self.min[i]..=self.max[i]).contains(&trial.states[i]);
+            let relative = (trial.error[i] * self.weights[i]).abs();
+            if relative.is_nan() || !is_within { f64::INFINITY } else { relative }
+        };
+        (0..N).rev().max_by(|&a, &b| relative(a).total_cmp(&relative(b))).unwrap_or(0)
+    }
+}
+
+/// The product of a matrix, by columns, and a vector.
+#[inline]
+fn product<const N: usize>(matrix: &[[f64; N]; N], vector: &[f64; N]) -> [f64; N] {
+    let mut product = [0.0; N];
+    // Column by column, so that the sums of all rows are computed in parallel.
+    for (column, x) in matrix.iter().zip(vector) {
+        for (sum, element) in product.iter_mut().zip(column) {
+            *sum += element * x;
+        }
+    }
+    product
+}

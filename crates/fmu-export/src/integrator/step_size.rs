@@ -1,0 +1,55 @@
+//! Step size control.
+
+/// The safety factor on the length that would just meet the tolerance.
+const SAFETY: f64 = 0.9;
+/// The largest growth of the step length from one step to the next, and the largest reduction.
+const GROWTH: f64 = 6.0;
+const REDUCTION: f64 = 0.2;
+/// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
+const ROUNDING: f64 = 1e-6;
+
+/// The length of the next step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepSize {
+    /// In s; 0 if still to be estimated.
+    pub(super) next: f64,
+    /// The longest step in s.
+    longest: f64,
+    /// Whether the last step was rejected.
+    was_rejected: bool,
+}
+
+impl StepSize {
+    pub(super) fn new(next: f64, longest: f64) -> Self {
+        Self { next: if next < longest { next } else { longest }, longest, was_rejected: false }
+    }
+
+    /// The length of the next step from a time to an end or before, and when it ends: the longest that reaches the end in
+    /// equal steps.
+    #[inline]
+    pub(super) fn within(&self, time: f64, end: f64) -> (f64, f64) {
+        let left = end - time;
+        let length = left / (left / (self.next * (1.0 + ROUNDING))).ceil().max(1.0);
+        (length, if length >= left { end } else { time + length })
+    }
+
+    /// Whether to accept a step of a length with an error relative to its tolerance. A step longer by `factor` would just
+    /// meet it.
+    #[inline]
+    pub(super) fn judge(&mut self, length: f64, error: f64, factor: f64) -> bool {
+        let by_error = SAFETY * factor;
+        if error <= 1.0 {
+            let most = if self.was_rejected { 1.0 } else { GROWTH };
+            let allowed = length * by_error.clamp(REDUCTION, most);
+            // A step cut short by the end, with hardly any error, says little about longer ones.
+            let next = if by_error >= most { allowed.max(self.next) } else { allowed };
+            self.next = if next < self.longest { next } else { self.longest };
+            self.was_rejected = false;
+            true
+        } else {
+            self.next = length * by_error.clamp(REDUCTION, 1.0);
+            self.was_rejected = true;
+            false
+        }
+    }
+}
