@@ -21,12 +21,16 @@ HERE = Path(__file__).parent / "large"
 TOLERANCE = 1e-6
 SYSTEMS = [
     *(("rod", 10), ("rod", 100), ("rod", 1000), ("rod", 10000)),
-    *(("network", 1000), ("cube", 1000), ("cube", 8000)),
+    *(("network", 1000), ("cube", 1000), ("cube", 8000), ("cube", 27000)),
 ]
 #: Communication steps in a second.
 STEPS = 10, 1000
 #: Times are the least of so many runs.
 RUNS = 3
+#: In s.
+LONG = 2
+#: Larger systems only show where the limit is.
+LARGEST = 10_000
 
 
 class Allocated(ctypes.Structure):
@@ -100,9 +104,12 @@ def exported(system: str, size: int, cargo_fmu: str, folder: Path) -> float:
 
 
 def best(command: list[str]) -> list[float]:
-    """What the fastest of some runs prints."""
-    runs = (subprocess.run(command, check=True, capture_output=True, text=True) for _ in range(RUNS))
-    return min(json.loads(f"[{run.stdout.strip().strip('[]')}]") for run in runs)
+    """What the fastest of some runs prints; of one, if it takes long."""
+    runs = []
+    while len(runs) < RUNS and (not runs or runs[0][0] < LONG):
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        runs.append(json.loads(f"[{done.stdout.strip().strip('[]')}]"))
+    return min(runs)
 
 
 def solution(system: str, size: int, time: float) -> np.ndarray:
@@ -207,17 +214,19 @@ def main(folder: Path, cargo_fmu: str, cvode: str) -> None:
             return f"{max(abs(states - reference) / (abs(reference) + 1)):.0e}"
 
         cells = [in_time(export)]
-        for steps in STEPS:
+        for steps in STEPS if size <= LARGEST else STEPS[:1]:
             fmu = str(folder / f"{system}_{size}.fmu")
             seconds, held, saved, serialized = best([sys.executable, __file__, fmu, str(steps), file])
             if steps == STEPS[0]:
                 cells += [in_memory(held), f"{in_memory(saved)}, {in_memory(serialized)}"]
             cells.append(f"{in_time(seconds)}: {off(np.fromfile(file))}")
-        for tolerance in "1e-6", "1e-8":
-            (seconds,) = best([cvode, system, str(size), tolerance, "10", file])
-            cells.append(f"{in_time(seconds)}: {off(np.fromfile(file))}")
-        seconds, states = by_bdf(system, size)
-        cells.append(f"{in_time(seconds)}: {off(states)}")
+        if size <= LARGEST:
+            for tolerance in "1e-6", "1e-8":
+                (seconds,) = best([cvode, system, str(size), tolerance, "10", file])
+                cells.append(f"{in_time(seconds)}: {off(np.fromfile(file))}")
+            seconds, states = by_bdf(system, size)
+            cells.append(f"{in_time(seconds)}: {off(states)}")
+        cells += [""] * (8 - len(cells))
         print(f"| {system} of {size:,} |", " | ".join(cells), "|", flush=True)
 
 

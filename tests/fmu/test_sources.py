@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import TARGET
 from experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
-from fmpy import read_model_description
+from fmpy import read_model_description, simulate_fmu
 from master import Fmu, Instance, Master, Reals
 from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
 from wasmtime import FuncType, Linker, Module, Store, ValType
@@ -65,6 +65,25 @@ def runs(make: Make, fmus: Fmus, version: int, name: str, signal: str, end: floa
     instances = [make(fmus[model, version]) for model in NAMES]
     record = couple_running(*instances, inputs={signal: staircase(*steps)}).run(end)
     return np.stack(list(record.values()))
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_an_array_of_states(kind: str) -> None:
+    """The rod of the ladder."""
+    results = [
+        simulate_fmu(
+            TARGET / folder / "ladder-fmi3" / "fmu" / "fmi3" / "Diffusion.fmu",
+            fmi_type=kind,
+            step_size=0.05,
+            output_interval=0.05,
+            start_values={"left": 412.3},
+            output=["T"],
+        )["T"]
+        for folder in ("", "compiled")
+    ]
+    assert results[0].shape == (21, 100)
+    assert np.ptp(results[0]) > 100
+    assert results[0].tobytes() == results[1].tobytes()
 
 
 @pytest.mark.parametrize(

@@ -190,13 +190,13 @@ impl<'m, 'a> Page<'m, 'a> {
                 is_fmi3,
                 "providesAdjointDerivatives",
                 has.adjoint_derivatives,
-                "exact derivatives of a weighted sum of outputs and derivatives by all inputs and states at once",
+                "exact derivatives with respect to all inputs and states in one call",
             ),
             (
                 is_fmi3,
                 "providesPerElementDependencies",
                 self.model.has_element_dependencies(),
-                "which elements of arrays depend on which can be asked for",
+                "the dependencies of single array elements can be queried",
             ),
         ];
         lines(rows.into_iter().filter(|(exists, ..)| *exists).map(|(_, name, has, meaning)| {

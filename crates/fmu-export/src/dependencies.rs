@@ -9,13 +9,16 @@ use crate::number::Dual;
 use crate::variables::Variables;
 
 /// The number of points at which derivatives are evaluated.
-const POINTS: u64 = 20;
+const POINTS: usize = 20;
+/// The most groups of knowns at a point: a prime above the number of points.
+const MOST_GROUPS: usize = 61;
 
 /// Tests that a model's Real outputs and derivatives depend on no inputs and states but those in its JSON (`reads`).
 /// Importers find algebraic loops by these dependencies, and miss undeclared ones.
 ///
 /// Evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
-/// nominal values or magnitudes. Dependencies that are zero at all points go unnoticed.
+/// nominal values or magnitudes. Dependencies that are zero at all points go unnoticed. Of more than 61 inputs and states,
+/// several are moved at once.
 ///
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.
@@ -39,18 +42,30 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
         for (number, &known) in knowns.iter().enumerate() {
             let value = variables.real(known);
             // A low-discrepancy sequence between 0 and 1: fractional parts of multiples of the golden ratio.
-            let share =
-                (0.618_033_988_749_895 * (point * knowns.len() as u64 + number as u64) as f64).fract();
+            let share = (0.618_033_988_749_895 * (point * knowns.len() + number) as f64).fract();
             variables.set_real(known, value + share * if value == 0.0 { 1.0 } else { 0.1 * value });
         }
         variables.states_from_start();
-        for &known in &knowns {
+        // The first unknown that changes with some knowns of which it declares none.
+        let first_undeclared = |group: &[ValueReference]| {
             let mut direction = M::Variables::zero();
-            direction.set_real(known, 1.0);
-            let derivatives =
-                model.differentiate(Dual::default(), &variables, variables.inputs(), &direction)?;
-            for (&unknown, declared) in &declared {
-                if derivatives.real(unknown) != 0.0 && !declared.contains(&known) {
+            for (&known, number) in group.iter().zip(1..) {
+                // Different rates, so that opposite effects do not cancel.
+                direction.set_real(known, f64::from(number).sqrt());
+            }
+            let time = Dual::default();
+            let derivatives = model.differentiate(time, &variables, variables.inputs(), &direction)?;
+            let mut undeclared = declared.iter().filter(|(unknown, declared)| {
+                derivatives.real(**unknown) != 0.0 && !group.iter().any(|known| declared.contains(known))
+            });
+            Ok::<_, Error>(undeclared.next().map(|(unknown, _)| *unknown))
+        };
+        for group in groups(&knowns, point) {
+            if first_undeclared(&group)?.is_none() {
+                continue;
+            }
+            for known in group {
+                if let Some(unknown) = first_undeclared(&[known])? {
                     return Err(Error::new(format!(
                         "{} depends on {}, which its 'reads' omit",
                         name::<M>(unknown),
@@ -61,6 +76,20 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
         }
     }
     Ok(())
+}
+
+/// The knowns that are moved together at a point: of many, each two at few points only, so that one that an unknown
+/// declares does not hide another for long.
+fn groups(knowns: &[ValueReference], point: usize) -> Vec<Vec<ValueReference>> {
+    let mut groups = vec![Vec::new(); knowns.len().min(MOST_GROUPS)];
+    for (number, &known) in knowns.iter().enumerate() {
+        // A polynomial of the point, whose coefficients are the number's digits: two are equal at two points at most.
+        let [ones, tens, hundreds] =
+            [1, MOST_GROUPS, MOST_GROUPS.pow(2)].map(|unit| number / unit % MOST_GROUPS);
+        let group = (ones + point * (tens + point * hundreds)) % MOST_GROUPS;
+        groups[group].push(known);
+    }
+    groups
 }
 
 fn name<M: Model>(reference: ValueReference) -> Name {

@@ -129,13 +129,23 @@ impl<I: Inputs> InputSignal<I> {
     #[must_use]
     pub fn at(&self, offset: f64) -> I {
         let mut inputs = self.bounded.clone();
+        self.move_to(offset, &mut inputs);
+        inputs
+    }
+
+    /// Likewise in place of other inputs.
+    pub(crate) fn set_at(&self, offset: f64, inputs: &mut I) {
+        inputs.clone_from(&self.bounded);
+        self.move_to(offset, inputs);
+    }
+
+    fn move_to(&self, offset: f64, inputs: &mut I) {
         if self.order > 0 {
             inputs.set_reals(|position| {
                 let real = &self.reals[position];
                 bound::<I>(position, real.set + real.rise(self.order, offset))
             });
         }
-        inputs
     }
 
     /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.

@@ -613,6 +613,12 @@ fn with_inputs<V: Variables, R>(
     inputs: &V::Inputs,
     compute: impl FnOnce(&mut V) -> R,
 ) -> R {
+    // As set, they are within their bounds: nothing to keep, so that large arrays are not copied to new memory.
+    if variables.inputs() == inputs {
+        let result = compute(variables);
+        variables.inputs_mut().clone_from(inputs);
+        return result;
+    }
     let set = mem::replace(variables.inputs_mut(), inputs.clone());
     let result = compute(variables);
     *variables.inputs_mut() = set;
@@ -668,7 +674,7 @@ struct Equated<'a, E: Equations> {
 impl<E: Equations> Equated<'_, E> {
     fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
         if !self.inputs.is_constant() {
-            *self.variables.inputs_mut() = self.inputs.at(elapsed);
+            self.inputs.set_at(elapsed, self.variables.inputs_mut());
         }
         E::Variables::set_states(self.variables, states);
     }

@@ -40,7 +40,7 @@ use step_size::StepSize;
 
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
-/// The most states whose linear equations are always dense.
+/// The most states whose linear equations are always dense: about where both take equally long for random networks.
 pub const MOST_DENSE: usize = 20;
 
 /// The shortest step, in roundings of the time.
@@ -473,6 +473,7 @@ struct LargestError {
 mod tests {
     use super::*;
     use crate::number::{Dual, Number};
+    use crate::tape::Tape;
 
     /// Sets products with a Jacobian given by its rows.
     fn set(directions: &impl Directions, products: &mut [f64], rows: &[f64]) {
@@ -803,13 +804,15 @@ mod tests {
     struct Rod<const PATTERN: bool> {
         joined_from: f64,
         joint: f64,
+        /// With which gain the last state heats all cells, an integral of their mean.
+        gain: f64,
         /// The Jacobians, the patterns and the derivatives with respect to time that were computed.
         counts: [u32; 3],
     }
 
     impl<const PATTERN: bool> Rod<PATTERN> {
         fn joined_from(joined_from: f64, joint: f64) -> Self {
-            Self { joined_from, joint, counts: [0; 3] }
+            Self { joined_from, joint, gain: 0.0, counts: [0; 3] }
         }
 
         fn rates<T: Number>(&self, time: f64, states: &[T]) -> Vec<T> {
@@ -825,6 +828,15 @@ mod tests {
             }
             if time >= self.joined_from {
                 conducts(0, states.len() - 1, self.joint);
+            }
+            if self.gain > 0.0 {
+                let [cells @ .., integral] = states else { return rates };
+                let mean =
+                    cells.iter().fold(T::from(0.0), |sum, &cell| sum + cell) / T::from(cells.len() as f64);
+                for rate in &mut rates {
+                    *rate -= *integral * self.gain;
+                }
+                rates[cells.len()] = mean * self.gain;
             }
             rates
         }
@@ -866,7 +878,27 @@ mod tests {
                 if time >= self.joined_from && (row == 0 || row == last) {
                     columns.extend([0, last]);
                 }
+                if self.gain > 0.0 {
+                    columns.extend(if row == last { 0..last } else { last..last + 1 });
+                }
             })
+        }
+
+        fn gradients(
+            &mut self,
+            time: f64,
+            states: &[f64],
+            rows: &[usize],
+            mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+        ) {
+            let mut tape = Tape::new();
+            tape.clear();
+            let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+            let rates = self.rates(time, &states);
+            for &row in rows {
+                tape.differentiate(rates[row]);
+                take(row, &|column| tape.derivative(states[column]));
+            }
         }
     }
 
@@ -942,6 +974,17 @@ mod tests {
                 assert!((sparse - dense).abs() < 1e-4, "{sparse} instead of {dense}");
             }
         }
+    }
+
+    #[test]
+    fn a_row_with_all_columns_is_as_exact_as_the_others() {
+        let (mut sparse, mut dense) = (warm_end(), warm_end());
+        let mut patterned = Rod::<true> { gain: 20.0, ..Rod::joined_from(f64::MAX, 0.0) };
+        let mut full = Rod::<false> { gain: 20.0, ..Rod::joined_from(f64::MAX, 0.0) };
+        conduct(&mut patterned, &mut Integrator::new(CELLS), 0.0, 1.0, &mut sparse);
+        conduct(&mut full, &mut Integrator::new(CELLS), 0.0, 1.0, &mut dense);
+        assert_eq!(patterned.counts, [full.counts[0], 1, full.counts[2]], "the steps are the same");
+        assert_same(&sparse, &dense);
     }
 
     #[test]

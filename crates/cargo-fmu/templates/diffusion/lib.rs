@@ -10,6 +10,7 @@ impl Equations for {Type} {
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         let (p, ends, cells) = (variables.parameters, variables.inputs, &variables.states.t);
         let n = cells.len();
+        #[allow(clippy::cast_precision_loss)] // A rod has fewer cells than 2 to the power of 53.
         let width = p.length / n as f64;
         let rate = p.diffusivity / (width * width);
         // From 1; beyond an end, half a cell from its cell's center, the profile goes on straight.

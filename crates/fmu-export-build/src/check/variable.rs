@@ -13,7 +13,7 @@ use crate::names::{OF_VARIABLES, mixed_name};
 use crate::start::Start;
 use crate::texts::one_line;
 
-/// The most scalar variables in a model: more than anyone compiles.
+/// The most scalar variables in a model: FMI 2.0 describes each, in some 350 bytes.
 const MOST_VARIABLES: usize = 100_000;
 
 /// The most dimensions of an array.

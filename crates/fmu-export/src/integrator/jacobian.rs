@@ -12,10 +12,12 @@ use crate::persistence::{Archive, Persistent};
 const MISSED: f64 = 1e-9;
 /// The most steps that a Jacobian serves: about as many as in CVODE.
 const SERVES: u32 = 20;
-/// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it.
+/// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
+/// step with an older one then has two decades to err more, and ends its service if it does.
 const SMALL_ERROR: f64 = 0.01;
 /// The largest relative difference of a step's length from the one of the factors.
 const SIMILAR: f64 = 0.4;
+
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
     /// Their number.
@@ -71,7 +73,7 @@ impl Jacobian {
                 pattern.check(size)?;
                 pattern.count(size)
             }
-            None => size * size,
+            None => size.saturating_mul(size),
         };
         if self.serves == 0 || self.elements.len() == count {
             Ok(())

@@ -36,7 +36,7 @@ impl Pattern {
             found.dedup();
             pattern.columns.extend(found.iter().copied().map(number));
             pattern.starts.push(number(pattern.columns.len()));
-            if pattern.columns.len() > (size * size / 4).max(FEW * size) {
+            if pattern.columns.len() > (size.saturating_mul(size) / 4).max(FEW * size) {
                 return Self::full();
             }
         }
@@ -63,7 +63,7 @@ impl Pattern {
 
     /// The number of elements of a matrix of this size.
     pub(super) fn count(&self, size: usize) -> usize {
-        if self.is_full() { size * size } else { self.columns.len() }
+        if self.is_full() { size.saturating_mul(size) } else { self.columns.len() }
     }
 
     /// The range of a row's elements.

@@ -7,10 +7,11 @@ use std::collections::BTreeMap;
 
 use fmu_export::description::{ScalarVariable, ValueReference};
 use fmu_export::{
-    Equations as _, Inputs as _, Integrated, Model as _, Simulation, Variables as _, check_dependencies,
+    Equations, Inputs as _, Integrated, Model as _, Number, Persistent, Simulation, Variables as _,
+    check_dependencies,
 };
 use fmu_export_equations::Field;
-use fmu_export_equations::field::{Inputs, States, Variables};
+use fmu_export_equations::field::{Evaluation, Inputs, States, Variables};
 
 fn reference(name: &str) -> ValueReference {
     Variables::described().find(|(_, variable)| variable.name() == name).expect("it is described").0
@@ -150,6 +151,12 @@ fn an_element_that_is_not_finite_is_found() {
     assert_eq!(variables.first_non_finite(), Some(reference("der(x[299])")));
     variables.states.grid[1][0] = f64::NAN;
     assert_eq!(variables.first_non_finite(), Some(reference("grid[2,1]")));
+    for i in 0..300 {
+        let mut variables = Variables::default();
+        assert_eq!(variables.first_non_finite(), None);
+        variables.states.x[i] = f64::NAN;
+        assert_eq!(variables.first_non_finite(), Some(reference(&format!("x[{}]", i + 1))));
+    }
 }
 
 /// A saved state is restored without a new allocation.
@@ -211,4 +218,25 @@ fn equations_depend_on_what_is_declared() {
     let mut evaluated = variables.clone();
     Field::default().evaluate(0.0, Variables::evaluation(&mut evaluated));
     assert_eq!(evaluated, *variables);
+}
+
+/// Reads one element more than it declares.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Undeclared {}
+
+impl Equations for Undeclared {
+    type Variables = Variables;
+
+    fn evaluate<T: Number>(&self, time: T, variables: Evaluation<'_, T>) {
+        let Evaluation { parameters, inputs, states, derivatives, locals, outputs } = variables;
+        Field::default()
+            .evaluate(time, Evaluation { parameters, inputs, states, derivatives, locals, outputs });
+        derivatives.x[9] += states.x[200] * 1e-3;
+    }
+}
+
+#[test]
+fn an_undeclared_element_is_found_among_many() {
+    let error = check_dependencies::<Integrated<Undeclared>>(&Variables::default()).unwrap_err();
+    assert_eq!(error.to_string(), "der(x[10]) depends on x[201], which its 'reads' omit");
 }
