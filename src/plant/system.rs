@@ -203,21 +203,9 @@ impl<D: Elementary> System<D> {
         }
     }
 
-    /// The faults.
-    #[must_use]
-    pub fn fault(&self) -> &FaultParameters<D> {
-        &self.fault
-    }
-
     /// Holds or releases the vacuum tank pressure.
     pub fn freeze_tank(&mut self, frozen: bool) {
         self.tank.parameters.frozen = frozen;
-    }
-
-    /// Whether the vacuum tank pressure is held.
-    #[must_use]
-    pub fn is_tank_frozen(&self) -> bool {
-        self.tank.parameters.frozen
     }
 
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage equivalent to

@@ -26,40 +26,6 @@ pub fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right_side: [f64; N]
     right_side.iter().all(|x| x.is_finite()).then_some(right_side)
 }
 
-/// The inverse of a matrix, by Gauss-Jordan elimination with partial pivoting.
-///
-/// `None` when the matrix is singular to working precision or not finite.
-#[must_use]
-pub fn inverse<const N: usize>(mut matrix: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
-    // In place: columns of the inverse are stored instead of the unit matrix's.
-    let mut pivots = [0; N];
-    for column in 0..N {
-        let pivot = pivot(&matrix, column)?;
-        pivots[column] = pivot;
-        if pivot != column {
-            matrix.swap(column, pivot);
-        }
-        let reciprocal = matrix[column][column].recip();
-        matrix[column][column] = 1.0;
-        let row = matrix[column].map(|element| element * reciprocal);
-        for other in &mut matrix {
-            let factor = other[column];
-            other[column] = 0.0;
-            for (element, above) in other.iter_mut().zip(&row) {
-                *element -= factor * above;
-            }
-        }
-        matrix[column] = row;
-    }
-    // Exchanged rows of a matrix are exchanged columns of its inverse.
-    for column in (0..N).rev().filter(|&column| pivots[column] != column) {
-        for row in &mut matrix {
-            row.swap(column, pivots[column]);
-        }
-    }
-    matrix.iter().flatten().all(|x| x.is_finite()).then_some(matrix)
-}
-
 /// The row from the diagonal on with the largest element of a column; `None` if it is zero or not finite.
 #[inline]
 fn pivot<const N: usize>(matrix: &[[f64; N]; N], column: usize) -> Option<usize> {
@@ -89,21 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_times_its_inverse_is_one() {
-        let matrix = [[0.0, 2.0, 1.0], [1.0, -1.0, 0.0], [3.0, 0.0, -2.0]];
-        let inverse = inverse(matrix).unwrap();
-        for (row, factors) in matrix.iter().enumerate() {
-            for column in 0..3 {
-                let product: f64 = factors.iter().zip(&inverse).map(|(a, row)| a * row[column]).sum();
-                // A handful of operations on numbers of order 1.
-                assert!((product - f64::from(u8::from(row == column))).abs() < 1e-14);
-            }
-        }
-    }
-
-    #[test]
     fn a_singular_system_is_refused() {
-        assert_eq!(inverse([[1.0, 2.0], [2.0, 4.0]]), None);
         assert_eq!(solve([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0]), None);
         assert_eq!(solve([[f64::NAN]], [1.0]), None);
     }

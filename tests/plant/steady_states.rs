@@ -33,7 +33,7 @@ fn a_running_engine_reaches_the_reference(engine_speed: f64) {
             parameters.tank.frozen = true;
             parameters.actuator.spring_preload += friction;
         });
-        for bench in [running, settled] {
+        for bench in [&running, &settled] {
             let found = reference_outputs(&bench.variables);
             // The table does not contain the tank.
             let found = [&found[..3], &found[4..12]].concat();

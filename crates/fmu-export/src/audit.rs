@@ -58,12 +58,7 @@ pub(crate) fn first_discrete_difference<V: Variables>(one: &V, other: &V) -> Opt
 }
 
 /// Whether a variable has the same value in both.
-pub(crate) fn are_equal<V: Variables>(
-    one: &V,
-    other: &V,
-    reference: ValueReference,
-    data_type: DataType,
-) -> bool {
+fn are_equal<V: Variables>(one: &V, other: &V, reference: ValueReference, data_type: DataType) -> bool {
     match data_type {
         DataType::Real => one.real(reference).to_bits() == other.real(reference).to_bits(),
         DataType::Float32 => one.float32(reference).to_bits() == other.float32(reference).to_bits(),

@@ -2,7 +2,7 @@
 
 use core::mem;
 
-use crate::display::Shown;
+use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
@@ -159,7 +159,7 @@ impl Events {
                 "the event indicator {} is {} at {} s",
                 names.get(wrong).copied().unwrap_or("without a name"),
                 Shown(self.indicators[wrong]),
-                Shown(time)
+                Seconds(time)
             )));
         }
         for ((changed, positive), indicator) in
@@ -224,7 +224,7 @@ impl Events {
             Some(&exceeded) => Err(Error::new(format!(
                 "the event at {} s leaves {} at {}, though it is a limit: an event must put the state onto the limit \
                  and end what pushes it beyond",
-                Shown(time),
+                Seconds(time),
                 names[exceeded],
                 Shown(self.indicators[exceeded])
             ))),
@@ -304,7 +304,7 @@ impl Events {
         };
         Error::new(format!(
             "the event at {} s does not end: after {MOST_ITERATIONS} iterations {still}",
-            Shown(time)
+            Seconds(time)
         ))
     }
 }

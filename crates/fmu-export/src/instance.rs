@@ -22,7 +22,7 @@ use std::ffi::CString;
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::context::{Context, Experiment};
 use crate::description::{Causality, ModelDescription, ValueReference};
-use crate::display::Shown;
+use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::floating_point::in_default_environment;
 use crate::logger::{Delivery, Logger};
@@ -353,5 +353,5 @@ fn check_finite<V: Variables>(variables: &V, time: f64) -> Result<(), Error> {
 fn not_finite<V: Variables>(variables: &V, reference: ValueReference, time: f64) -> Error {
     let name = V::description(reference).map(|variable| variable.name().to_string()).unwrap_or_default();
     let value = Shown(variables.real(reference));
-    Error::new(format!("the variable {name} became {value} at {} s", Shown(time)))
+    Error::new(format!("the variable {name} became {value} at {} s", Seconds(time)))
 }

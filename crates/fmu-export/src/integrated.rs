@@ -7,7 +7,7 @@ use core::{fmt, mem};
 use crate::audit::{check_evaluation, first_discrete_difference};
 use crate::context::Context;
 use crate::description::{Causality, DataType};
-use crate::display::Shown;
+use crate::display::Seconds;
 use crate::equations::{Equations, VariablesOf, evaluate, evaluate_values};
 use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
@@ -591,8 +591,8 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         };
         Error::new(format!(
             "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
-            Shown(start),
-            Shown(self.time)
+            Seconds(start),
+            Seconds(self.time)
         ))
     }
 
@@ -601,7 +601,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         Error::new(format!(
             "the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
              {tolerance:?}, or its derivative is not finite",
-            Shown(self.time),
+            Seconds(self.time),
             E::Variables::state_name(failure.state)
         ))
     }

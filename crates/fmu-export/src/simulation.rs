@@ -2,10 +2,8 @@
 
 use core::fmt;
 
-use crate::audit::are_equal;
 use crate::clock::Clock;
 use crate::context::{Context, Experiment};
-use crate::description::Causality;
 use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{InputsOf, Model, Step};
@@ -99,7 +97,7 @@ impl<M: Model> Simulation<M> {
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
-        if taken.as_ref().is_none_or(|taken| has_other_parameters(taken, variables)) {
+        if taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
             model.take_parameters(variables);
             *taken = Some(variables.clone());
         }
@@ -111,12 +109,6 @@ impl<M: Model> Simulation<M> {
         *time += size;
         Ok(())
     }
-}
-
-/// Whether any parameter differs.
-fn has_other_parameters<V: Variables>(one: &V, other: &V) -> bool {
-    let mut parameters = V::described().filter(|(_, variable)| variable.causality == Causality::Parameter);
-    parameters.any(|(reference, variable)| !are_equal(one, other, reference, variable.data_type))
 }
 
 fn log_to(messages: &mut Vec<(&'static str, String)>) -> impl FnMut(&'static str, fmt::Arguments<'_>) {

@@ -99,6 +99,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn inputs(&self) -> &Self::Inputs;
     /// The inputs, for temporary replacement.
     fn inputs_mut(&mut self) -> &mut Self::Inputs;
+    /// Whether all parameters have the values of others.
+    fn has_parameters_of(&self, other: &Self) -> bool;
     /// The variables as seen by an evaluation: read-only ones by shared references.
     fn evaluation<'a, T: Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T>;
     /// These variables over another number type: each number computed from this one's and the other's.

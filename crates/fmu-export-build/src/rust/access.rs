@@ -89,6 +89,10 @@ impl ::fmu_export::Variables for Variables {{
     fn inputs_mut(&mut self) -> &mut Inputs {{
         &mut self.inputs
     }}
+
+    fn has_parameters_of(&self, other: &Self) -> bool {{
+        self.parameters == other.parameters
+    }}
 {numbers}{accessors}{clocks}{marks}
     fn states_from_start(&mut self) {{
         self.states.clone_from(&self.start);

@@ -7,7 +7,7 @@ use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::{Interface, Phase};
 use crate::context::Context;
 use crate::description::ValueReference;
-use crate::display::Shown;
+use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::events::{Event, MOST_ITERATIONS};
 use crate::floating_point::in_default_environment;
@@ -127,7 +127,7 @@ impl<M: ModelExchange> Instance<M> {
                 logger.warning(format_args!(
                     "{MOST_ITERATIONS} events in a row barely advance beyond {} s, the last caused by {cause}: they come \
                      ever faster",
-                    Shown(time)
+                    Seconds(time)
                 ));
                 status = Status::Warning;
             }
@@ -161,7 +161,7 @@ impl<M: ModelExchange> Instance<M> {
             info.terminate = true;
             self.logger.event(
                 Status::Ok,
-                format_args!("the model requests the end of the simulation at {} s", Shown(end)),
+                format_args!("the model requests the end of the simulation at {} s", Seconds(end)),
             );
         }
         info.next = self.memory.events.next;
