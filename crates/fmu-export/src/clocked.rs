@@ -79,6 +79,7 @@ impl<C: Clocked> Persistent for ClockedModel<C> {
 
 impl<C: Clocked> Model for ClockedModel<C> {
     type Variables = C::Variables;
+    const TAKES_PARAMETERS: bool = false;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         C::check_parameters(variables)

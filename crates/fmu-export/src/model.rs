@@ -165,6 +165,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives of its initialization"))
     }
 
+    /// Whether [`Model::take_parameters`] does anything: if not, [`Simulation`](crate::Simulation) need not look for
+    /// changes.
+    const TAKES_PARAMETERS: bool = true;
+
     /// Receives the parameters after tunable ones changed, before anything is computed: for models that store what
     /// follows from them. They may contradict each other until [`Model::check_parameters`].
     fn take_parameters(&mut self, variables: &Self::Variables) {

@@ -123,6 +123,7 @@ impl<S: Sampled> SampledModel<S> {
 impl<S: Sampled> Model for SampledModel<S> {
     type Variables = S::Variables;
     const LONGEST_STEP: f64 = S::LONGEST_STEP;
+    const TAKES_PARAMETERS: bool = false;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         S::check_parameters(variables)?;

@@ -97,7 +97,7 @@ impl<M: Model> Simulation<M> {
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
-        if taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
+        if M::TAKES_PARAMETERS && taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
             model.take_parameters(variables);
             *taken = Some(variables.clone());
         }

@@ -223,6 +223,10 @@ impl ::fmu_export::Variables for Variables {
         &mut self.inputs
     }
 
+    fn has_parameters_of(&self, other: &Self) -> bool {
+        self.parameters == other.parameters
+    }
+
     type Of<T: ::fmu_export::Number> = Variables<T>;
     type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
 
