@@ -132,5 +132,5 @@ fn no_step_goes_beyond_a_strict_bound() {
     simulation.step(0.9).unwrap();
     let error = simulation.step(0.9).unwrap_err().to_string();
     assert!(error.contains("the error of level stays above the tolerance"), "{error}");
-    assert!(error.starts_with("the states cannot be integrated beyond 0.99"), "{error}");
+    assert!(error.starts_with("the states cannot be integrated beyond 1 s"), "{error}");
 }
