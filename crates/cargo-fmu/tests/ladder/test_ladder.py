@@ -23,6 +23,7 @@ from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
 from fmpy.validation import validate_fmu
 from importer import Status
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 REFERENCE = Path(__file__).parent / "reference"
 LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
@@ -354,11 +355,12 @@ def test_the_block_sticks_and_slips_in_closed_form(fmu, interface, static, slidi
 @pytest.mark.parametrize("interface", ["co-simulation", "CVode"])
 def test_valve_and_mass_of_the_furnace_follow_the_matrix_exponential(fmu, interface):
     """The equations are linear: with the constant input as a fourth state, x(t) = exp(A t) x(0)."""
-    result = simulate(fmu("Furnace"), interface, start_values={"command": 0.75}, stop_time=1, output_interval=0.01)
+    command = {"command": 0.75}
+    result = simulate(fmu("Furnace"), interface, start_values=command, stop_time=1, output_interval=0.01)
     # The columns: opening, speed, temperature above ambient, command.
     matrix = np.array([[0, 1, 0, 0], [-4e4, -100, 0, 4e4], [2e5 / 5e4, 0, -100 / 5e4, 0], [0, 0, 0, 0]])
-    expected = np.array([scipy.linalg.expm(matrix * time) @ [0, 0, 0, 0.75] for time in result["time"]])
-    assert expected[:, 0].max() > 1.05, "the valve does not overshoot"
+    expected = np.array([expm(matrix * time) @ [0, 0, 0, 0.75] for time in result["time"]])
+    assert expected[:, 0].max() > 0.9, "the valve does not overshoot its command"
     # An error of the tolerance, relative to nominal 1 and 1000 and the state, in each of a few hundred steps.
     assert np.abs(result["opening"] - expected[:, 0]).max() < 1000 * TOLERANCE
     assert np.abs(result["temperature"] - 300 - expected[:, 2]).max() < 1000 * 1300 * TOLERANCE
