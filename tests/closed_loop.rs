@@ -12,7 +12,7 @@ mod random;
 mod speed_range;
 
 use std::fs;
-use std::ops::Range;
+use std::ops::{Deref, DerefMut, Range};
 use std::path::Path;
 
 use boost_fmu::controller::BoostController;
@@ -21,7 +21,7 @@ use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
 use boost_steps::BOOST_STEPS;
 use fmu_export::description::Causality;
-use fmu_export::{Context, Experiment, InputSignal, Inputs, Model, Step, Variables};
+use fmu_export::{Experiment, InputSignal, Model, Simulation, Variables};
 use random::Random;
 
 /// The controller's sample time and the step of most masters here (s).
@@ -33,26 +33,31 @@ const END_OF_FIGURE_13: f64 = 124.0;
 const MARGIN: f64 = 20.0;
 
 /// A model with its variables.
-struct Instance<M: Model> {
-    model: M,
-    variables: M::Variables,
-    experiment: Experiment,
+struct Instance<M: Model>(Simulation<M>);
+
+impl<M: Model> Deref for Instance<M> {
+    type Target = Simulation<M>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
 }
 
-impl<M: Model> Instance<M>
-where
-    <M::Variables as Variables>::Inputs: Inputs,
-{
+impl<M: Model> DerefMut for Instance<M> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
+
+impl<M: Model> Instance<M> {
     fn new(start_time: f64) -> Self {
         let experiment = Experiment { start_time, ..Experiment::default() };
-        Self { model: M::default(), variables: M::Variables::default(), experiment }
+        Self(Simulation { experiment, ..Simulation::default() })
     }
 
     fn initialize(&mut self, inputs: &<M::Variables as Variables>::Inputs) {
-        M::check_parameters(&self.variables).expect("the parameters are consistent");
-        let mut log = |_, _: std::fmt::Arguments<'_>| {};
-        let mut context = Context::new(self.experiment, &mut log);
-        self.model.initialize(&mut self.variables, inputs, &mut context).expect("initialization succeeds");
+        self.inputs.clone_from(inputs);
+        self.0.initialize().expect("initialization succeeds");
     }
 
     /// All outputs, in the order of the description.
@@ -64,12 +69,8 @@ where
     }
 
     fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as Variables>::Inputs) {
-        let inputs = InputSignal::constant(inputs.clone());
-        let mut log = |_, _: std::fmt::Arguments<'_>| {};
-        let mut context = Context::new(self.experiment, &mut log);
-        let step = Step { start, size, inputs: &inputs };
-        self.model.take_parameters(&self.variables);
-        self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
+        self.time = start;
+        self.0.step_with(size, &InputSignal::constant(inputs.clone())).expect("the step succeeds");
     }
 }
 
@@ -158,7 +159,8 @@ impl Loop {
             self.plant.step(-20.0 + f64::from(step) * STEP, STEP, &inputs);
         }
         self.plant.variables.parameters.tank.frozen = false;
-        self.plant.model.refresh(0.0, &mut self.plant.variables, &inputs);
+        let Simulation { model, variables, .. } = &mut *self.plant;
+        model.refresh(0.0, variables, &inputs);
         self
     }
 
