@@ -39,7 +39,7 @@ const TIME_TOLERANCE: f64 = 1e-9;
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
 /// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
-/// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+/// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`](crate::DEFAULT_TOLERANCE).
 #[derive(Debug)]
 pub struct Integrated<E: Equations, I = Integrator> {
     /// The model of equations.
