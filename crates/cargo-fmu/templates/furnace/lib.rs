@@ -25,7 +25,8 @@ impl Equations for {Type} {
 fn valve<T: Number>(variables: &mut Evaluation<'_, T>) {
     let states = variables.states;
     variables.derivatives.opening = states.speed;
-    variables.derivatives.speed = (variables.inputs.command - states.opening) * 4e4 - states.speed * 100.0;
+    variables.derivatives.speed =
+        (variables.inputs.command - states.opening) * 4e4 - states.speed * 100.0;
 }
 
 fn mass<T: Number>(variables: &mut Evaluation<'_, T>) {
