@@ -92,8 +92,8 @@ def test_library_defines_the_standards_functions_only(exports: Exports, name: st
 
 @BOTH
 def test_library_is_not_much_larger_than_that_of_fmi_2(exports: Exports, name: str) -> None:
-    """It has 75 functions instead of 44, over the same variables: an array is one in both. The plant's equations
-    are compiled once more, for adjoint derivatives."""
+    """It has 75 functions instead of 44, over the same variables: an array is one in both. The plant's
+    equations are compiled once more, for adjoint derivatives."""
     of_fmi2, of_fmi3 = (exports[name, version].library.stat().st_size for version in VERSIONS)
     print(f"\n{name}: FMI 2.0 {of_fmi2 / 1e3:.0f} kB, FMI 3.0 {of_fmi3 / 1e3:.0f} kB", end="")
     assert of_fmi3 < (1.6 if name == "BoostPlant" else 1.3) * of_fmi2
