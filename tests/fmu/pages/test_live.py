@@ -589,12 +589,12 @@ def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_p
     assert saved.name == "figure_1_run_1.csv"
     download.value.save_as(saved)
     scenario = SCENARIOS / "figure_1.toml"
-    assert lab("simulate", scenario, "--fmus", exported, "--units", "--out", recorded).returncode == 0
+    assert lab("simulate", scenario, "--fmus", exported, "--out", recorded).returncode == 0
     rows, others = (list(csv.reader(file.read_text().splitlines())) for file in (saved, recorded))
-    assert rows[0] == others[0]
-    assert "boost_pressure (Pa)" in rows[0]
-    assert [[float(cell) for cell in row] for row in rows[1:]] == [
-        [float(cell) for cell in row] for row in others[1:]
+    assert rows[:2] == others[:2]
+    assert rows[1][rows[0].index("boost_pressure")] == "Pa"
+    assert [[float(cell) for cell in row] for row in rows[2:]] == [
+        [float(cell) for cell in row] for row in others[2:]
     ]
     assert len(rows) > 600
 
