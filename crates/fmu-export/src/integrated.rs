@@ -15,7 +15,7 @@ use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{
     Directions, Integrate, Integrator, MOST_DENSE, Method, Part, Pattern, StepFailure, System, Tolerance,
-    TwoParts,
+    Trials, TwoParts,
 };
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
@@ -465,26 +465,15 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
                 let last = step.size - ROUNDINGS * f64::EPSILON * end.abs();
                 let due = due.map(|due| due - step.start).filter(|due| *due < last);
                 let target = due.unwrap_or(step.size);
-                let mut system = Equated {
-                    equations: &self.equations,
-                    variables: &mut *variables,
-                    inputs: step.inputs,
-                    start: step.start,
-                    most_trials,
-                };
+                let mut system = Equated::new(&self.equations, variables, step);
                 let nominals = E::ERROR_SCALES.unwrap_or(E::Variables::STATE_NOMINALS);
                 let limits = Tolerance { relative: tolerance, nominals };
                 let times = (self.elapsed, target);
-                match self.integrator.step(&mut system, times, states, &limits, &mut trials) {
+                let counted = Trials { count: &mut trials, most: most_trials };
+                match self.integrator.step(&mut system, times, states, &limits, counted) {
                     Ok(reached) => {
                         crossed = self.find_event(variables, step, reached, states, &mut trials)?;
-                        self.integrator.end_step(&Equated {
-                            equations: &self.equations,
-                            variables: &mut *variables,
-                            inputs: step.inputs,
-                            start: step.start,
-                            most_trials,
-                        });
+                        self.integrator.end_step(&Equated::new(&self.equations, variables, step));
                     }
                     Err(failure) if trials <= most_trials => {
                         return Err(self.not_integrable(failure, tolerance));
@@ -652,8 +641,7 @@ impl<E: Equations, I: Integrate> Trajectory for Solution<'_, E, I> {
         let Self { model, variables, step, states } = self;
         model.elapsed = elapsed;
         model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-        let (equations, inputs) = (&model.equations, step.inputs);
-        let mut system = Equated { equations, variables, inputs, start: step.start, most_trials: 0 };
+        let mut system = Equated::new(&model.equations, variables, step);
         model.integrator.states_at(&mut system, elapsed, states);
         system.evaluate(elapsed, states);
         model.find_changes(variables)
@@ -667,11 +655,17 @@ struct Equated<'a, E: Equations> {
     inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
     /// The start of the step and its inputs, in s.
     start: f64,
-    /// The most trials of the step.
-    most_trials: u32,
 }
 
-impl<E: Equations> Equated<'_, E> {
+impl<'a, E: Equations> Equated<'a, E> {
+    fn new(
+        equations: &'a E,
+        variables: &'a mut E::Variables,
+        step: &Step<'a, <E::Variables as Variables>::Inputs>,
+    ) -> Self {
+        Self { equations, variables, inputs: step.inputs, start: step.start }
+    }
+
     fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
         if !self.inputs.is_constant() {
             self.inputs.set_at(elapsed, self.variables.inputs_mut());
@@ -732,10 +726,6 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
 
     fn is_constant(&self) -> bool {
         self.inputs.is_constant()
-    }
-
-    fn most_trials(&self) -> u32 {
-        self.most_trials
     }
 
     fn range(state: usize) -> [f64; 2] {

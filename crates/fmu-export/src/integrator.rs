@@ -123,6 +123,23 @@ impl Persistent for Integrator {
     }
 }
 
+/// The trials of a communication step.
+#[derive(Debug)]
+pub struct Trials<'a> {
+    /// Their number.
+    pub count: &'a mut u32,
+    /// The number after which the step fails.
+    pub most: u32,
+}
+
+impl Trials<'_> {
+    /// Counts one. Returns whether it is one too many.
+    fn add(&mut self) -> bool {
+        *self.count += 1;
+        *self.count > self.most
+    }
+}
+
 /// What integrates the states of a model in co-simulation.
 pub trait Integrate: Clone + core::fmt::Debug + Persistent + Send + Sync + 'static {
     /// Whether [`Integrate::states_at`] gives states within a step, where events are searched.
@@ -143,7 +160,7 @@ pub trait Integrate: Clone + core::fmt::Debug + Persistent + Send + Sync + 'stat
         times: (f64, f64),
         states: &[f64],
         tolerance: &Tolerance<'_>,
-        trials: &mut u32,
+        trials: Trials<'_>,
     ) -> Result<f64, StepFailure>;
     /// The states at a time in the last step.
     fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]);
@@ -176,9 +193,9 @@ impl Integrate for Integrator {
         times: (f64, f64),
         states: &[f64],
         tolerance: &Tolerance<'_>,
-        trials: &mut u32,
+        trials: Trials<'_>,
     ) -> Result<f64, StepFailure> {
-        self.step(system, times, states, tolerance, trials)
+        self.step(system, times, states, tolerance, trials.count)
     }
 
     fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {

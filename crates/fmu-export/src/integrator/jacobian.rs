@@ -16,7 +16,7 @@ const SERVES: u32 = 20;
 /// step with an older one then has two decades to err more, and ends its service if it does.
 const SMALL_ERROR: f64 = 0.01;
 /// The largest relative difference of a step's length from the one of the factors.
-const SIMILAR: f64 = 0.4;
+pub(super) const SIMILAR: f64 = 0.4;
 
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {

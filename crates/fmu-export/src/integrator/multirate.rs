@@ -10,8 +10,9 @@
 use core::{array, mem, ops::Range};
 
 use super::dense;
+use super::jacobian::SIMILAR;
 use super::method::{Method, ROS34PW2};
-use super::{Integrate, Integrator, StepFailure, StepSize, System, Tolerance};
+use super::{Integrate, Integrator, StepFailure, StepSize, System, Tolerance, Trials};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
@@ -20,8 +21,6 @@ const STAGES: usize = METHOD.stages.len();
 
 /// The most steps with one Jacobian.
 const SERVES: u32 = 25;
-/// The largest relative difference of a step's length from the one of the inverse.
-const SIMILAR: f64 = 0.4;
 /// The difference of a state for the Jacobian, in allowed errors.
 const DIFFERENCE: f64 = 1e-2;
 /// The difference in time for the drift, relative to the step.
@@ -65,8 +64,6 @@ pub trait TwoParts: System {
     fn is_coupled(&self) -> bool;
     /// Whether the inputs are constant.
     fn is_constant(&self) -> bool;
-    /// The number of trials after which a communication step fails.
-    fn most_trials(&self) -> u32;
     /// The range of a state.
     fn range(state: usize) -> [f64; 2];
 }
@@ -131,10 +128,10 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         (time, end): (f64, f64),
         states: &[f64],
         tolerance: &Tolerance<'_>,
-        trials: &mut u32,
+        trials: Trials<'_>,
     ) -> Result<f64, StepFailure> {
         if system.is_coupled() {
-            let reached = self.together.step(system, (time, end), states, tolerance, trials);
+            let reached = self.together.step(system, (time, end), states, tolerance, trials.count);
             self.decisive = self.together.decisive_state();
             return reached;
         }
@@ -223,7 +220,7 @@ struct Parts<'a, S, const FAST: usize> {
     drives: &'a [bool; FAST],
     ahead: &'a mut Vec<FastStep<FAST>>,
     end: f64,
-    trials: &'a mut u32,
+    trials: Trials<'a>,
 }
 
 impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
@@ -275,8 +272,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
     fn lead_to<const SLOW: usize>(&mut self, time: f64, slow: &[f64; SLOW]) -> Result<(), StepFailure> {
         let Self { system, fast, ahead, end, trials, .. } = self;
         while fast.time < time && ahead.len() < MOST_AHEAD {
-            **trials += 1;
-            fast.is_abandoned = **trials > system.most_trials();
+            let is_last = trials.add();
             let (begin, states, slopes) = (fast.time, fast.states, fast.slopes);
             if fast.serves == 0 {
                 fast.linearize(|states| Self::fast(system, begin, states, slow));
@@ -289,7 +285,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                 drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
             }
             let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
-            if let Some(trial) = fast.settle(trial, length, to)? {
+            if let Some(trial) = fast.settle(trial, length, to, is_last)? {
                 ahead.push(FastStep {
                     begin,
                     end: to,
@@ -312,8 +308,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
         slow: &mut Course<SLOW>,
         coupling: &mut [[f64; SLOW]; FAST],
     ) -> Result<(), StepFailure> {
-        *self.trials += 1;
-        slow.is_abandoned = *self.trials > self.system.most_trials();
+        let is_last = self.trials.add();
         let begin = slow.time;
         if slow.serves == 0 {
             self.linearize(slow, coupling);
@@ -340,7 +335,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             let fast = self.fast_at(time);
             Self::slow(self.system, time, &fast, states)
         });
-        let settled = slow.settle(trial, length, to);
+        let settled = slow.settle(trial, length, to, is_last);
         if settled.map_err(|failure| StepFailure { state: FAST + failure.state })?.is_some() {
             if to < self.end {
                 slow.slopes = Self::slow(self.system, to, &self.fast_at(to), &slow.states);
@@ -386,8 +381,6 @@ struct Course<const N: usize> {
     serves: u32,
     /// Whether no step was accepted with it yet.
     is_fresh: bool,
-    /// Whether the next step fails.
-    is_abandoned: bool,
     /// The inverse of 1 − γ·h·J, by columns.
     inverse: [[f64; N]; N],
     /// The length h of the inverse; 0 if there is none.
@@ -429,7 +422,6 @@ impl<const N: usize> Course<N> {
             jacobian: [[0.0; N]; N],
             serves: 0,
             is_fresh: false,
-            is_abandoned: false,
             inverse: [[0.0; N]; N],
             inverse_of: 0.0,
         }
@@ -569,12 +561,13 @@ impl<const N: usize> Course<N> {
         stages[STAGE] = product(&self.inverse, &right);
     }
 
-    /// Accepts or rejects a step to a time. Returns it if accepted.
+    /// Accepts or rejects a step to a time, after which there may be none. Returns it if accepted.
     fn settle(
         &mut self,
         trial: Option<Trial<N>>,
         length: f64,
         to: f64,
+        is_last: bool,
     ) -> Result<Option<Trial<N>>, StepFailure> {
         let error = match &trial {
             Some(trial) if self.is_within(&trial.states) => self.relative(&trial.states, &trial.error),
@@ -582,7 +575,7 @@ impl<const N: usize> Course<N> {
         };
         // The fourth root instead of the third damps the changes of the length.
         let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
-        if self.is_abandoned || !is_accepted && self.steps.next < SHORTEST_STEP {
+        if is_last || !is_accepted && self.steps.next < SHORTEST_STEP {
             return Err(StepFailure { state: trial.map_or(0, |trial| self.decisive(&trial)) });
         }
         let trial = trial.filter(|_| is_accepted);
