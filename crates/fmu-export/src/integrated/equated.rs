@@ -1,0 +1,181 @@
+//! A model's equations as the system that the integrator steps.
+
+use core::ops::Range;
+
+use crate::equations::{Equations, evaluate, evaluate_values};
+use crate::inputs::InputSignal;
+use crate::integrator::{Directions, MOST_DENSE, Method, Part, Pattern, System, TwoParts};
+use crate::model::Step;
+use crate::number::Dual;
+use crate::tape::{Recorded, Tape};
+use crate::variables::Variables;
+
+/// A model's equations with the inputs of a step.
+pub(super) struct Equated<'a, E: Equations> {
+    equations: &'a E,
+    variables: &'a mut E::Variables,
+    inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
+    /// The start of the step and its inputs, in s.
+    start: f64,
+}
+
+impl<'a, E: Equations> Equated<'a, E> {
+    pub(super) fn new(
+        equations: &'a E,
+        variables: &'a mut E::Variables,
+        step: &Step<'a, <E::Variables as Variables>::Inputs>,
+    ) -> Self {
+        Self { equations, variables, inputs: step.inputs, start: step.start }
+    }
+
+    fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
+        if !self.inputs.is_constant() {
+            self.inputs.set_at(elapsed, self.variables.inputs_mut());
+        }
+        E::Variables::set_states(self.variables, states);
+    }
+
+    pub(super) fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
+        self.set(elapsed, |state| states[state]);
+        evaluate_values(self.equations, self.start + elapsed, self.variables);
+    }
+
+    /// Records an evaluation on an empty tape. Returns the states on it, the first numbers there, and their derivatives.
+    fn record<'t>(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        tape: &'t Tape,
+    ) -> (Vec<Recorded<'t>>, Vec<Recorded<'t>>) {
+        self.set(elapsed, |state| states[state]);
+        let constant = |value: f64, _| Recorded::from(value);
+        let mut recorded = self.variables.combined(self.variables, constant);
+        let states: Vec<_> = states.iter().map(|&state| tape.variable(state)).collect();
+        E::Variables::set_states(&mut recorded, |state| states[state]);
+        evaluate(self.equations, Recorded::from(self.start + elapsed), &mut recorded);
+        let mut rates = states.clone();
+        E::Variables::each_derivative(&recorded, |row, rate| rates[row] = rate);
+        (states, rates)
+    }
+}
+
+impl<E: Equations> TwoParts for Equated<'_, E> {
+    fn drives(state: usize, slow: Range<usize>) -> bool {
+        slow.into_iter().any(|derivative| E::Variables::derivative_reads(derivative, state))
+    }
+
+    #[inline]
+    fn part_derivatives(
+        &mut self,
+        part: Part,
+        elapsed: f64,
+        states: impl Fn(usize) -> f64,
+        derivatives: impl FnMut(usize, f64),
+    ) {
+        self.set(elapsed, states);
+        let time = self.start + elapsed;
+        self.equations.evaluate_part(part, time, E::Variables::evaluation(self.variables));
+        E::Variables::each_derivative(self.variables, derivatives);
+    }
+
+    fn present_derivatives(&self, derivatives: impl FnMut(usize, f64)) {
+        E::Variables::each_derivative(self.variables, derivatives);
+    }
+
+    fn is_coupled(&self) -> bool {
+        self.equations.is_coupled(self.variables)
+    }
+
+    fn is_constant(&self) -> bool {
+        self.inputs.is_constant()
+    }
+
+    fn range(state: usize) -> [f64; 2] {
+        let strict = E::Variables::STRICT_STATES.iter().find(|(states, ..)| states.contains(&state));
+        strict.map_or([f64::NEG_INFINITY, f64::INFINITY], |&(_, min, max)| [min, max])
+    }
+}
+
+impl<E: Equations> System for Equated<'_, E> {
+    const METHOD: &'static Method = E::METHOD;
+    const TOLERANCE_IS_ABSOLUTE: bool = E::ERROR_SCALES.is_some();
+    const LONGEST_STEP: f64 = E::LONGEST_INTERNAL_STEP;
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
+
+    fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
+        self.set(elapsed, |state| states[state]);
+        if self.variables.first_beyond().is_some() {
+            // The integrator takes a shorter step.
+            return derivatives.fill(f64::NAN);
+        }
+        evaluate_values(self.equations, self.start + elapsed, self.variables);
+        E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
+    }
+
+    fn linearize(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    ) {
+        self.set(elapsed, |state| states[state]);
+        let time = self.start + elapsed;
+        let is_autonomous = !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant();
+        if is_autonomous {
+            by_time.fill(0.0);
+            if directions.count() == 0 {
+                return;
+            }
+        }
+        let constant = |value: f64, _| Dual::from(value);
+        let mut duals = self.variables.combined(self.variables, constant);
+        let count = directions.count();
+        for direction in 0..count {
+            E::Variables::set_states(&mut duals, |state| {
+                Dual::new(states[state], directions.component(direction, state))
+            });
+            evaluate(self.equations, Dual::from(time), &mut duals);
+            E::Variables::each_derivative(&duals, |row, rate: Dual| {
+                products[row * count + direction] = rate.derivative;
+            });
+        }
+        if is_autonomous {
+            return;
+        }
+        if !self.inputs.is_constant() {
+            let mut direction = E::Variables::zero();
+            *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
+            duals = self.variables.combined(&direction, Dual::new);
+        }
+        E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
+        evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
+        E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+    }
+
+    fn gradients(
+        &mut self,
+        elapsed: f64,
+        states: &[f64],
+        rows: &[usize],
+        mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let mut tape = Tape::new();
+        tape.clear();
+        let (states, rates) = self.record(elapsed, states, &tape);
+        for &row in rows {
+            tape.differentiate(rates[row]);
+            take(row, &|column| tape.derivative(states[column]));
+        }
+    }
+
+    fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
+        let (size, mut tape, mut reached) = (states.len(), Tape::new(), vec![]);
+        tape.clear();
+        let (_, rates) = self.record(elapsed, states, &tape);
+        Pattern::of_rows(size, |row, columns| {
+            tape.add_dependencies(rates[row], row, size, &mut reached, columns);
+        })
+    }
+}
