@@ -25,6 +25,7 @@ mod multirate;
 mod pattern;
 mod sparse;
 mod step_size;
+mod system;
 #[cfg(test)]
 mod tests;
 
@@ -33,66 +34,18 @@ use core::mem;
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-pub use jacobian::Directions;
 use jacobian::{Jacobian, Matrix};
 pub use method::{Method, RODAS5P, ROS34PW2};
-pub use multirate::{Part, TwoParts, TwoRates};
+pub use multirate::TwoRates;
 pub use pattern::Pattern;
 use step_size::StepSize;
+pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, TwoParts};
 
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
-/// The most states whose linear equations are always dense: about where both take equally long for random networks.
-pub const MOST_DENSE: usize = 20;
 
 /// The shortest step, in roundings of the time.
 const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
-
-/// A system dx/dt = f(t, x).
-pub trait System {
-    /// How it is integrated.
-    const METHOD: &'static Method = &RODAS5P;
-    /// Whether the tolerance is relative to nominal values alone.
-    const TOLERANCE_IS_ABSOLUTE: bool = false;
-    /// The longest step in s.
-    const LONGEST_STEP: f64 = f64::INFINITY;
-    /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
-    const MAY_BE_SPARSE: bool = false;
-
-    /// Computes the derivatives of the states.
-    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
-    /// Computes their derivatives along directions of the states, by rows, and with respect to time.
-    fn linearize(
-        &mut self,
-        time: f64,
-        states: &[f64],
-        directions: &impl Directions,
-        products: &mut [f64],
-        by_time: &mut [f64],
-    );
-    /// Computes rows of the Jacobian, each as a function of the column, for a system that gives a pattern.
-    fn gradients(
-        &mut self,
-        time: f64,
-        states: &[f64],
-        rows: &[usize],
-        take: impl FnMut(usize, &dyn Fn(usize) -> f64),
-    ) {
-        let _ = (time, states, rows, take);
-    }
-    /// Where the Jacobian has elements at this time and these states; full if unknown.
-    fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
-        let _ = (time, states);
-        Pattern::full()
-    }
-}
-
-/// Even the shortest step misses the tolerance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StepFailure {
-    /// The position of the state whose error is largest relative to its tolerance, or NaN.
-    pub state: usize,
-}
 
 /// The integrator with its last step.
 #[derive(Debug)]
@@ -461,23 +414,6 @@ impl Work {
             }
         }
         largest
-    }
-}
-
-/// The allowed error of a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Tolerance<'a> {
-    /// Relative to the sum of a state and its nominal value.
-    pub relative: f64,
-    /// The nominal value of each state.
-    pub nominals: &'a [f64],
-}
-
-impl Tolerance<'_> {
-    #[inline]
-    fn scale<S: System>(&self, state: usize, value: f64) -> f64 {
-        let magnitude = if S::TOLERANCE_IS_ABSOLUTE { 0.0 } else { value.abs() };
-        self.relative * (magnitude + self.nominals[state])
     }
 }
 

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::pattern::Pattern;
-use super::{MOST_DENSE, System, dense, sparse};
+use super::step_size::SIMILAR;
+use super::system::{Directions, MOST_DENSE, System};
+use super::{dense, sparse};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
@@ -15,17 +17,6 @@ const SERVES: u32 = 20;
 /// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
 /// step with an older one then has two decades to err more, and ends its service if it does.
 const SMALL_ERROR: f64 = 0.01;
-/// The largest relative difference of a step's length from the one of the factors.
-pub(super) const SIMILAR: f64 = 0.4;
-
-/// Directions along which products of the Jacobian are computed.
-pub trait Directions {
-    /// Their number.
-    fn count(&self) -> usize;
-    /// The component of a direction along a state. Where the pattern is full, each direction is that of the state at its
-    /// position.
-    fn component(&self, direction: usize, state: usize) -> f64;
-}
 
 /// A Jacobian.
 #[derive(Debug, Default)]

@@ -7,12 +7,13 @@
 //! share the inverse of their matrix. The compiler knows the number of states, so a step costs little more than its
 //! evaluations.
 
-use core::{array, mem, ops::Range};
+use core::{array, mem};
 
 use super::dense;
-use super::jacobian::SIMILAR;
 use super::method::{Method, ROS34PW2};
-use super::{Integrate, Integrator, StepFailure, StepSize, System, Tolerance, Trials};
+use super::step_size::{SIMILAR, StepSize};
+use super::system::{Part, StepFailure, System, Tolerance, TwoParts};
+use super::{Integrate, Integrator, Trials};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
@@ -36,37 +37,6 @@ const MOST_AHEAD: usize = 16;
 const FIRST_STEP: f64 = 1e-3;
 /// The shortest step in s; the integration fails if it is rejected.
 const SHORTEST_STEP: f64 = 1e-9;
-
-/// A part of a model's states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// The first states, which do not depend on the others.
-    Fast,
-    /// The other states.
-    Slow,
-}
-
-/// A system whose parts can be evaluated one by one.
-pub trait TwoParts: System {
-    /// Computes the derivatives of a part's states from all states. Those of the other part are arbitrary.
-    fn part_derivatives(
-        &mut self,
-        part: Part,
-        time: f64,
-        states: impl Fn(usize) -> f64,
-        derivatives: impl FnMut(usize, f64),
-    );
-    /// The derivatives at the time and states of the last complete evaluation.
-    fn present_derivatives(&self, derivatives: impl FnMut(usize, f64));
-    /// Whether derivatives of the slow part depend on a fast state.
-    fn drives(state: usize, slow: Range<usize>) -> bool;
-    /// Whether the fast part depends on the slow one, so that both must take the same steps.
-    fn is_coupled(&self) -> bool;
-    /// Whether the inputs are constant.
-    fn is_constant(&self) -> bool;
-    /// The range of a state.
-    fn range(state: usize) -> [f64; 2];
-}
 
 /// Integrates the first states, `FAST` in number, ahead of the other ones, `SLOW` in number.
 #[derive(Clone, Debug)]

@@ -7,6 +7,8 @@ const GROWTH: f64 = 6.0;
 const REDUCTION: f64 = 0.2;
 /// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
+/// With a method that takes any matrix, steps share one whose lengths differ by no more than this, relatively.
+pub(super) const SIMILAR: f64 = 0.4;
 
 /// The length of the next step.
 #[derive(Clone, Copy, Debug)]

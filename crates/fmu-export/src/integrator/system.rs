@@ -1,0 +1,112 @@
+//! What the integrator steps: a system of equations, as a whole or in two parts, and the error that it may make.
+
+use core::ops::Range;
+
+use super::method::{Method, RODAS5P};
+use super::pattern::Pattern;
+
+/// The most states whose linear equations are always dense: about where both take equally long for random networks.
+pub const MOST_DENSE: usize = 20;
+
+/// Directions along which products of the Jacobian are computed.
+pub trait Directions {
+    /// Their number.
+    fn count(&self) -> usize;
+    /// The component of a direction along a state. Where the pattern is full, each direction is that of the state at its
+    /// position.
+    fn component(&self, direction: usize, state: usize) -> f64;
+}
+
+/// A system dx/dt = f(t, x).
+pub trait System {
+    /// How it is integrated.
+    const METHOD: &'static Method = &RODAS5P;
+    /// Whether the tolerance is relative to nominal values alone.
+    const TOLERANCE_IS_ABSOLUTE: bool = false;
+    /// The longest step in s.
+    const LONGEST_STEP: f64 = f64::INFINITY;
+    /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
+    const MAY_BE_SPARSE: bool = false;
+
+    /// Computes the derivatives of the states.
+    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
+    /// Computes their derivatives along directions of the states, by rows, and with respect to time.
+    fn linearize(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    );
+    /// Computes rows of the Jacobian, each as a function of the column, for a system that gives a pattern.
+    fn gradients(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        rows: &[usize],
+        take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let _ = (time, states, rows, take);
+    }
+    /// Where the Jacobian has elements at this time and these states; full if unknown.
+    fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
+        let _ = (time, states);
+        Pattern::full()
+    }
+}
+
+/// Even the shortest step misses the tolerance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepFailure {
+    /// The position of the state whose error is largest relative to its tolerance, or NaN.
+    pub state: usize,
+}
+
+/// A part of a model's states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The first states, which do not depend on the others.
+    Fast,
+    /// The other states.
+    Slow,
+}
+
+/// A system whose parts can be evaluated one by one.
+pub trait TwoParts: System {
+    /// Computes the derivatives of a part's states from all states. Those of the other part are arbitrary.
+    fn part_derivatives(
+        &mut self,
+        part: Part,
+        time: f64,
+        states: impl Fn(usize) -> f64,
+        derivatives: impl FnMut(usize, f64),
+    );
+    /// The derivatives at the time and states of the last complete evaluation.
+    fn present_derivatives(&self, derivatives: impl FnMut(usize, f64));
+    /// Whether derivatives of the slow part depend on a fast state.
+    fn drives(state: usize, slow: Range<usize>) -> bool;
+    /// Whether the fast part depends on the slow one, so that both must take the same steps.
+    fn is_coupled(&self) -> bool;
+    /// Whether the inputs are constant.
+    fn is_constant(&self) -> bool;
+    /// The range of a state.
+    fn range(state: usize) -> [f64; 2];
+}
+
+/// The allowed error of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerance<'a> {
+    /// Relative to the sum of a state and its nominal value.
+    pub relative: f64,
+    /// The nominal value of each state.
+    pub nominals: &'a [f64],
+}
+
+impl Tolerance<'_> {
+    #[inline]
+    pub(super) fn scale<S: System>(&self, state: usize, value: f64) -> f64 {
+        let magnitude = if S::TOLERANCE_IS_ABSOLUTE { 0.0 } else { value.abs() };
+        self.relative * (magnitude + self.nominals[state])
+    }
+}
