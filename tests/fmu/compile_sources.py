@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -56,5 +57,5 @@ if __name__ == "__main__":
     source, target = map(Path, sys.argv[1:3])
     fmus = sorted(source.rglob("*.fmu"))
     assert fmus, f"{source} has no FMUs"
-    for fmu in fmus:
-        compile_sources(fmu, target / fmu.relative_to(source), *sys.argv[3:])
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        list(threads.map(lambda fmu: compile_sources(fmu, target / fmu.relative_to(source), *sys.argv[3:]), fmus))

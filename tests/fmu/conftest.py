@@ -62,8 +62,8 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 @pytest.fixture(scope="session")
 def laboratory() -> Path:
     """The laboratory's command."""
-    command = TARGET / "release" / "boost-lab"
-    assert command.is_file(), "build first: cargo build --release --package boost-lab"
+    command = TARGET / "debug" / "boost-lab"
+    assert command.is_file(), "build first: cargo test --no-run --package boost-lab"
     return command
 
 

@@ -173,7 +173,7 @@ def test_a_killed_study_is_resumed(lab: Run, exported: Path, tmp_path: Path) -> 
     out = tmp_path / "out"
     journal = out / "journal.jsonl"
     arguments = ["sweep", study, "--fmus", exported, "--out", out]
-    process = subprocess.Popen([TARGET / "release" / "boost-lab", *arguments], stdout=subprocess.PIPE)
+    process = subprocess.Popen([TARGET / "debug" / "boost-lab", *arguments], stdout=subprocess.PIPE)
     while process.poll() is None and (not journal.exists() or journal.read_text().count("\n") < 4):
         time.sleep(0.002)
     process.send_signal(signal.SIGKILL)
