@@ -8,7 +8,6 @@
 pub mod controller;
 pub mod elementary;
 pub mod plant;
-pub mod solver;
 
 /// The modelDescription.xml of the plant and of the controller.
 pub const DESCRIPTIONS: [&str; 2] = [

@@ -2,11 +2,10 @@
 //!
 //! [`running`] is an engine just started: no boost, both shafts turning slowly, the wastegate shut. [`settled`] is the
 //! steady state for the initial inputs, so that an experiment starts at rest: the actuation is solved in closed form,
-//! the gas path with the steady-state solver. In both, the vacuum tank has its start pressure: it leaks and is never in
+//! the gas path by [`steady_state`]. In both, the vacuum tank has its start pressure: it leaks and is never in
 //! equilibrium.
 
-use std::array;
-
+use fmu_export::steady_state::{self, NoSteadyState};
 use fmu_export::{Dual, Number, Simulation};
 
 use super::BoostPlant;
@@ -14,8 +13,6 @@ use super::system::{GAS_PATH_SCALES, System};
 use super::variables::{
     ActuationStates, GasPathStates, InitializationMode, Inputs, Parameters, StateGroups, States, Variables,
 };
-use crate::solver::linear;
-use crate::solver::steady_state::{self, NoSteadyState};
 
 const GAS_PATH: usize = GasPathStates::COUNT;
 
@@ -61,94 +58,86 @@ pub struct Shortcoming {
     pub followed: f64,
 }
 
+/// The gas path and the rod at rest, for parameters, inputs and a tank pressure in Pa.
+struct AtRest<T: Number> {
+    system: System<T>,
+    inputs: Inputs<T>,
+    /// The states with the actuation at rest.
+    actuated: States<T>,
+}
+
+impl<T: Number> AtRest<T> {
+    fn new(parameters: &Parameters<T>, inputs: &Inputs<T>, tank_pressure: T) -> Self {
+        let system = System::new(parameters);
+        let running = running(&system, inputs, tank_pressure);
+        Self { actuated: settle_actuation(&system, inputs, running), inputs: *inputs, system }
+    }
+
+    /// The rates of the gas path with the rod at rest.
+    fn rates(&self, unknowns: [T; GAS_PATH]) -> [T; GAS_PATH] {
+        let gas_path = GasPathStates::from_array(unknowns);
+        let opening = self.system.actuator.opening(self.position(&gas_path));
+        self.system.gas_path(&self.inputs, &gas_path, opening).derivatives.to_array()
+    }
+
+    /// The position in m at which the rod rests without friction: membrane and exhaust forces balance spring and stops.
+    fn position(&self, gas_path: &GasPathStates<T>) -> T {
+        let forces = self.system.actuator.evaluate(
+            0.0.into(),
+            0.0.into(),
+            self.inputs.ambient_pressure,
+            self.actuated.actuator.chamber_pressure,
+            System::exhaust_difference(gas_path),
+        );
+        self.system.actuator.position_at_rest(forces.membrane_force + forces.exhaust_force)
+    }
+
+    /// The states with the gas path at rest, and with it the rod.
+    fn states(&self, unknowns: [T; GAS_PATH]) -> States<T> {
+        let gas_path = GasPathStates::from_array(unknowns);
+        let actuation = ActuationStates::of(&self.actuated);
+        let mut states = States::from_groups(StateGroups { actuation, gas_path });
+        states.actuator.position = self.position(&gas_path);
+        states
+    }
+}
+
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
 /// If none is found, the states at the end of the transient from [`running`].
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
-    let mut system = System::new(parameters);
-    system.freeze_tank(true);
-    let start = running(&system, inputs, tank_pressure);
-    let actuated = settle_actuation(&system, inputs, start);
-    let chamber_pressure = actuated.actuator.chamber_pressure;
-    let rates = |unknowns: &[f64; GAS_PATH]| settled_rates(&system, inputs, chamber_pressure, unknowns);
-    let differentiated = System::new(&parameters.map(Dual::from));
-    let constant_inputs = inputs.map(Dual::from);
-    let rates_along = |unknowns: &[f64; GAS_PATH], position: usize| {
-        settled_rates_along(&differentiated, &constant_inputs, chamber_pressure, unknowns, position)
-    };
-    let guess = GasPathStates::of(&actuated).to_array();
-    match steady_state::find(rates, rates_along, guess, &GAS_PATH_SCALES.to_array()) {
-        Ok(unknowns) => {
-            let gas_path = GasPathStates::from_array(unknowns);
-            Settled { states: settle_gas_path(&system, inputs, actuated, gas_path), shortcoming: None }
-        }
+    let at_rest = AtRest::new(parameters, inputs, tank_pressure);
+    let still = AtRest::new(&parameters.map(Dual::from), &inputs.map(Dual::from), tank_pressure.into());
+    let guess = GasPathStates::of(&at_rest.actuated).to_array();
+    match steady_state::find(|unknowns| still.rates(unknowns), guess, &GAS_PATH_SCALES.to_array()) {
+        Ok(unknowns) => Settled { states: at_rest.states(unknowns), shortcoming: None },
         Err(failure) => {
+            let start = running(&at_rest.system, inputs, tank_pressure);
             let (states, followed) = follow_transient(parameters, inputs, start);
             Settled { states, shortcoming: Some(Shortcoming { failure, followed }) }
         }
     }
 }
 
-/// The rates of the gas path with the rod at rest at the chamber pressure in Pa.
-fn settled_rates<D: Number>(
-    system: &System<D>,
-    inputs: &Inputs<D>,
-    chamber_pressure: D,
-    unknowns: &[D; GAS_PATH],
-) -> [D; GAS_PATH] {
-    let gas_path = GasPathStates::from_array(*unknowns);
-    let position = position_at_rest(system, inputs, chamber_pressure, &gas_path);
-    system.gas_path(inputs, &gas_path, system.actuator.opening(position)).derivatives.to_array()
-}
-
-/// Their derivatives with respect to the unknown at a position.
-fn settled_rates_along(
-    system: &System<Dual>,
-    inputs: &Inputs<Dual>,
-    chamber_pressure: f64,
-    unknowns: &[f64; GAS_PATH],
-    position: usize,
-) -> [f64; GAS_PATH] {
-    let mut unknowns = unknowns.map(Dual::from);
-    unknowns[position].derivative = 1.0;
-    settled_rates(system, inputs, chamber_pressure.into(), &unknowns).map(|rate| rate.derivative)
-}
-
-/// The settled states as a function of parameters, inputs and the tank's pressure, by the implicit function theorem:
-/// the unknowns keep their values, and change such that the rates along them stay 0.
-pub fn follow_settled<D: Number>(
-    parameters: &Parameters<D>,
-    inputs: &Inputs<D>,
+/// The settled states as a function of parameters, inputs and the tank's pressure.
+pub fn follow_settled<T: Number>(
+    parameters: &Parameters<T>,
+    inputs: &Inputs<T>,
     settled: &States,
-    tank_pressure: D,
-) -> States<D> {
-    let system = System::new(parameters);
-    let actuated = settle_actuation(&system, inputs, running(&system, inputs, tank_pressure));
-    let chamber_pressure = actuated.actuator.chamber_pressure;
-    let (found, scales) = (GasPathStates::of(settled).to_array(), GAS_PATH_SCALES.to_array());
-    let mut unknowns = found.map(D::from);
-    let along = settled_rates(&system, inputs, chamber_pressure, &unknowns);
-    if along.iter().any(|rate| !rate.is_constant(rate.value())) {
-        // The same without the changes, so that only the unknowns change.
-        let still = System::new(&parameters.map(|parameter| Dual::from(parameter.value())));
-        let still_inputs = inputs.map(|input| Dual::from(input.value()));
-        let mut jacobian = [[0.0; GAS_PATH]; GAS_PATH];
-        for column in 0..GAS_PATH {
-            let slopes = settled_rates_along(&still, &still_inputs, chamber_pressure.value(), &found, column);
-            for row in 0..GAS_PATH {
-                jacobian[row][column] = slopes[row] / scales[row] * scales[column];
-            }
-        }
-        for (rate, (along, scale)) in along.iter().zip(scales).enumerate() {
-            let right = array::from_fn(|i| if i == rate { -1.0 / scale } else { 0.0 });
-            // A steady state that was found is isolated.
-            let change = linear::solve(jacobian, right).unwrap_or([f64::NAN; GAS_PATH]);
-            for (unknown, (change, scale)) in unknowns.iter_mut().zip(change.into_iter().zip(scales)) {
-                *unknown += along.mapped(0.0, change * scale);
-            }
-        }
-    }
-    settle_gas_path(&system, inputs, actuated, GasPathStates::from_array(unknowns))
+    tank_pressure: T,
+) -> States<T> {
+    let at_rest = AtRest::new(parameters, inputs, tank_pressure);
+    let still = AtRest::new(
+        &parameters.map(|parameter| Dual::from(parameter.value())),
+        &inputs.map(|input| Dual::from(input.value())),
+        tank_pressure.value().into(),
+    );
+    at_rest.states(steady_state::follow(
+        GasPathStates::of(settled).to_array(),
+        &GAS_PATH_SCALES.to_array(),
+        |unknowns| at_rest.rates(unknowns),
+        |unknowns| still.rates(unknowns),
+    ))
 }
 
 /// Brings the plunger and the chamber to rest.
@@ -160,38 +149,6 @@ fn settle_actuation<D: Number>(system: &System<D>, inputs: &Inputs<D>, mut state
     states.valve.plunger_duty = duty;
     states.actuator.chamber_pressure =
         system.valve.chamber_pressure_at_rest(duty, inputs.ambient_pressure, states.tank.pressure);
-    states
-}
-
-/// The position in m at which the rod rests without friction: membrane and exhaust forces balance spring and stops.
-fn position_at_rest<D: Number>(
-    system: &System<D>,
-    inputs: &Inputs<D>,
-    chamber_pressure: D,
-    gas_path: &GasPathStates<D>,
-) -> D {
-    let exhaust_difference = System::exhaust_difference(gas_path);
-    let (position, velocity) = (0.0.into(), 0.0.into());
-    let forces = system.actuator.evaluate(
-        position,
-        velocity,
-        inputs.ambient_pressure,
-        chamber_pressure,
-        exhaust_difference,
-    );
-    system.actuator.position_at_rest(forces.membrane_force + forces.exhaust_force)
-}
-
-/// The states with the gas path at rest, and with it the rod.
-fn settle_gas_path<D: Number>(
-    system: &System<D>,
-    inputs: &Inputs<D>,
-    actuated: States<D>,
-    gas_path: GasPathStates<D>,
-) -> States<D> {
-    let mut states = States::from_groups(StateGroups { actuation: ActuationStates::of(&actuated), gas_path });
-    states.actuator.position =
-        position_at_rest(system, inputs, actuated.actuator.chamber_pressure, &gas_path);
     states
 }
 

@@ -53,7 +53,6 @@ use self::variables::{
     Variables,
 };
 use crate::LONGEST_STEP;
-use crate::solver::steady_state::NoSteadyState;
 
 /// The largest ratio of Dahl's stiffness to the Coulomb force in 1/m: beyond it the friction force changes too fast for
 /// the 1/2400 s steps of the reference implementation.
@@ -249,10 +248,7 @@ impl Plant {
 /// Warns if the experiment does not start at rest.
 fn warn_of_unsettled_start(settled: &Settled, inputs: &Inputs, context: &mut Context<'_>) {
     let Some(shortcoming) = &settled.shortcoming else { return };
-    let reason = match shortcoming.failure {
-        NoSteadyState::NotIsolated => "no isolated steady state exists",
-        NoSteadyState::NotConverged => "no steady state was found",
-    };
+    let reason = shortcoming.failure;
     let instead = if shortcoming.followed > 0.0 {
         format!("the state of a running engine after {} s", shortcoming.followed)
     } else {

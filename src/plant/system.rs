@@ -203,11 +203,6 @@ impl<D: Elementary> System<D> {
         }
     }
 
-    /// Holds or releases the vacuum tank pressure.
-    pub fn freeze_tank(&mut self, frozen: bool) {
-        self.tank.parameters.frozen = frozen;
-    }
-
     /// The voltage in V at the terminals of valve and sensor, and the duty in percent at nominal voltage equivalent to
     /// the commanded one.
     #[must_use]

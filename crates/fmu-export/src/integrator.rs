@@ -18,7 +18,7 @@
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
 //! state needs.
 
-mod dense;
+pub(crate) mod dense;
 mod jacobian;
 mod method;
 mod multirate;

@@ -61,6 +61,7 @@ pub mod search;
 mod serialized_state;
 mod simulation;
 mod status;
+pub mod steady_state;
 mod tape;
 #[doc(hidden)]
 pub mod typed;

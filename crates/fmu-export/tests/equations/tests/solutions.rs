@@ -2,7 +2,7 @@
 
 use fmu_export::{
     Context, Dual, Equations, Error, EvaluationOf, Event, InputSignal, Integrated, Model, Number, Persistent,
-    Simulation, Tape, Variables as _, check_dependencies,
+    Simulation, Tape, Variables as _, check_dependencies, steady_state,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Exact, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, exact,
@@ -456,6 +456,67 @@ fn adjoint_derivatives_are_exact() {
     // x is the sum of its start value and the offset; the derivative changes with the rate by −x.
     let found = [by.inputs.target, by.states.x, by.parameters.offset, by.parameters.rate];
     assert_eq!(bits(found), bits([2.0, 19.0, 19.0, -20.0]));
+}
+
+/// A plate that is heated and radiates, from the temperature at which it rests.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Radiator {
+    at_rest: [f64; 1],
+}
+
+impl Radiator {
+    fn rate<T: Number>(variables: &decay::Variables<T>, [x]: [T; 1]) -> [T; 1] {
+        [variables.inputs.target - variables.parameters.rate * x.powi(4)]
+    }
+}
+
+impl Equations for Radiator {
+    type Variables = decay::Variables;
+
+    fn prepare(&mut self, variables: &mut decay::Variables, _context: &mut Context<'_>) -> Result<(), Error> {
+        let still = variables.map(Dual::from);
+        self.at_rest = steady_state::find(|x| Self::rate(&still, x), [variables.start.x], &[1.0])?;
+        Ok(())
+    }
+
+    fn initialize<T: Number>(&self, variables: &mut decay::Variables<T>) {
+        let still = variables.map(|number| Dual::from(number.value()));
+        let rate = |x| Self::rate(variables, x);
+        [variables.states.x] = steady_state::follow(self.at_rest, &[1.0], rate, |x| Self::rate(&still, x));
+    }
+
+    fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>) {
+        let decay::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
+        derivatives.x = inputs.target - parameters.rate * states.x.powi(4);
+        (outputs.square, outputs.seconds) = (states.x * states.x, time);
+    }
+}
+
+#[test]
+fn a_model_may_start_at_rest() {
+    let mut simulation = simulation::<Radiator>(1e-6);
+    simulation.variables.parameters.rate = 0.5;
+    simulation.inputs.target = 8.0;
+    simulation.initialize().unwrap();
+    let Simulation { model, variables, inputs, .. } = &simulation;
+    // (8/0.5)^(1/4), to the rounding of the last iteration.
+    assert!((variables.states.x - 2.0).abs() < 1e-15);
+    let mut direction = decay::Variables::zero();
+    (direction.inputs.target, direction.start.x) = (1.0, 1.0);
+    let by = model.differentiate_initialization(Dual::from(0.0), variables, inputs, &direction).unwrap();
+    // 1/(4·0.5·x³); it stays at rest, whatever the guess is.
+    assert!((by.states.x - 1.0 / 16.0).abs() < 1e-15, "{}", by.states.x);
+    assert!(by.derivatives.x.abs() < 1e-15, "{}", by.derivatives.x);
+    let mut weights = decay::Variables::zero();
+    weights.states.x = 1.0;
+    let by = model.differentiate_initialization_backwards(0.0, variables, inputs, &weights, &mut Tape::new());
+    let by = by.unwrap();
+    assert!((by.inputs.target - 1.0 / 16.0).abs() < 1e-15, "{}", by.inputs.target);
+    // −x⁴/(4·0.5·x³).
+    assert!((by.parameters.rate + 1.0).abs() < 1e-14, "{}", by.parameters.rate);
+
+    simulation.inputs.target = -1.0;
+    assert_eq!(simulation.initialize().unwrap_err().to_string(), "no steady state was found");
 }
 
 #[test]
