@@ -24,7 +24,7 @@ use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
-use crate::elementary::{larger, smaller};
+use crate::elementary::{between, larger, smaller};
 
 /// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -96,7 +96,7 @@ impl SplitRange {
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
         let holding = at(limit).extrapolated_feedforward(limit);
         let (mut limits, mut firm) = (own_limits, motion);
-        let mut waits = day.is_other;
+        let mut waits = day.off_reference;
         let excess = self.shaft_speed.excess(
             parameters,
             inputs.hp_turbo_speed,
@@ -106,11 +106,16 @@ impl SplitRange {
             let least = shaft_speed_limit::least_duty(parameters, excess, holding);
             if least > limits.least {
                 (limits.least, firm) = (least, Motion::default());
-                waits = waits && motion.changed_lately();
+                if !motion.changed_lately() {
+                    waits = 0.0;
+                }
             }
         }
-        // At reference conditions the law sees the shaft's limits, so the reference model, valid there, waits.
-        let own_limits = if day.is_other { own_limits } else { limits };
+        // At reference conditions the law knows the shaft's limits too, so the reference model, valid there, waits.
+        let model_limits = Limits {
+            least: between(limits.least, lifting(parameters, own_limits).least, day.off_reference),
+            ..limits
+        };
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
@@ -131,10 +136,11 @@ impl SplitRange {
                 firmness: firm.firmness(parameters, engine_speed),
                 limits,
                 own_limits,
-                model_limits: if day.is_other { lifting(parameters, own_limits) } else { own_limits },
+                overridden: day.off_reference,
+                model_limits,
                 ramp: motion.ramp(acceleration),
                 waits,
-                integral_exponent: if waits { motion.integral_exponent(parameters) } else { 0.0 },
+                integral_exponent: motion.integral_exponent(parameters),
             },
         );
         let virtual_duty = limits.clip(terms.duty());
