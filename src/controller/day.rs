@@ -58,8 +58,8 @@ pub struct Day {
     ambient_pressure: f64,
     /// Its difference below the reference value (Pa).
     pressure_deficit: f64,
-    /// How far the conditions are off reference: 0 at reference conditions, 1 outside the range of test benches, within
-    /// which an engine is the same to the accuracy of its identification.
+    /// How far the conditions are off reference: from 0 at reference conditions to 1 where a test bench no longer takes
+    /// them for those.
     pub off_reference: f64,
 }
 
@@ -90,7 +90,7 @@ impl Day {
             measured(inputs.ambient_temperature, LEAST_TEMPERATURE, nominal_ambient_temperature);
         let pressure_ratio = ambient_pressure / nominal_ambient_pressure;
         let temperature_ratio = temperature / nominal_ambient_temperature;
-        // Their effects on the atmospheric factor do not compensate each other.
+        // Opposite effects on the atmospheric factor do not cancel: only its range is of interest here.
         let (of_pressure, of_temperature) = ATMOSPHERIC_EXPONENTS;
         let deviation =
             of_pressure * (pressure_ratio - 1.0).abs() + of_temperature * (temperature_ratio - 1.0).abs();
@@ -180,5 +180,34 @@ impl Day {
             scheduled,
             self.pressure_deficit,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_conditions_are_off_reference_by_their_effect_on_the_atmospheric_factor() {
+        let parameters = Parameters::default();
+        let Parameters { nominal_ambient_pressure, nominal_ambient_temperature, .. } = parameters;
+        for (pressure, temperature, expected) in [
+            (1.0, 1.0, 0.0),
+            (1.0 - 0.01 / 0.7, 1.0, 0.5),
+            (1.0 + 0.01 / 0.7, 1.0, 0.5),
+            (1.0, 1.0 - 0.01 / 1.5, 0.5),
+            // Cold, thin air may have the same factor as at reference conditions, but is far from these.
+            (1.0 - 0.01 / 0.7, 1.0 - 0.01 / 1.5, 1.0),
+            (0.7, 1.0, 1.0),
+        ] {
+            let inputs = Inputs {
+                ambient_pressure: pressure * nominal_ambient_pressure,
+                ambient_temperature: temperature * nominal_ambient_temperature,
+                ..Inputs::default()
+            };
+            let found = Day::measured(&parameters, &inputs).off_reference;
+            // The round-off of ratios near 1, over the factor's range.
+            assert!((found - expected).abs() < 1e-13, "{found} at {inputs:?}, not {expected}");
+        }
     }
 }

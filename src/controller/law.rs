@@ -58,7 +58,8 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
-    /// The share (0 to 1) to which the limits that protect the shaft override the law, unknown to its integral term.
+    /// The share (0 to 1) to which the limits that protect the shaft only override the duty, rather than being the
+    /// law's own.
     pub overridden: f64,
     /// The limits within which the duty moves the wastegate.
     pub model_limits: Limits,

@@ -2,7 +2,7 @@
 //!
 //! At reference conditions the law is as identified: the engine speed feedforward does most of the work. Off reference
 //! conditions the converted schedule is less exact, and the plant may differ too, so the feedback does more and the
-//! feedforward less:
+//! feedforward less. The transition is gradual (`Day::off_reference`), as sensors never measure exactly the reference:
 //!
 //! - The feedback's λ is shorter. The actuator limits it: boost cannot change for about 0.08 s on the plant model,
 //!   while the chamber fills and the rod moves. So the derivative term leads by about that lag, as in a Smith predictor
@@ -71,8 +71,7 @@ impl LeadingRate {
         let to_come = rate - self.lagged;
         let begins_to_fall = rate < 0.0 && to_come < 0.0 && self.lagged < 0.0;
         let held_back = if begins_to_fall { (1.0 - off_schedule.falling_share) * to_come } else { 0.0 };
-        rate + day.off_reference * (off_schedule.rate_lead / sample_time * change)
-            - day.off_reference * held_back
+        rate + day.off_reference * (off_schedule.rate_lead / sample_time * change - held_back)
     }
 }
 
@@ -275,6 +274,9 @@ mod tests {
         let standard = Parameters::default().nominal_ambient_pressure;
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
+        // Half way between, at the ambient pressure with half the deviation.
+        let nearby = (1.0 - 0.01 / 0.7) * standard;
+        assert_near(settings(motion(2000.0, 0.0, 3000.0, nearby), 3000.0), [0.086, 0.045, 6.8, 0.5, 0.2355]);
         // At 2000 rpm with full gain, though the low-pressure wastegate is shut.
         assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.072, 0.09, 5.6, 0.0, 0.171]);
     }

@@ -111,7 +111,8 @@ impl SplitRange {
                 }
             }
         }
-        // At reference conditions the law knows the shaft's limits too, so the reference model, valid there, waits.
+        // At reference conditions the law takes the shaft's limits for its own, so the reference model, valid there,
+        // waits.
         let model_limits = Limits {
             least: between(limits.least, lifting(parameters, own_limits).least, day.off_reference),
             ..limits
