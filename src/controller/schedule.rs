@@ -92,21 +92,19 @@ impl GridPosition {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Alignment {
     ends: [[f64; 2]; 2],
-    /// 1 to read the columns at corresponding pressures, 0 at equal ones.
-    share: f64,
 }
 
 impl Alignment {
     /// The pressure of each column that corresponds to one between them (Pa).
     fn pressures(self, pressure: f64, column: GridPosition) -> [f64; 2] {
         let [left, right] = self.ends;
-        let end = |end: usize| left[end] + column.fraction * (right[end] - left[end]);
-        let width = end(1) - end(0);
+        let here = [0, 1].map(|end| between(left[end], right[end], column.fraction));
+        let width = here[1] - here[0];
         if column.fraction == 0.0 || width <= 0.0 {
             return [pressure; 2];
         }
-        let fraction = (pressure - end(0)) / width;
-        self.ends.map(|[low, high]| between(pressure, low + fraction * (high - low), self.share))
+        let share = (pressure - here[0]) / width;
+        self.ends.map(|[low, high]| low + share * (high - low))
     }
 }
 
@@ -166,13 +164,14 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         if share == 0.0 {
             return self;
         }
-        let ends = [0.0, 1.0].map(|fraction| {
+        let ranges = [0.0, 1.0].map(|fraction| {
             let column = GridPosition { fraction, ..self.column };
             let column = Self::at(self.schedule, boost_pressure, column, None);
             [column.pressure_held_by(most), column.pressure_held_by(least)]
         });
-        Self::at(self.schedule, boost_pressure, self.column, Some(Alignment { ends, share }))
-            .slower(self.time_scale)
+        let here = [0, 1].map(|end| between(ranges[0][end], ranges[1][end], self.column.fraction));
+        let ends = ranges.map(|range| [0, 1].map(|end| between(here[end], range[end], share)));
+        Self::at(self.schedule, boost_pressure, self.column, Some(Alignment { ends })).slower(self.time_scale)
     }
 
     /// With time constants longer by a factor.

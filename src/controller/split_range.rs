@@ -94,7 +94,6 @@ impl SplitRange {
         self.reference = reference;
         let own_limits = allocation.limits(parameters, engine_speed, compensator);
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
-        let holding = at(limit).extrapolated_feedforward(limit);
         let (mut limits, mut firm) = (own_limits, motion);
         let mut waits = day.off_reference;
         let excess = self.shaft_speed.excess(
@@ -103,6 +102,7 @@ impl SplitRange {
             off_schedule::shaft_speed_allowance(parameters, &day),
         );
         if let Some(excess) = excess {
+            let holding = at(limit).extrapolated_feedforward(limit);
             let least = shaft_speed_limit::least_duty(parameters, excess, holding);
             if least > limits.least {
                 (limits.least, firm) = (least, Motion::default());
@@ -111,12 +111,6 @@ impl SplitRange {
                 }
             }
         }
-        // At reference conditions the law takes the shaft's limits for its own, so the reference model, valid there,
-        // waits.
-        let model_limits = Limits {
-            least: between(limits.least, lifting(parameters, own_limits).least, day.off_reference),
-            ..limits
-        };
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
@@ -138,7 +132,7 @@ impl SplitRange {
                 limits,
                 own_limits,
                 overridden: day.off_reference,
-                model_limits,
+                model_limits: model_limits(parameters, limits, own_limits, day.off_reference),
                 ramp: motion.ramp(acceleration),
                 waits,
                 integral_exponent: motion.integral_exponent(parameters),
@@ -180,10 +174,16 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-/// The part of the duty limits in which the high-pressure wastegate is off its seat.
-fn lifting(parameters: &Parameters, limits: Limits) -> Limits {
+/// The limits within which the duty moves the reference model. At reference conditions the model is valid up to the
+/// limits that protect the shaft, and waits at them. Off reference conditions, by a share (0 to 1), they are the law's own
+/// limits where the high-pressure wastegate is off its seat.
+fn model_limits(parameters: &Parameters, limits: Limits, own_limits: Limits, off_reference: f64) -> Limits {
+    if off_reference == 0.0 {
+        return limits;
+    }
     let lift_off = actuator_inverse::duty(&parameters.actuator_inverse, 0.0);
-    Limits { least: larger(limits.least, lift_off), ..limits }
+    let least = between(limits.least, larger(own_limits.least, lift_off), off_reference);
+    Limits { least, ..limits }
 }
 
 fn command(
