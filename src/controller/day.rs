@@ -90,7 +90,7 @@ impl Day {
             measured(inputs.ambient_temperature, LEAST_TEMPERATURE, nominal_ambient_temperature);
         let pressure_ratio = ambient_pressure / nominal_ambient_pressure;
         let temperature_ratio = temperature / nominal_ambient_temperature;
-        // Opposite effects on the atmospheric factor do not cancel: only its range is of interest here.
+        // By amounts: in cold, thin air both effects on the factor cancel, but the conditions are off reference.
         let (of_pressure, of_temperature) = ATMOSPHERIC_EXPONENTS;
         let deviation =
             of_pressure * (pressure_ratio - 1.0).abs() + of_temperature * (temperature_ratio - 1.0).abs();
