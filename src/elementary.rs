@@ -60,6 +60,13 @@ pub fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
+/// A share (0 to 1) of the way from one number to another; exact at both ends.
+#[must_use]
+#[inline]
+pub fn between(from: f64, to: f64, share: f64) -> f64 {
+    (1.0 - share) * from + share * to
+}
+
 /// The exponents' bias.
 const BIAS: u64 = 1023;
 const MANTISSA_BITS: u32 = 52;

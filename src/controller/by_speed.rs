@@ -61,9 +61,10 @@ impl BySpeed {
                 firmness: Firmness::at(parameters, parameters.lambda),
                 limits,
                 own_limits: limits,
+                overridden: 0.0,
                 model_limits: limits,
                 ramp: Ramp::default(),
-                waits: false,
+                waits: 0.0,
                 integral_exponent: 0.0,
             },
         );

@@ -25,7 +25,7 @@ use fmu_export::Persistent;
 use super::actuator_inverse;
 use super::schedule::OperatingPoint;
 use super::variables::{Inputs, Parameters};
-use crate::elementary::{larger, power};
+use crate::elementary::{larger, power, smaller};
 
 /// The lowest ambient pressure (Pa) and temperature (K) that are measurements: no road has lower ones.
 const LEAST_PRESSURE: f64 = 40e3;
@@ -40,6 +40,11 @@ const LEAST_RATIO: f64 = 0.1;
 /// The lowest pressure (Pa) for converting engine speed, to stay finite for a reference of 0.
 const LEAST_CONVERTED: f64 = 1e3;
 
+/// The exponents of ambient pressure and temperature in the atmospheric factor of turbocharged engines, `δ^−0.7 θ^1.5`,
+/// and its largest deviation from 1 in a valid test on an engine test bench (40 CFR 89.331).
+const ATMOSPHERIC_EXPONENTS: (f64, f64) = (0.7, 1.5);
+const TEST_BENCH: f64 = 0.02;
+
 /// Ambient conditions relative to reference conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
 pub struct Day {
@@ -53,8 +58,9 @@ pub struct Day {
     ambient_pressure: f64,
     /// Its difference below the reference value (Pa).
     pressure_deficit: f64,
-    /// Whether the conditions are off reference.
-    pub is_other: bool,
+    /// How far the conditions are off reference: from 0 at reference conditions to 1 where a test bench no longer takes
+    /// them for those.
+    pub off_reference: f64,
 }
 
 impl Default for Day {
@@ -66,7 +72,7 @@ impl Default for Day {
             work_ratio: 1.0,
             ambient_pressure: 1.0,
             pressure_deficit: 0.0,
-            is_other: false,
+            off_reference: 0.0,
         }
     }
 }
@@ -83,15 +89,19 @@ impl Day {
         let temperature =
             measured(inputs.ambient_temperature, LEAST_TEMPERATURE, nominal_ambient_temperature);
         let pressure_ratio = ambient_pressure / nominal_ambient_pressure;
+        let temperature_ratio = temperature / nominal_ambient_temperature;
+        // By amounts: in cold, thin air both effects on the factor cancel, but the conditions are off reference.
+        let (of_pressure, of_temperature) = ATMOSPHERIC_EXPONENTS;
+        let deviation =
+            of_pressure * (pressure_ratio - 1.0).abs() + of_temperature * (temperature_ratio - 1.0).abs();
         Self {
             pressure_ratio,
-            temperature_ratio: temperature / nominal_ambient_temperature,
+            temperature_ratio,
             // Flow is proportional to δ / √τ, and τ to flow to the power ε.
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: nominal_ambient_pressure - ambient_pressure,
-            is_other: ambient_pressure != nominal_ambient_pressure
-                || temperature != nominal_ambient_temperature,
+            off_reference: smaller(deviation / TEST_BENCH, 1.0),
         }
     }
 
@@ -105,8 +115,12 @@ impl Day {
         pressure: f64,
         engine_speed: f64,
     ) -> OperatingPoint<'a, 12> {
-        let place = OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed);
-        if self.is_other { place.aligned(pressure, [parameters.pwm_min, parameters.pwm_max]) } else { place }
+        let range = [parameters.pwm_min, parameters.pwm_max];
+        OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed).aligned(
+            pressure,
+            range,
+            self.off_reference,
+        )
     }
 
     /// The pressure at reference conditions that corresponds to one here (Pa).
@@ -166,5 +180,34 @@ impl Day {
             scheduled,
             self.pressure_deficit,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_conditions_are_off_reference_by_their_effect_on_the_atmospheric_factor() {
+        let parameters = Parameters::default();
+        let Parameters { nominal_ambient_pressure, nominal_ambient_temperature, .. } = parameters;
+        for (pressure, temperature, expected) in [
+            (1.0, 1.0, 0.0),
+            (1.0 - 0.01 / 0.7, 1.0, 0.5),
+            (1.0 + 0.01 / 0.7, 1.0, 0.5),
+            (1.0, 1.0 - 0.01 / 1.5, 0.5),
+            // Cold, thin air may have the same factor as at reference conditions, but is far from these.
+            (1.0 - 0.01 / 0.7, 1.0 - 0.01 / 1.5, 1.0),
+            (0.7, 1.0, 1.0),
+        ] {
+            let inputs = Inputs {
+                ambient_pressure: pressure * nominal_ambient_pressure,
+                ambient_temperature: temperature * nominal_ambient_temperature,
+                ..Inputs::default()
+            };
+            let found = Day::measured(&parameters, &inputs).off_reference;
+            // The round-off of ratios near 1, over the factor's range.
+            assert!((found - expected).abs() < 1e-13, "{found} at {inputs:?}, not {expected}");
+        }
     }
 }

@@ -25,12 +25,9 @@ impl DutyLead {
     pub fn sample(&mut self, parameters: &Parameters, day: &Day, duty: f64) -> f64 {
         let &Parameters { sample_time, ref off_schedule, .. } = parameters;
         let rate = self.duty.sample(sample_time, FILTER_TIME, duty);
-        if !day.is_other {
-            return duty;
-        }
         let small = off_schedule.duty_lead_threshold / FILTER_TIME;
         let counts = rate - smaller(larger(rate, -small), small);
-        larger(duty + off_schedule.duty_lead * counts, 0.0)
+        larger(duty + day.off_reference * off_schedule.duty_lead * counts, 0.0)
     }
 }
 

@@ -10,7 +10,7 @@ use super::ramp_term::{Ramp, RampTerm};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
-use crate::elementary::larger;
+use crate::elementary::{between, larger};
 
 /// A duty at nominal voltage as the sum of its terms (%).
 #[derive(Clone, Copy, Debug)]
@@ -56,12 +56,15 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub firmness: Firmness,
     pub ramp: Ramp,
     pub limits: Limits,
-    /// The limits known to the law, without those that override it to protect the shaft.
+    /// The limits without those that protect the shaft.
     pub own_limits: Limits,
+    /// The share (0 to 1) to which the limits that protect the shaft only override the duty, rather than being the
+    /// law's own.
+    pub overridden: f64,
     /// The limits within which the duty moves the wastegate.
     pub model_limits: Limits,
-    /// Whether the reference model waits for an engine that cannot follow.
-    pub waits: bool,
+    /// The share (0 to 1) to which the reference model waits for an engine that cannot follow.
+    pub waits: f64,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
 }
@@ -116,8 +119,8 @@ impl BoostLaw {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
-                if waits && self.blocked * model.error(measurement) > 0.0 {
-                    model.approach(measurement, sample_time / larger(lambda, sample_time));
+                if self.blocked * model.error(measurement) > 0.0 {
+                    model.approach(measurement, waits * (sample_time / larger(lambda, sample_time)));
                 }
                 let linearized = model.linearize(operating_point, task.holding);
                 if let Some(before) = self.gain {
@@ -127,11 +130,10 @@ impl BoostLaw {
                 let unlimited = model.feedforward(&linearized, reference, lambda);
                 let error = model.error(measurement);
                 let pressure = model.pressure;
-                if !(waits && self.blocked * error > 0.0) {
-                    let duty = task.model_limits.clip(unlimited);
-                    model.advance(&linearized, duty, local_model.delay, sample_time);
-                }
-                (if waits { limits.clip(unlimited) } else { unlimited }, error, pressure)
+                let moves = if self.blocked * error > 0.0 { 1.0 - waits } else { 1.0 };
+                let duty = task.model_limits.clip(unlimited);
+                model.advance(&linearized, duty, local_model.delay, sample_time, moves);
+                (between(unlimited, limits.clip(unlimited), waits), error, pressure)
             }
         };
         let terms = DutyTerms {
@@ -143,10 +145,11 @@ impl BoostLaw {
         };
         let duty = terms.duty();
         let (limited, own) = (limits.clip(duty), task.own_limits.clip(duty));
-        // While the shaft's limits hold the duty, the integral term is frozen: the feedback cannot correct the error,
-        // and the term would be too large when the limits release.
-        let error = if limited > own { 0.0 } else { error };
-        self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, own - duty);
+        // While the shaft's limits override the duty, the integral term is frozen: the feedback cannot correct the
+        // error, and the term would be too large when the limits release.
+        let error = if limited > own { (1.0 - task.overridden) * error } else { error };
+        let known = between(limited, own, task.overridden);
+        self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, known - duty);
         self.blocked = limited - duty;
         let error = if self.blocked == 0.0 { error } else { 0.0 };
         self.ramp_term.integrate(&tuning, sample_time, error, ramp);

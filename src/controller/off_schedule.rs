@@ -2,7 +2,7 @@
 //!
 //! At reference conditions the law is as identified: the engine speed feedforward does most of the work. Off reference
 //! conditions the converted schedule is less exact, and the plant may differ too, so the feedback does more and the
-//! feedforward less:
+//! feedforward less. The transition is gradual (`Day::off_reference`), as sensors never measure exactly the reference:
 //!
 //! - The feedback's λ is shorter. The actuator limits it: boost cannot change for about 0.08 s on the plant model,
 //!   while the chamber fills and the rod moves. So the derivative term leads by about that lag, as in a Smith predictor
@@ -37,7 +37,7 @@ use super::day::Day;
 use super::feedback::Firmness;
 use super::ramp_term::Ramp;
 use super::variables::Parameters;
-use crate::elementary::larger;
+use crate::elementary::{between, larger};
 
 /// The offset (rpm) below the engine speeds between which the low-pressure wastegate is ramped in.
 const EARLIER: f64 = 500.0;
@@ -68,13 +68,10 @@ impl LeadingRate {
         let &Parameters { sample_time, ref off_schedule, .. } = parameters;
         let change = rate - std::mem::replace(&mut self.before, rate);
         self.lagged += sample_time / (FALLS_IN + sample_time) * (rate - self.lagged);
-        if !day.is_other {
-            return rate;
-        }
         let to_come = rate - self.lagged;
         let begins_to_fall = rate < 0.0 && to_come < 0.0 && self.lagged < 0.0;
         let held_back = if begins_to_fall { (1.0 - off_schedule.falling_share) * to_come } else { 0.0 };
-        rate + off_schedule.rate_lead / sample_time * change - held_back
+        rate + day.off_reference * (off_schedule.rate_lead / sample_time * change - held_back)
     }
 }
 
@@ -92,15 +89,14 @@ pub struct Motion {
 impl Motion {
     /// Takes a rate of engine speed (rpm/s) at a sample.
     pub fn sample(&mut self, sample_time: f64, rate: f64) {
-        let between = |(from, to)| ramp(rate.abs(), from, to);
-        self.fast = between(FAST);
-        self.lately = larger(between(MOVES), self.lately - sample_time / FADES_IN);
+        let within = |(from, to)| ramp(rate.abs(), from, to);
+        self.fast = within(FAST);
+        self.lately = larger(within(MOVES), self.lately - sample_time / FADES_IN);
     }
 
     /// The same at an engine speed (rpm, at reference conditions), from which it applies.
     pub fn at(self, parameters: &Parameters, day: &Day, engine_speed: f64) -> Self {
-        let counts = parameters.allocation.low_pressure_share(engine_speed + EARLIER);
-        let counts = if day.is_other { counts } else { 0.0 };
+        let counts = day.off_reference * parameters.allocation.low_pressure_share(engine_speed + EARLIER);
         Self { lately: counts * self.lately, fast: counts * self.fast, counts }
     }
 
@@ -169,26 +165,21 @@ impl ReferenceFilter {
     }
 }
 
-/// Linear interpolation.
-fn between(from: f64, to: f64, share: f64) -> f64 {
-    from + (to - from) * share
-}
-
 /// The time constant (s) with which engine speed is filtered for its rate.
 pub fn filter_time(parameters: &Parameters, day: &Day) -> f64 {
     let time = parameters.speed_feedforward.filter_time;
-    if day.is_other { parameters.off_schedule.filter_time_share * time } else { time }
+    between(time, parameters.off_schedule.filter_time_share * time, day.off_reference)
 }
 
 /// The allowed excess of the high-pressure shaft over its maximum speed (rpm).
 pub fn shaft_speed_allowance(parameters: &Parameters, day: &Day) -> f64 {
-    if day.is_other { parameters.off_schedule.shaft_speed_allowance } else { 0.0 }
+    day.off_reference * parameters.off_schedule.shaft_speed_allowance
 }
 
 /// The share of the schedule's engine speed sensitivity used.
 pub fn sensitivity_share(parameters: &Parameters, day: &Day) -> f64 {
     let of_schedule = parameters.speed_feedforward.share;
-    if day.is_other { parameters.off_schedule.sensitivity_share * of_schedule } else { of_schedule }
+    between(of_schedule, parameters.off_schedule.sensitivity_share * of_schedule, day.off_reference)
 }
 
 #[cfg(test)]
@@ -283,6 +274,9 @@ mod tests {
         let standard = Parameters::default().nominal_ambient_pressure;
         assert_near(settings(motion(2000.0, 0.0, 3000.0, standard), 3000.0), [0.1, 0.0, 8.0, 1.0, 0.3]);
         assert_near(settings(motion(2000.0, 0.0, 1500.0, 80e3), 1500.0), [0.3, 0.0, 8.0, 1.0, 0.3]);
+        // Half way between, at the ambient pressure with half the deviation.
+        let nearby = (1.0 - 0.01 / 0.7) * standard;
+        assert_near(settings(motion(2000.0, 0.0, 3000.0, nearby), 3000.0), [0.086, 0.045, 6.8, 0.5, 0.2355]);
         // At 2000 rpm with full gain, though the low-pressure wastegate is shut.
         assert_near(settings(motion(2000.0, 0.0, 2000.0, 80e3), 2000.0), [0.072, 0.09, 5.6, 0.0, 0.171]);
     }

@@ -8,7 +8,7 @@
 use fmu_export::Error;
 
 use super::variables::{RangeScheduleParameters, ScheduleParameters};
-use crate::elementary::{larger, smaller};
+use crate::elementary::{between, larger, smaller};
 
 /// The number of boost pressures of a schedule.
 const ROWS: usize = 16;
@@ -98,12 +98,12 @@ impl Alignment {
     /// The pressure of each column that corresponds to one between them (Pa).
     fn pressures(self, pressure: f64, column: GridPosition) -> [f64; 2] {
         let [left, right] = self.ends;
-        let between = |end: usize| left[end] + column.fraction * (right[end] - left[end]);
-        let width = between(1) - between(0);
+        let here = [0, 1].map(|end| between(left[end], right[end], column.fraction));
+        let width = here[1] - here[0];
         if column.fraction == 0.0 || width <= 0.0 {
             return [pressure; 2];
         }
-        let share = (pressure - between(0)) / width;
+        let share = (pressure - here[0]) / width;
         self.ends.map(|[low, high]| low + share * (high - low))
     }
 }
@@ -154,18 +154,23 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { schedule, rows, column, alignment, weights, time_scale: 1.0 }
     }
 
-    /// The same, with each column read at the same fraction of its range from the boost pressure of the largest duty
-    /// (%) to that of the smallest.
+    /// The same, to a share (0 to 1) with each column read at the same fraction of its range from the boost pressure of
+    /// the largest duty (%) to that of the smallest.
     ///
     /// Between columns this follows lines of equal duty. At equal pressures, one column may be beyond the engine's
     /// reach, where the map is filled.
     #[must_use]
-    pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2]) -> Self {
-        let ends = [0.0, 1.0].map(|fraction| {
+    pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2], share: f64) -> Self {
+        if share == 0.0 {
+            return self;
+        }
+        let ranges = [0.0, 1.0].map(|fraction| {
             let column = GridPosition { fraction, ..self.column };
             let column = Self::at(self.schedule, boost_pressure, column, None);
             [column.pressure_held_by(most), column.pressure_held_by(least)]
         });
+        let here = [0, 1].map(|end| between(ranges[0][end], ranges[1][end], self.column.fraction));
+        let ends = ranges.map(|range| [0, 1].map(|end| between(here[end], range[end], share)));
         Self::at(self.schedule, boost_pressure, self.column, Some(Alignment { ends })).slower(self.time_scale)
     }
 

@@ -7,7 +7,7 @@
 use super::day::Day;
 use super::off_schedule;
 use super::variables::Parameters;
-use crate::elementary::{larger, smaller};
+use crate::elementary::{between, larger, smaller};
 
 /// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the
 /// map's accuracy.
@@ -30,11 +30,12 @@ fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: 
     } else {
         engine_speed
     };
-    if !day.is_other || rate >= 0.0 {
+    if rate >= 0.0 {
         return of_bypass;
     }
     let (shut, free) = (allocation.low_pressure_shut_below, allocation.low_pressure_free_above);
-    larger(of_bypass, smaller(engine_speed + (free - shut), free))
+    let higher = larger(of_bypass, smaller(engine_speed + (free - shut), free));
+    between(of_bypass, higher, day.off_reference)
 }
 
 /// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none at
@@ -66,16 +67,13 @@ pub fn holding_duty(
     let shifted = smaller(larger(shifted, least), most);
     let here = day.operating_point(parameters, boost_pressure, engine_speed);
     let asked = here.extrapolated_feedforward(shifted);
-    if !day.is_other {
-        return Some(asked);
-    }
     // With the low-pressure wastegate held shut, duty beyond its opening only slows the high-pressure shaft, whose
     // speed is missing when a deceleration ends. At reference conditions the identified sensitivity holds and is not
     // reduced.
     let allocation = &parameters.allocation;
     let start = larger(allocation.low_pressure_start, here.feedforward());
     let beyond = larger(asked - start, 0.0);
-    Some(asked - (1.0 - allocation.low_pressure_share(engine_speed)) * beyond)
+    Some(asked - day.off_reference * (1.0 - allocation.low_pressure_share(engine_speed)) * beyond)
 }
 
 #[cfg(test)]

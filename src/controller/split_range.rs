@@ -24,7 +24,7 @@ use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
 use super::variables::{Inputs, Parameters};
-use crate::elementary::{larger, smaller};
+use crate::elementary::{between, larger, smaller};
 
 /// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -94,23 +94,23 @@ impl SplitRange {
         self.reference = reference;
         let own_limits = allocation.limits(parameters, engine_speed, compensator);
         let at = |pressure| day.operating_point(parameters, pressure, engine_speed);
-        let holding = at(limit).extrapolated_feedforward(limit);
         let (mut limits, mut firm) = (own_limits, motion);
-        let mut waits = day.is_other;
+        let mut waits = day.off_reference;
         let excess = self.shaft_speed.excess(
             parameters,
             inputs.hp_turbo_speed,
             off_schedule::shaft_speed_allowance(parameters, &day),
         );
         if let Some(excess) = excess {
+            let holding = at(limit).extrapolated_feedforward(limit);
             let least = shaft_speed_limit::least_duty(parameters, excess, holding);
             if least > limits.least {
                 (limits.least, firm) = (least, Motion::default());
-                waits = waits && motion.changed_lately();
+                if !motion.changed_lately() {
+                    waits = 0.0;
+                }
             }
         }
-        // At reference conditions the law sees the shaft's limits, so the reference model, valid there, waits.
-        let own_limits = if day.is_other { own_limits } else { limits };
         let expected = day.pressure(larger(pressure, reference));
         let surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let terms = law.sample(
@@ -131,10 +131,11 @@ impl SplitRange {
                 firmness: firm.firmness(parameters, engine_speed),
                 limits,
                 own_limits,
-                model_limits: if day.is_other { lifting(parameters, own_limits) } else { own_limits },
+                overridden: day.off_reference,
+                model_limits: model_limits(parameters, limits, own_limits, day.off_reference),
                 ramp: motion.ramp(acceleration),
                 waits,
-                integral_exponent: if waits { motion.integral_exponent(parameters) } else { 0.0 },
+                integral_exponent: motion.integral_exponent(parameters),
             },
         );
         let virtual_duty = limits.clip(terms.duty());
@@ -173,10 +174,16 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-/// The part of the duty limits in which the high-pressure wastegate is off its seat.
-fn lifting(parameters: &Parameters, limits: Limits) -> Limits {
+/// The limits within which the duty moves the reference model. At reference conditions the model is valid up to the
+/// limits that protect the shaft, and waits at them. Off reference conditions, by a share (0 to 1), they are the law's own
+/// limits where the high-pressure wastegate is off its seat.
+fn model_limits(parameters: &Parameters, limits: Limits, own_limits: Limits, off_reference: f64) -> Limits {
+    if off_reference == 0.0 {
+        return limits;
+    }
     let lift_off = actuator_inverse::duty(&parameters.actuator_inverse, 0.0);
-    Limits { least: larger(limits.least, lift_off), ..limits }
+    let least = between(limits.least, larger(own_limits.least, lift_off), off_reference);
+    Limits { least, ..limits }
 }
 
 fn command(

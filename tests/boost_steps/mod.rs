@@ -1,14 +1,28 @@
-//! The steps of the paper's Fig. 13, for tests and benchmarks in Rust: those of the laboratory's scenario.
+//! Signals of the laboratory's scenarios, for tests and benchmarks in Rust.
 
 use std::sync::LazyLock;
 
-/// Steps of the boost reference: times (s) and values (Pa).
+/// The steps of the boost reference in the paper's Fig. 13: times (s) and values (Pa).
 pub static BOOST_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
-    let text = include_str!("../../crates/boost-lab/scenarios/figure_13.toml");
-    let scenario: toml::Table = text.parse().expect("the scenario is TOML");
+    pairs(include_str!("../../crates/boost-lab/scenarios/figure_13.toml"), |inputs| {
+        &inputs["boost_reference"]["steps"]
+    })
+});
+
+/// Ramps of engine speed at constant boost: times (s) and speeds (rpm) between them.
+#[allow(dead_code, reason = "the benchmarks use the steps alone")]
+pub static RAMPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
+    pairs(
+        include_str!("../../crates/boost-lab/scenarios/ramps.toml"),
+        |inputs| &inputs["engine_speed"]["points"],
+    )
+});
+
+fn pairs(scenario: &str, list: impl Fn(&toml::Value) -> &toml::Value) -> Vec<(f64, f64)> {
+    let scenario: toml::Table = scenario.parse().expect("the scenario is TOML");
     let number = |value: &toml::Value| {
         value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)).expect("a number")
     };
-    let steps = scenario["inputs"]["boost_reference"]["steps"].as_array().expect("a list of steps");
-    steps.iter().map(|step| (number(&step[0]), number(&step[1]))).collect()
-});
+    let list = list(&scenario["inputs"]).as_array().expect("a list of pairs");
+    list.iter().map(|pair| (number(&pair[0]), number(&pair[1]))).collect()
+}
