@@ -45,10 +45,13 @@ class Allocated(ctypes.Structure):
     ]
 
 
+# Found once, as a library and its functions are allocated, too.
+mallinfo2 = ctypes.CDLL(None).mallinfo2
+mallinfo2.restype = Allocated
+
+
 def allocated() -> int:
     """The bytes allocated by this process."""
-    mallinfo2 = ctypes.CDLL(None).mallinfo2
-    mallinfo2.restype = Allocated
     found = mallinfo2()
     return found.uordblks + found.hblkhd
 
