@@ -258,8 +258,8 @@ impl Events {
 
     /// Records the indicators in the last place of the search, and those computed since, as the sides of a crossing.
     pub(crate) fn note_crossing(&mut self) {
-        if let Some(Search { sides, last, .. }) = self.search.as_deref_mut() {
-            sides[Side::Before as usize].copy_from_slice(&last[1]);
+        if let Some(search) = self.search.as_deref_mut() {
+            search.sides[Side::Before as usize].copy_from_slice(&search.last[1]);
         }
         self.note(Side::After);
     }
