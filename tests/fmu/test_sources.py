@@ -16,7 +16,7 @@ from experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, 
 from fmpy import read_model_description, simulate_fmu
 from master import Fmu, Instance, Master, Reals
 from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
-from wasmtime import FuncType, Linker, Module, Store, ValType
+from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
 
 NAMES = ["BoostPlant", "BoostController"]
 
@@ -84,6 +84,51 @@ def test_an_array_of_states(kind: str) -> None:
     assert results[0].shape == (21, 100)
     assert np.ptp(results[0]) > 100
     assert results[0].tobytes() == results[1].tobytes()
+
+
+def module(path: Path) -> tuple[Callable[..., int], Callable[[bytes], int], Memory, Store]:
+    """A WebAssembly module: what calls its functions, what puts bytes into its memory, and both."""
+    store = Store()
+    linker = Linker(store.engine)
+    for function, count in (("log", 4), ("panic", 2)):
+        linker.define_func("fmu", function, FuncType([ValType.i32()] * count, []), lambda *_: None)
+    fmu = linker.instantiate(store, Module.from_file(store.engine, str(path))).exports(store)
+
+    def call(function: str, *arguments: float) -> int:
+        return fmu[function](store, *arguments)
+
+    def put(data: bytes) -> int:
+        address = call("fmu_allocate", len(data))
+        fmu["memory"].write(store, data, address)
+        return address
+
+    return call, put, fmu["memory"], store
+
+
+def test_an_array_of_states_in_a_module(make: Make, modules: Path, tmp_path: Path) -> None:
+    """It goes into the WebAssembly module and comes out of it as of the native library."""
+    fmu = Fmu(TARGET / "ladder-fmi3" / "fmu" / "fmi3" / "Diffusion.fmu", tmp_path)
+    start, variable = np.linspace(300, 400, 100), fmu.variables["T"].valueReference
+    slave = make(fmu).slave
+    slave.setFloat64([variable], start.tolist())
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    call, put, memory, store = module(modules / "ladder" / "fmi3" / "Diffusion.wasm")
+    token = put(fmu.description.guid.encode() + b"\0")
+    instance = call("fmi3InstantiateCoSimulation", put(b"name\0"), token, *[0] * 10)
+    reference, values = put(pack("<I", variable)), put(start.tobytes())
+    assert call("fmi3SetFloat64", instance, reference, 1, values, len(start)) == 0
+    assert call("fmi3EnterInitializationMode", instance, 0, 0.0, 0.0, 0, 0.0) == 0
+    assert call("fmi3ExitInitializationMode", instance) == 0
+    # Three flags, and the time reached.
+    ends = [put(bytes(8)) for _ in range(4)]
+    for step in range(20):
+        slave.doStep(step * 0.05, 0.05)
+        assert call("fmi3DoStep", instance, step * 0.05, 0.05, 1, *ends) == 0
+        assert call("fmi3GetFloat64", instance, reference, 1, values, len(start)) == 0
+        found = np.array(slave.getFloat64([variable], len(start)))
+        assert memory.read(store, values, values + 8 * len(start)) == found.tobytes()
+    assert np.abs(found - start).max() > 10
 
 
 @pytest.mark.parametrize(
@@ -206,21 +251,7 @@ STEPS = {
 @pytest.mark.parametrize("name", NAMES)
 def test_the_memory_of_a_module_does_not_grow_in_a_step(modules: Path, name: str) -> None:
     """That of the sources is this module's."""
-    store = Store()
-    linker = Linker(store.engine)
-    for function, count in (("log", 4), ("panic", 2)):
-        linker.define_func("fmu", function, FuncType([ValType.i32()] * count, []), lambda *_: None)
-    module = Module.from_file(store.engine, str(modules / f"{name}.wasm"))
-    fmu = linker.instantiate(store, module).exports(store)
-
-    def call(function: str, *arguments: float) -> int:
-        return fmu[function](store, *arguments)
-
-    def put(data: bytes) -> int:
-        address = call("fmu_allocate", len(data))
-        fmu["memory"].write(store, data, address)
-        return address
-
+    call, put, memory, store = module(modules / f"{name}.wasm")
     description = read_model_description(str(TARGET / "fmu" / f"{name}.fmu"))
     token = put(description.guid.encode() + b"\0")
     instance = call("fmi2Instantiate", put(b"name\0"), 1, token, 0, put(bytes(20)), 0, 0)
@@ -230,8 +261,8 @@ def test_the_memory_of_a_module_does_not_grow_in_a_step(modules: Path, name: str
     signal, values = STEPS[name]
     reference = next(v.valueReference for v in description.modelVariables if v.name == signal)
     references, numbers = put(pack("<I", reference)), [put(pack("<d", value)) for value in values]
-    pages = fmu["memory"].size(store)
+    pages = memory.size(store)
     for step in range(2000):
         assert call("fmi2SetReal", instance, references, 1, numbers[step // 40 % 2]) == 0
         assert call("fmi2DoStep", instance, step * STEP, STEP, 1) == 0
-    assert fmu["memory"].size(store) == pages
+    assert memory.size(store) == pages

@@ -19,7 +19,7 @@ const HYSTERESIS: f64 = 1e-12;
 const SOON: f64 = 1e4;
 
 /// A model's event bookkeeping.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Events {
     /// The time of the next time event, in s.
     pub(crate) next: Option<f64>,
@@ -32,17 +32,38 @@ pub struct Events {
     /// Which have changed since.
     changed: Box<[bool]>,
     indicators: Box<[f64]>,
-    /// The indicators on both sides of the crossing that is being located.
-    sides: [Box<[f64]>; 2],
     /// The largest magnitude of each so far.
     scales: Box<[f64]>,
-    /// The indicators at the search's last two points, and these points.
+    /// The last search, with its memory.
+    search: Option<Box<Search>>,
+}
+
+/// A search for the first crossing in a step.
+#[derive(Debug)]
+struct Search {
+    /// The indicators on both sides of the crossing that is being located.
+    sides: [Box<[f64]>; 2],
+    /// The indicators at the last two points, and these points.
     last: [Box<[f64]>; 2],
     places: [f64; 2],
     /// The number of points searched, of those with a sharp turn of an indicator, and of those with any turn.
     looked: u32,
     sharp: u32,
     turning: u32,
+}
+
+/// A clone has no memory for a search.
+impl Clone for Events {
+    fn clone(&self) -> Self {
+        Self {
+            positive: self.positive.clone(),
+            changed: self.changed.clone(),
+            indicators: self.indicators.clone(),
+            scales: self.scales.clone(),
+            search: None,
+            ..*self
+        }
+    }
 }
 
 /// How indicators change from point to point in a search.
@@ -80,6 +101,13 @@ impl Persistent for Events {
     }
 }
 
+impl Search {
+    fn new(indicators: usize) -> Self {
+        let pair = || [vec![0.0; indicators].into(), vec![0.0; indicators].into()];
+        Self { sides: pair(), last: pair(), places: [0.0; 2], looked: 0, sharp: 0, turning: 0 }
+    }
+}
+
 impl Events {
     /// For a model with this many event indicators.
     #[must_use]
@@ -91,13 +119,8 @@ impl Events {
             positive: vec![false; indicators].into(),
             changed: vec![false; indicators].into(),
             indicators: vec![0.0; indicators].into(),
-            sides: [vec![0.0; indicators].into(), vec![0.0; indicators].into()],
             scales: vec![0.0; indicators].into(),
-            last: [vec![0.0; indicators].into(), vec![0.0; indicators].into()],
-            places: [0.0; 2],
-            looked: 0,
-            sharp: 0,
-            turning: 0,
+            search: None,
         }
     }
 
@@ -172,49 +195,50 @@ impl Events {
 
     /// Starts a search at the point where the indicators were last computed.
     pub(crate) fn begin_search(&mut self, place: f64) {
-        (self.looked, self.sharp, self.turning) = (0, 0, 0);
-        self.places[1] = place;
-        self.last[1].copy_from_slice(&self.indicators);
+        let Self { indicators, search, .. } = self;
+        let search = search.get_or_insert_with(|| Box::new(Search::new(indicators.len())));
+        (search.looked, search.sharp, search.turning) = (0, 0, 0);
+        search.places[1] = place;
+        search.last[1].copy_from_slice(indicators);
     }
 
     /// Records the indicators that were last computed, at the next point.
     pub(crate) fn look(&mut self, place: f64) {
-        self.looked += 1;
-        let share = (self.places[1] - self.places[0]) / (place - self.places[0]);
+        let Self { indicators, scales, search: Some(search), .. } = self else { return };
+        search.looked += 1;
+        let share = (search.places[1] - search.places[0]) / (place - search.places[0]);
         let (mut is_sharp, mut turns) = (false, false);
-        for (i, indicator) in self.indicators.iter().enumerate() {
-            let [first, second] = [self.last[0][i], self.last[1][i]];
-            let scale = &mut self.scales[i];
+        for (i, (indicator, scale)) in indicators.iter().zip(scales).enumerate() {
+            let [first, second] = [search.last[0][i], search.last[1][i]];
             *scale = scale.max(indicator.abs());
-            if self.looked > 1 {
+            if search.looked > 1 {
                 // Twice the distance from the straight line: for equidistant points, the second difference.
                 let difference = 2.0 * (second - first - share * (indicator - first)).abs();
                 is_sharp |= difference > SHARP * *scale;
                 turns |= difference > TURNING * *scale;
             }
         }
-        self.sharp += u32::from(is_sharp);
-        self.turning += u32::from(turns);
-        self.places = [self.places[1], place];
+        search.sharp += u32::from(is_sharp);
+        search.turning += u32::from(turns);
+        search.places = [search.places[1], place];
         // The oldest are computed over.
-        self.last.swap(0, 1);
-        mem::swap(&mut self.last[1], &mut self.indicators);
+        search.last.swap(0, 1);
+        mem::swap(&mut search.last[1], indicators);
     }
 
-    /// The number of points searched.
-    pub(crate) fn looked(&self) -> u32 {
-        self.looked
-    }
-
-    /// How the indicators changed during the search.
-    pub(crate) fn pace(&self) -> Pace {
-        if self.sharp > OF_A_JUMP + self.looked / 16 {
+    /// The number of points searched, and how the indicators changed there.
+    pub(crate) fn looked(&self) -> (u32, Pace) {
+        let Some(Search { looked, sharp, turning, .. }) = self.search.as_deref() else {
+            return (0, Pace::Even);
+        };
+        let pace = if *sharp > OF_A_JUMP + looked / 16 {
             Pace::Fast
-        } else if self.turning <= OF_A_JUMP {
+        } else if *turning <= OF_A_JUMP {
             Pace::Slow
         } else {
             Pace::Even
-        }
+        };
+        (*looked, pace)
     }
 
     /// Rejects a finished event that leaves a limit exceeded: there might be no other event. `names` are the
@@ -234,19 +258,23 @@ impl Events {
 
     /// Records the indicators in the last place of the search, and those computed since, as the sides of a crossing.
     pub(crate) fn note_crossing(&mut self) {
-        self.sides[Side::Before as usize].copy_from_slice(&self.last[1]);
+        if let Some(search) = self.search.as_deref_mut() {
+            search.sides[Side::Before as usize].copy_from_slice(&search.last[1]);
+        }
         self.note(Side::After);
     }
 
     /// Records the indicators last computed as those on one side of a crossing.
     pub(crate) fn note(&mut self, side: Side) {
-        self.sides[side as usize].copy_from_slice(&self.indicators);
+        if let Some(search) = &mut self.search {
+            search.sides[side as usize].copy_from_slice(&self.indicators);
+        }
     }
 
     /// Where straight lines between the sides first cross zero: from 0, before, to 1, after.
     pub(crate) fn crossing(&self) -> f64 {
-        let [before, after] = &self.sides;
-        let shares = before.iter().zip(after).filter(|(before, after)| (**before > 0.0) != (**after > 0.0));
+        let sides = self.search.iter().flat_map(|search| search.sides[0].iter().zip(&search.sides[1]));
+        let shares = sides.filter(|(before, after)| (**before > 0.0) != (**after > 0.0));
         shares.map(|(before, after)| before / (before - after)).fold(1.0, f64::min)
     }
 

@@ -417,8 +417,9 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         let end = step.end();
         let coincidence = TIME_TOLERANCE * step.size + time_rounding(end);
         let last_event = if E::SAMPLES_INPUTS { end - coincidence } else { end + coincidence };
-        let mut is_evaluated = (self.evaluated.take()).is_some_and(|(time, inputs)| {
-            time.to_bits() == step.start.to_bits() && inputs == *variables.inputs()
+        let evaluated = self.evaluated.take();
+        let mut is_evaluated = evaluated.as_ref().is_some_and(|(time, inputs)| {
+            time.to_bits() == step.start.to_bits() && inputs == variables.inputs()
         });
         E::Variables::each_state(variables, |state, value: f64| {
             is_evaluated &= states[state].to_bits() == value.to_bits();
@@ -491,7 +492,10 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             }
         }
         self.time = end;
-        self.evaluated = Some((end, variables.inputs().clone()));
+        // Large inputs are copied to memory that is there.
+        let (_, mut inputs) = evaluated.unwrap_or_else(|| (end, variables.inputs().clone()));
+        inputs.clone_from(variables.inputs());
+        self.evaluated = Some((end, inputs));
         Ok(None)
     }
 

@@ -78,10 +78,9 @@ pub fn first_event<T: Trajectory>(
             }
             events.look(elapsed);
         }
-        let events = trajectory.events();
+        let (looked, pace) = trajectory.events().looked();
         // A long search costs as much as trials of the integrator.
-        *trials += events.looked().saturating_sub(1) / SEARCHED;
-        let pace = events.pace();
+        *trials += looked.saturating_sub(1) / SEARCHED;
         let distance = (end - begin) / f64::from(places);
         if pace == Pace::Fast && places < MOST_SEARCHED {
             places *= 2;

@@ -58,7 +58,8 @@ pub(super) struct Factors {
     pivots: Vec<u32>,
     /// The step whose pivot is in each column.
     steps: Vec<u32>,
-    /// The factors of the rows eliminated before, and the rest of each row; their columns are steps.
+    /// The factors of the rows eliminated before, and the rest of each row over its pivot, so that a solution does not
+    /// wait for that product; their columns are steps.
     lower: Rows,
     upper: Rows,
     reciprocals: Vec<f64>,
@@ -120,16 +121,15 @@ impl Factors {
             row[step] += diagonal;
             for element in below {
                 let earlier = lower.columns[element] as usize;
-                let factor = row[earlier] * reciprocals[earlier];
-                lower.values[element] = factor;
-                for (column, value) in upper.row(earlier) {
-                    row[column] -= factor * value;
+                let value = row[earlier];
+                lower.values[element] = value * reciprocals[earlier];
+                for (column, above) in upper.row(earlier) {
+                    row[column] -= value * above;
                 }
             }
             let mut largest = row[step].abs();
-            for element in above {
-                let value = row[upper.columns[element] as usize];
-                upper.values[element] = value;
+            for &column in &upper.columns[above.clone()] {
+                let value = row[column as usize];
                 // By their order what is not a number is largest.
                 if value.abs().total_cmp(&largest).is_gt() {
                     largest = value.abs();
@@ -139,6 +139,9 @@ impl Factors {
                 return false;
             }
             reciprocals[step] = row[step].recip();
+            for element in above {
+                upper.values[element] = row[upper.columns[element] as usize] * reciprocals[step];
+            }
         }
         true
     }
@@ -182,10 +185,10 @@ impl Factors {
                 row[of as usize] += diagonal;
             }
             for &earlier in &*eliminated {
-                let factor = row[pivots[earlier as usize] as usize] * reciprocals[earlier as usize];
-                lower.push(earlier, factor);
-                for (column, value) in upper.row(earlier as usize) {
-                    row[column] -= factor * value;
+                let value = row[pivots[earlier as usize] as usize];
+                lower.push(earlier, value * reciprocals[earlier as usize]);
+                for (column, above) in upper.row(earlier as usize) {
+                    row[column] -= value * above;
                 }
             }
             lower.end_row();
@@ -205,7 +208,7 @@ impl Factors {
             steps[pivot as usize] = number(step);
             reciprocals[step] = row[pivot as usize].recip();
             for &column in left.iter().filter(|&&column| column != pivot) {
-                upper.push(column, row[column as usize]);
+                upper.push(column, row[column as usize] * reciprocals[step]);
             }
             upper.end_row();
         }
@@ -226,11 +229,11 @@ impl Factors {
             row[step] = value;
         }
         for step in (0..order.len()).rev() {
-            let mut value = row[step];
+            let mut value = row[step] * reciprocals[step];
             for (later, element) in upper.row(step) {
                 value -= element * row[later];
             }
-            row[step] = value * reciprocals[step];
+            row[step] = value;
             vector[pivots[step] as usize] = row[step];
         }
     }
