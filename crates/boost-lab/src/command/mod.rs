@@ -39,11 +39,11 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Run a scenario, a system or a single FMU
-    Simulate(Simulate),
+    Simulate(WithMaps<Box<run::Simulate>>),
     /// Compare records: their differences in numbers, and overlaid in a plot
     Compare(run::Compare),
     /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
-    Linearize(Linearize),
+    Linearize(WithMaps<Box<run::Linearize>>),
     /// Run scenarios and show them on one page
     Show {
         /// The scenarios (see docs/simulate.md)
@@ -76,7 +76,7 @@ enum Command {
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
     /// Run a scenario for many parameter values, on all cores; resumes if interrupted
-    Sweep(Sweep),
+    Sweep(WithMaps<run::Sweep>),
     /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
     /// Exits with 0 if all criteria hold, and 1 if one fails.
@@ -88,41 +88,17 @@ enum Command {
     },
 }
 
-/// `simulate` with maps of names.
+/// The arguments of a command that runs FMUs, with maps of names.
 #[derive(Args)]
-struct Simulate {
+struct WithMaps<T: Args> {
     #[command(flatten)]
-    simulate: Box<run::Simulate>,
-    #[command(flatten)]
-    maps: MapArguments,
-}
-
-/// `linearize` with maps of names.
-#[derive(Args)]
-struct Linearize {
-    #[command(flatten)]
-    linearize: Box<run::Linearize>,
-    #[command(flatten)]
-    maps: MapArguments,
-}
-
-/// `sweep` with maps of names.
-#[derive(Args)]
-struct Sweep {
-    #[command(flatten)]
-    sweep: run::Sweep,
+    own: T,
     #[command(flatten)]
     maps: MapArguments,
 }
 
 /// Which FMUs a scenario runs, and under which names.
-#[derive(Args)]
-struct FmuArguments {
-    #[command(flatten)]
-    fmus: run::FmuArguments,
-    #[command(flatten)]
-    maps: MapArguments,
-}
+type FmuArguments = WithMaps<run::FmuArguments>;
 
 /// Maps of names.
 #[derive(Args)]
@@ -140,7 +116,7 @@ impl MapArguments {
 
 impl FmuArguments {
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
-        self.fmus.give(scenario, &self.maps.maps())
+        self.own.give(scenario, &self.maps.maps())
     }
 
     fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
@@ -166,9 +142,9 @@ enum Identify {
 /// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(Simulate { simulate, maps }) => simulate.run(&maps.maps()).map(|()| true),
+        Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
         Command::Compare(compare) => compare.run().map(|()| true),
-        Command::Linearize(Linearize { linearize, maps }) => linearize.run(&maps.maps()).map(|()| true),
+        Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
         Command::Show { scenarios, fmus, title, out } => {
             show::run(&scenarios, &fmus, &title, &out).map(|()| true)
         }
@@ -177,6 +153,6 @@ pub fn run() -> Result<bool> {
         Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
         Command::Study(arguments) => study::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep(Sweep { sweep, maps }) => sweep.run(&maps.maps()).map(|()| true),
+        Command::Sweep(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
     }
 }

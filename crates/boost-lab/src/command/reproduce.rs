@@ -23,7 +23,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
     for figure in figures {
         let found = laboratory.reproduce(figure)?;
         print(&format!("Fig. {}: {}\n", figure.number, figure.title))?;
-        for claim in &found.evidence.claims {
+        for claim in &found.claims {
             let word = claim.verdict().word();
             let paper = claim.in_paper().map_or_else(String::new, |value| format!("; paper: {value}"));
             print(&format!(

@@ -18,7 +18,7 @@ use std::io::Write;
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
     let mut scenarios = vec![];
     for path in paths {
-        let mut scenario = Scenario::read(path, &fmus.fmus.folder, crate::mapping::read)?;
+        let mut scenario = Scenario::read(path, &fmus.own.folder, crate::mapping::read)?;
         fmus.give(&mut scenario).with_context(|| path.display().to_string())?;
         writing::refuse_overlap(&[out.to_path_buf()], &fmus.inputs(&scenario))?;
         scenarios.push((path, scenario));
@@ -37,9 +37,7 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
     let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let mut page = Report::new(title);
-    for section in sections {
-        page.html(section.body());
-    }
+    sections.iter().for_each(|section| page.append(section));
     writing::write(out, |writer| writer.write_all(page.page("").as_bytes()))?;
     Ok(print(&format!("{}\n", out.display()))?)
 }

@@ -17,7 +17,7 @@ use wasmparser::{Parser, Payload};
 
 use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
 use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
-use fmu_plot::{Figure, escaped, page};
+use fmu_plot::{Figure, Report, escaped};
 
 /// The closed loop that the page starts with; the user changes its constant inputs.
 pub const LOOP: (&str, &str) = shipped!("live.toml");
@@ -97,11 +97,12 @@ impl Live<'_> {
         let body =
             BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
         let scripts = SCRIPTS.join("\n");
-        let body = format!(
+        let mut report = Report::new("Boost pressure control, live");
+        report.html(&format!(
             "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
              <script type=\"module\">\n{scripts}</script>\n"
-        );
-        Ok(page("Boost pressure control, live", STYLE, &body))
+        ));
+        Ok(report.page(STYLE))
     }
 
     fn data(&self) -> Result<Json> {
@@ -117,7 +118,7 @@ impl Live<'_> {
             json!({
                 "number": experiment.figure.number,
                 "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
-                "claims": experiment.evidence.claims.iter().map(claim_json).collect::<Vec<_>>(),
+                "claims": experiment.claims.iter().map(claim_json).collect::<Vec<_>>(),
             })
         });
         Ok(json!({
@@ -192,7 +193,7 @@ fn claim_json(claim: &Claim) -> Json {
     let (unit, factor) = claim.scale();
     json!({
         "name": claim.name, "paper": claim.paper, "inPaper": claim.in_paper(), "found": claim.found(), "asked": claim.asked(),
-        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis.name(),
+        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis,
         "knownDifference": claim.known_difference,
     })
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::greatest;
-use super::{Claim, Drawing, Evidence, Laboratory, curve, shipped};
+use super::{Drawing, Evidence, Laboratory, curve, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 
 /// The drawing in the documentation of `BoostController`.
@@ -52,44 +52,22 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
             .line(line("integral_term", 1.0)?.color(color::VERMILION).label("integral"))
             .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![
-            (
-                "Controller structure. Pale: the reference model, added here; the paper's structure \
-                 passes the reference straight through. The gain schedule acts along the dashed lines."
-                    .into(),
-                Drawing::Picture(without_links(STRUCTURE)),
-            ),
-            ("Block outputs in reference steps at 13 V supply.".into(), figure.into()),
-        ],
-        claims: vec![
-            Claim::construction("sum_of_terms", greatest(sum_error), "%", ..=1e-9)
-                .paper("The duty is the sum of feedforward and PID controller.")
-                .how(
-                    "Largest difference of unsaturated_pwm from the sum of feedforward_pwm, \
-                     proportional_term, integral_term and derivative_term. The bound is the rounding of \
-                     doubles.",
-                ),
-            Claim::construction("compensated_output", greatest(output_error), "%", ..=1e-9)
-                .paper("The compensator, 12 V over the supply, follows the duty limits.")
-                .how(
-                    "Largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
-                     voltage_compensation.",
-                ),
-            Claim::prediction("limits_act", is_at_limit.iter().sum(), "samples", 1.0..)
-                .paper("The duty is limited (Fig. 13: its saturation guarantees a fast response).")
-                .how(
-                    "Samples at a limit, by saturated; without any, the claims above would not test the \
-                     limits.",
-                ),
-        ],
-        notes: vec![
-            "In addition to the paper's blocks there is a reference model (off if the parameter structure \
-             is paper): it gives feedforward and feedback the expected pressure and removes the \
-             overshoot."
-                .into(),
-        ],
-    })
+    let results = vec![
+        ("sum_of_terms", greatest(sum_error)),
+        ("compensated_output", greatest(output_error)),
+        ("limits_act", is_at_limit.iter().sum()),
+    ];
+    Ok(Evidence::new(results)
+        .drawing(
+            "Controller structure. Pale: the reference model, added here; the paper's structure passes the reference \
+             straight through. The gain schedule acts along the dashed lines.",
+            Drawing::Picture(without_links(STRUCTURE)),
+        )
+        .drawing("Block outputs in reference steps at 13 V supply.", figure)
+        .note(
+            "In addition to the paper's blocks there is a reference model (off if the parameter structure is paper): \
+             it gives feedforward and feedback the expected pressure and removes the overshoot.",
+        ))
 }
 
 /// Replaces a picture's links, whose targets are in the documentation, with groups.

@@ -14,11 +14,12 @@ mod figure_8;
 mod figure_9;
 mod report;
 
-use std::ops::{Bound, RangeBounds};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-use anyhow::{Context, Result};
-use serde::Serialize;
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
 
 use cargo_fmu::run::refuse_missing;
 use fmu_master::Fmu;
@@ -52,12 +53,16 @@ pub const FIGURES: [PaperFigure; 10] = [
     PaperFigure { number: 14, title: "Boost pressure under voltage steps", reproduce: figure_14::reproduce },
 ];
 
-/// The results of a figure's experiments.
+/// The paper's claims by figure, in the order of the report, without the FMUs' results.
+static CLAIMS: LazyLock<BTreeMap<String, Vec<Claim>>> =
+    LazyLock::new(|| toml::from_str(include_str!("claims.toml")).expect("it has the claims' keys"));
+
+/// What a figure's experiments give.
 pub struct Evidence {
     /// The drawings with their captions.
-    pub drawings: Vec<(String, Drawing)>,
-    /// The paper's claims, in the order of the report.
-    pub claims: Vec<Claim>,
+    pub drawings: Vec<(&'static str, Drawing)>,
+    /// The FMUs' results by the names of the claims.
+    results: Vec<(&'static str, f64)>,
     /// Differences from the paper's experiment, and what is not reproduced.
     pub notes: Vec<String>,
 }
@@ -70,6 +75,32 @@ pub enum Drawing {
 }
 
 impl Evidence {
+    fn new(results: Vec<(&'static str, f64)>) -> Self {
+        Self { drawings: vec![], results, notes: vec![] }
+    }
+
+    fn drawing(mut self, caption: &'static str, drawing: impl Into<Drawing>) -> Self {
+        self.drawings.push((caption, drawing.into()));
+        self
+    }
+
+    fn note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// The claims of a figure with the FMUs' results.
+    fn claims(&self, figure: u32) -> Result<Vec<Claim>> {
+        let claims = &CLAIMS[&format!("figure_{figure}")];
+        ensure!(claims.len() == self.results.len(), "claims.toml has other claims");
+        let claim = |claim: &Claim| {
+            let result = self.results.iter().find(|(name, _)| *name == claim.name);
+            let (_, value) = *result.with_context(|| format!("{} has no result", claim.name))?;
+            Ok(Claim { value, ..claim.clone() })
+        };
+        claims.iter().map(claim).collect()
+    }
+
     /// The drawings that are plots.
     pub fn plots(&self) -> impl Iterator<Item = &Figure> {
         self.drawings.iter().filter_map(|(_, drawing)| match drawing {
@@ -86,18 +117,20 @@ impl From<Figure> for Drawing {
 }
 
 /// A claim of the paper, compared with the FMUs.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Claim {
     /// The name in report.json, unique within the figure.
-    pub name: &'static str,
+    pub name: String,
     /// What the paper says.
-    pub paper: &'static str,
+    pub paper: String,
     /// The paper's number in `unit`, if it prints one.
     pub paper_value: Option<f64>,
     /// The FMUs' result.
+    #[serde(skip_deserializing)]
     pub value: f64,
     /// The unit of `value`, `least` and `most`.
-    pub unit: &'static str,
+    pub unit: String,
     /// The smallest accepted value.
     pub least: Option<f64>,
     /// The largest accepted value.
@@ -105,9 +138,9 @@ pub struct Claim {
     /// Where the result comes from.
     pub basis: Basis,
     /// How the result is computed, and the reason for the range.
-    pub how: &'static str,
+    pub how: String,
     /// Why the FMUs are known to differ from the paper, if they are.
-    pub known_difference: Option<&'static str>,
+    pub known_difference: Option<String>,
 }
 
 /// Whether the FMUs agree with a claim.
@@ -131,7 +164,7 @@ impl Verdict {
 
 /// How many claims hold, such as `36 of 38 claims hold; 2 differ for known reasons`, and whether none fails.
 pub fn count(figures: &[Reproduced]) -> (String, bool) {
-    let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
+    let claims = || figures.iter().flat_map(|figure| &figure.claims);
     let of = |verdict| claims().filter(|claim| claim.verdict() == verdict).count();
     let (all, holding) = (claims().count(), of(Verdict::Holds));
     let known = match of(Verdict::Differs) {
@@ -143,7 +176,7 @@ pub fn count(figures: &[Reproduced]) -> (String, bool) {
 }
 
 /// Where a result comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Basis {
     /// Parameters were calibrated to it.
@@ -155,83 +188,11 @@ pub enum Basis {
 }
 
 impl Claim {
-    fn new(
-        basis: Basis,
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        let limit = |bound: Bound<&f64>| match bound {
-            Bound::Included(&limit) | Bound::Excluded(&limit) => Some(limit),
-            Bound::Unbounded => None,
-        };
-        let (least, most) = (limit(accepted.start_bound()), limit(accepted.end_bound()));
-        Self {
-            name,
-            paper: "",
-            paper_value: None,
-            value,
-            unit,
-            least,
-            most,
-            basis,
-            how: "",
-            known_difference: None,
-        }
-    }
-
-    /// Parameters were calibrated to the result.
-    fn calibration(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Calibration, name, value, unit, accepted)
-    }
-
-    /// The result follows from parameters chosen for other reasons.
-    fn prediction(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Prediction, name, value, unit, accepted)
-    }
-
-    /// The result follows from the controller's structure.
-    fn construction(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Construction, name, value, unit, accepted)
-    }
-
-    fn paper(self, paper: &'static str) -> Self {
-        Self { paper, ..self }
-    }
-
-    fn paper_value(self, value: f64) -> Self {
-        Self { paper_value: Some(value), ..self }
-    }
-
-    fn how(self, how: &'static str) -> Self {
-        Self { how, ..self }
-    }
-
-    fn differs(self, reason: &'static str) -> Self {
-        Self { known_difference: Some(reason), ..self }
-    }
-
     pub fn verdict(&self) -> Verdict {
         // Not for NaN.
         let holds = self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
             && self.value <= self.most.unwrap_or(f64::INFINITY);
-        match (holds, self.known_difference) {
+        match (holds, &self.known_difference) {
             (true, _) => Verdict::Holds,
             (false, Some(_)) => Verdict::Differs,
             (false, None) => Verdict::Fails,
@@ -265,23 +226,14 @@ impl Claim {
 
     /// The unit of the figure's axes, by the range, and the factor to it.
     pub fn scale(&self) -> (String, f64) {
-        axis(self.unit, self.most.or(self.least).unwrap_or(self.value))
-    }
-}
-
-impl Basis {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Calibration => "calibration",
-            Self::Prediction => "prediction",
-            Self::Construction => "construction",
-        }
+        axis(&self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }
 
 pub struct Reproduced {
     pub figure: &'static PaperFigure,
     pub evidence: Evidence,
+    pub claims: Vec<Claim>,
     /// Names and texts of the scenarios that ran.
     pub scenarios: Vec<(&'static str, &'static str)>,
     /// The runs, in order.
@@ -317,9 +269,11 @@ impl Laboratory {
     }
 
     pub fn reproduce(&mut self, figure: &'static PaperFigure) -> Result<Reproduced> {
-        let evidence = (figure.reproduce)(self).with_context(|| format!("Fig. {}", figure.number))?;
+        let named = || format!("Fig. {}", figure.number);
+        let evidence = (figure.reproduce)(self).with_context(named)?;
         Ok(Reproduced {
             figure,
+            claims: evidence.claims(figure.number).with_context(named)?,
             evidence,
             scenarios: std::mem::take(&mut self.scenarios),
             runs: std::mem::take(&mut self.runs),

@@ -42,15 +42,14 @@ struct JsonClaim<'a> {
 pub fn json(figures: &[Reproduced]) -> Result<String> {
     let claims = |claims: &'_ [Claim]| claims.iter().all(|claim| claim.verdict() == Verdict::Holds);
     let report = ReproductionReport {
-        all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
+        all_claims_hold: figures.iter().all(|figure| claims(&figure.claims)),
         no_claim_fails: count(figures).1,
         figures: figures
             .iter()
-            .map(|Reproduced { figure, evidence, .. }| JsonFigure {
+            .map(|Reproduced { figure, evidence, claims, .. }| JsonFigure {
                 figure: figure.number,
                 title: figure.title,
-                claims: evidence
-                    .claims
+                claims: claims
                     .iter()
                     .map(|claim| JsonClaim { holds: claim.verdict() == Verdict::Holds, claim })
                     .collect(),
@@ -82,7 +81,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     report.page(STYLE)
 }
 
-fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: &Reproduced) {
+fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios, .. }: &Reproduced) {
     report.section_of(
         &format!("figure-{}", figure.number),
         &format!("Fig. {}: {}", figure.number, figure.title),
@@ -94,15 +93,16 @@ fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: 
         }
     }
     let mut table = Table::new(["Claim", "Paper", "FMUs", "Accepted", ""]).class("claims");
-    for claim in &evidence.claims {
+    for claim in claims {
         table.row([
             Cell::html(&format!(
-                "{}<div class=\"how\">{}: {}{}</div>",
-                escaped(claim.paper),
-                capitalized(claim.basis.name()),
-                escaped(claim.how),
+                "{}<div class=\"how\">{:?}: {}{}</div>",
+                escaped(&claim.paper),
+                claim.basis,
+                escaped(&claim.how),
                 claim
                     .known_difference
+                    .as_deref()
                     .map_or_else(String::new, |reason| format!(" Known difference: {}.", escaped(reason)))
             )),
             Cell::number(&claim.in_paper().unwrap_or_default()),
@@ -116,11 +116,4 @@ fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: 
     for (name, scenario) in scenarios {
         report.details(&format!("The scenario {name}"), scenario);
     }
-}
-
-fn capitalized(word: &str) -> String {
-    let mut letters = word.chars();
-    letters
-        .next()
-        .map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + letters.as_str())
 }

@@ -378,6 +378,7 @@ fn points(report: &mut Report, tuning: &Tuning<'_>) {
 mod tests {
     use super::*;
     use fmu_plot::Color;
+    use fmu_xml::page::STYLE;
 
     /// The relative luminance of WCAG 2.1.
     fn luminance(color: [f64; 3]) -> f64 {
@@ -397,10 +398,14 @@ mod tests {
     #[test]
     fn texts_in_maps_contrast_with_their_cells_by_day_and_by_night() {
         assert!((contrast([0.0; 3], [255.0; 3]) - 21.0).abs() < 1e-9);
-        for of in [Color::day, Color::night] {
+        for scheme in [1, 2] {
+            let rgb = |color: Color| {
+                let digits = &STYLE.split(&format!("{}: #", color.name())).nth(scheme).unwrap()[..6];
+                let number = u32::from_str_radix(digits, 16).unwrap();
+                [16, 8, 0].map(|shift| f64::from(number >> shift & 0xff))
+            };
             let [low, high, ink, faint, shade, paper] =
-                [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER]
-                    .map(|color| of(color).map(f64::from));
+                [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER].map(rgb);
             for percent in 0..=100 {
                 let strength = f64::from(percent) / 100.0;
                 let cell = [0, 1, 2].map(|index| low[index] + strength * (high[index] - low[index]));

@@ -47,7 +47,7 @@ impl Compare {
         }
         print(&comparison.text())?;
         if let Some((plot, format)) = plot {
-            let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.html())?;
+            let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.report())?;
             writing::write(plot, |writer| writer.write_all(&drawn))?;
             print(&format!("{}\n", plot.display()))?;
         }

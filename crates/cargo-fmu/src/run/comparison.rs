@@ -140,8 +140,8 @@ impl<'a> Comparison<'a> {
         text
     }
 
-    /// The differences as tables in HTML.
-    pub fn html(&self) -> String {
+    /// The differences as tables.
+    pub fn report(&self) -> Report {
         let mut report = Report::default();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             report.section(&format!("{name} minus {}", self.records[0].0));
@@ -153,7 +153,7 @@ impl<'a> Comparison<'a> {
             report.table(&table);
         }
         report.paragraphs(&self.notes);
-        report.body().to_owned()
+        report
     }
 
     /// For each variable, a panel with all records next to one with the differences.

@@ -13,7 +13,7 @@ use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
 use fmu_master::scenario::{Location, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::{PlotFormat, panels};
+use fmu_plot::{PlotFormat, Report, panels};
 use fmu_record::{Record, TableFormat};
 
 /// Steps between updates of the progress bar.
@@ -80,7 +80,7 @@ impl Simulate {
             if let Some((format, path)) = &plot {
                 let title = scenario.title.as_deref().unwrap_or(&name);
                 let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
-                let drawn = format.drawn(&figure, title, "")?;
+                let drawn = format.drawn(&figure, title, &Report::default())?;
                 writing::write(path, |writer| writer.write_all(&drawn))?;
                 print(&format!("{}\n", path.display()))?;
             }
