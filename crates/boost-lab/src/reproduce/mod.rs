@@ -32,10 +32,13 @@ use fmu_record::numbers::{axis, number};
 
 pub use self::report::{html, json};
 
+#[derive(Serialize)]
 pub struct PaperFigure {
     /// The figure's number in the paper.
+    #[serde(rename = "figure")]
     pub number: u32,
     pub title: &'static str,
+    #[serde(skip)]
     reproduce: fn(&mut Laboratory) -> Result<Evidence>,
 }
 
@@ -58,10 +61,13 @@ static CLAIMS: LazyLock<BTreeMap<String, Vec<Claim>>> =
     LazyLock::new(|| toml::from_str(include_str!("claims.toml")).expect("it has the claims' keys"));
 
 /// What a figure's experiments give.
+#[derive(Serialize)]
 pub struct Evidence {
     /// The drawings with their captions.
+    #[serde(skip)]
     pub drawings: Vec<(&'static str, Drawing)>,
     /// The FMUs' results by the names of the claims.
+    #[serde(skip)]
     results: Vec<(&'static str, f64)>,
     /// Differences from the paper's experiment, and what is not reproduced.
     pub notes: Vec<String>,
@@ -96,7 +102,10 @@ impl Evidence {
         let claim = |claim: &Claim| {
             let result = self.results.iter().find(|(name, _)| *name == claim.name);
             let (_, value) = *result.with_context(|| format!("{} has no result", claim.name))?;
-            Ok(Claim { value, ..claim.clone() })
+            // Not for NaN.
+            let holds = value >= claim.least.unwrap_or(f64::NEG_INFINITY)
+                && value <= claim.most.unwrap_or(f64::INFINITY);
+            Ok(Claim { holds, value, ..claim.clone() })
         };
         claims.iter().map(claim).collect()
     }
@@ -120,6 +129,9 @@ impl From<Figure> for Drawing {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
+    /// Whether the FMUs' result is in the accepted range.
+    #[serde(skip_deserializing)]
+    holds: bool,
     /// The name in report.json, unique within the figure.
     pub name: String,
     /// What the paper says.
@@ -189,10 +201,7 @@ pub enum Basis {
 
 impl Claim {
     pub fn verdict(&self) -> Verdict {
-        // Not for NaN.
-        let holds = self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
-            && self.value <= self.most.unwrap_or(f64::INFINITY);
-        match (holds, &self.known_difference) {
+        match (self.holds, &self.known_difference) {
             (true, _) => Verdict::Holds,
             (false, Some(_)) => Verdict::Differs,
             (false, None) => Verdict::Fails,
@@ -230,13 +239,18 @@ impl Claim {
     }
 }
 
+#[derive(Serialize)]
 pub struct Reproduced {
+    #[serde(flatten)]
     pub figure: &'static PaperFigure,
-    pub evidence: Evidence,
     pub claims: Vec<Claim>,
+    #[serde(flatten)]
+    pub evidence: Evidence,
     /// Names and texts of the scenarios that ran.
+    #[serde(skip)]
     pub scenarios: Vec<(&'static str, &'static str)>,
     /// The runs, in order.
+    #[serde(skip)]
     pub runs: Vec<Run>,
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::{Claim, Drawing, Reproduced, Verdict, count};
+use super::{Drawing, Reproduced, count};
 use fmu_plot::{Cell, Report, Table, escaped};
 
 const TITLE: &str =
@@ -21,41 +21,14 @@ const STYLE: &str = "
 struct ReproductionReport<'a> {
     all_claims_hold: bool,
     no_claim_fails: bool,
-    figures: Vec<JsonFigure<'a>>,
-}
-
-#[derive(Serialize)]
-struct JsonFigure<'a> {
-    figure: u32,
-    title: &'a str,
-    claims: Vec<JsonClaim<'a>>,
-    notes: &'a [String],
-}
-
-#[derive(Serialize)]
-struct JsonClaim<'a> {
-    holds: bool,
-    #[serde(flatten)]
-    claim: &'a Claim,
+    figures: &'a [Reproduced],
 }
 
 pub fn json(figures: &[Reproduced]) -> Result<String> {
-    let claims = |claims: &'_ [Claim]| claims.iter().all(|claim| claim.verdict() == Verdict::Holds);
     let report = ReproductionReport {
-        all_claims_hold: figures.iter().all(|figure| claims(&figure.claims)),
+        all_claims_hold: figures.iter().flat_map(|figure| &figure.claims).all(|claim| claim.holds),
         no_claim_fails: count(figures).1,
-        figures: figures
-            .iter()
-            .map(|Reproduced { figure, evidence, claims, .. }| JsonFigure {
-                figure: figure.number,
-                title: figure.title,
-                claims: claims
-                    .iter()
-                    .map(|claim| JsonClaim { holds: claim.verdict() == Verdict::Holds, claim })
-                    .collect(),
-                notes: &evidence.notes,
-            })
-            .collect(),
+        figures,
     };
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }

@@ -64,7 +64,7 @@ pub fn search(
     let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
     let scenario = rig.scenario(case, strategy)?;
     let mut master = rig.run_to(&scenario, first)?;
-    let mut plant = OpenLoop::new(master.instance("plant")?, case, &rig.names)?;
+    let mut plant = OpenLoop::new(master.instance("plant")?, case)?;
     let saved = plant.instance().save()?;
 
     let judged = point(SETTLING).max(first + 1);

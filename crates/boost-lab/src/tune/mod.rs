@@ -68,6 +68,18 @@ pub enum CellOrigin {
     NoModel,
 }
 
+impl CellOrigin {
+    /// Why a point is not identified.
+    fn reason(self) -> &'static str {
+        match self {
+            Self::AboveReach => "the reference is above the reachable range",
+            Self::BelowReach => "the reference is below the reachable range",
+            Self::OutsideFittedDuty => "its feedforward is outside the stepped duties",
+            Self::NoModel | Self::Identified => "no model fits",
+        }
+    }
+}
+
 /// A point of the tuned schedule.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
@@ -430,8 +442,7 @@ impl Tuning<'_> {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {
             return match cell.basis {
-                CellOrigin::AboveReach => "filled: the reference is above the reachable range".to_owned(),
-                CellOrigin::BelowReach => "filled: the reference is below the reachable range".to_owned(),
+                CellOrigin::AboveReach | CellOrigin::BelowReach => format!("filled: {}", cell.basis.reason()),
                 _ => "inverse of the sweep".to_owned(),
             };
         }
@@ -449,15 +460,11 @@ impl Tuning<'_> {
             }
         } else {
             let schedule = &self.task.schedule;
-            let why = match cell.basis {
-                CellOrigin::AboveReach => "the reference is above the reachable range",
-                CellOrigin::BelowReach => "the reference is below the reachable range",
-                CellOrigin::OutsideFittedDuty => "its feedforward is outside the stepped duties",
-                CellOrigin::NoModel | CellOrigin::Identified => "no model fits",
-            };
             format!(
-                "filled from {} Pa at {} rpm: {why}",
-                schedule.boost_references[row], schedule.engine_speeds[column]
+                "filled from {} Pa at {} rpm: {}",
+                schedule.boost_references[row],
+                schedule.engine_speeds[column],
+                cell.basis.reason()
             )
         };
         match map {

@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
-use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
+use super::{Cell, CellOrigin, Point, Procedure, Schedule, ScheduleTable, Sweep, Tuning};
 use fmu_master::measure::greatest;
 use fmu_plot::{Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{estimate, quantity};
@@ -29,15 +29,10 @@ const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 struct TuningReport<'a> {
     plant: &'a str,
     plant_parameters: String,
-    controller: &'a str,
-    engine_speeds: &'a [f64],
-    boost_references: &'a [f64],
-    nominal_voltage: f64,
-    sample_time: f64,
+    #[serde(flatten)]
+    schedule: &'a Schedule,
     procedure: &'a Procedure,
-    lambda: f64,
     least_duty: f64,
-    strategy: Strategy,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     boost_limits: &'a [f64],
     notes: &'a [String],
@@ -65,15 +60,9 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     let report = TuningReport {
         plant: tuning.task.plant.description().attribute("modelName"),
         plant_parameters: tuning.task.plant_parameters_written(),
-        controller: &schedule.controller,
-        engine_speeds: &schedule.engine_speeds,
-        boost_references: &schedule.boost_references,
-        nominal_voltage: schedule.nominal_voltage,
-        sample_time: schedule.sample_time,
+        schedule,
         procedure: &tuning.task.procedure,
-        lambda: tuning.task.schedule.lambda,
         least_duty: tuning.least_duty(),
-        strategy: schedule.strategy,
         boost_limits: &tuning.boost_limits,
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
