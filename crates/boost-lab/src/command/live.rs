@@ -9,7 +9,7 @@ use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::FmuDescription;
 
-use crate::live::{LOOP, Live, Module};
+use crate::live::{self, LOOP, Module};
 use crate::reproduce::{FIGURES, Laboratory};
 
 /// Seconds of simulation that give the plots' quantities and their sizes.
@@ -55,13 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let live = Live {
-        modules: [("plant", &plant), ("controller", &controller)],
-        plants: &plants,
-        closed_loop: &closed_loop,
-        experiments: &experiments,
-    };
-    let html = live.html()?;
+    let html = live::html([&plant, &controller], &plants, &closed_loop, &experiments)?;
     writing::write(&arguments.out, |writer| writer.write_all(html.as_bytes()))?;
     Ok(print(&format!("{}\n", arguments.out.display()))?)
 }

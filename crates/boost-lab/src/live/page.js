@@ -216,9 +216,7 @@ function frame(now) {
   const { run } = state;
   const isDue = !lessMotion.matches || now - (frame.shown ?? 0) > STILL;
   try {
-    if (state.isRunning && run) {
-      advance(now);
-    }
+    if (state.isRunning && run) advance(now);
     if (run && isDue) {
       if (frame.steps !== run.stepsDone || frame.run !== run) {
         if (!state.experiment) plots.changed();
@@ -290,8 +288,7 @@ function saveCsv() {
 // The unit of a recorded variable.
 function unitOf(column) {
   const name = column.slice(column.indexOf(":") + 1);
-  const found = Object.values(state.models).map(({ variables }) => variables.get(name)).find(Boolean);
-  return found.unit;
+  return Object.values(state.models).map(({ variables }) => variables.get(name)).find(Boolean).unit;
 }
 
 function serve() {

@@ -12,6 +12,7 @@ mod journal;
 mod monotone;
 mod procedure;
 mod report;
+mod response_fit;
 mod schedule;
 mod speed_fit;
 
