@@ -170,3 +170,9 @@ static int call_of_state(void *handle, const char *name, u32 (*body)(Instance *,
   call.size = size;
   return perform(instance, &call);
 }
+
+/* A function for saved states: its name and parameters, its body, and what this takes. */
+#define STATE_FUNCTION(name, parameters, body, handle, state, bytes, size)                             \
+  EXPORT int FMI(name) parameters {                                                                    \
+    return call_of_state(instance, #name, body, handle, state, (void *)(uintptr_t)(bytes), size);      \
+  }

@@ -98,7 +98,6 @@ pub struct Panel {
 
 /// The states of a signal over time, as a logic analyser draws them.
 #[derive(Clone, Debug)]
-#[must_use]
 pub(crate) struct Lane {
     name: String,
     states: Vec<State>,
@@ -127,7 +126,8 @@ struct Axis {
 #[must_use]
 pub struct Line {
     points: Vec<(f64, f64)>,
-    label: Option<String>,
+    /// In the legend; empty for none.
+    label: String,
     color: Color,
     width: f64,
     is_dashed: bool,
@@ -204,11 +204,10 @@ impl Panel {
         Self { x, y, height: 170, ..Self::default() }
     }
 
-    /// A panel of lanes, the first at the top, over a range of the horizontal axis.
-    pub(crate) fn of_lanes(x_label: &str, (from, to): (f64, f64), lanes: Vec<Lane>) -> Self {
-        let panel = Self { lanes, ..Self::new(x_label, "") };
-        let count = u32::try_from(panel.lanes.len()).unwrap_or(u32::MAX / LANE);
-        panel.x_range(from, to).y_range(0.0, f64::from(count)).height(LANE * count)
+    /// A panel of lanes, the first at the top.
+    pub(crate) fn of_lanes(x_label: &str, lanes: Vec<Lane>) -> Self {
+        let count = u32::try_from(lanes.len()).unwrap_or(u32::MAX / LANE);
+        Self { lanes, ..Self::new(x_label, "") }.y_range(0.0, f64::from(count)).height(LANE * count)
     }
 
     /// The title above the frame.
@@ -261,8 +260,7 @@ impl Panel {
 
     /// The lines, thinned to at most this many pixel columns; on a logarithmic axis, over decades.
     fn thinned_lines(&self, columns: usize) -> impl Iterator<Item = (&Line, Vec<(f64, f64)>)> {
-        let x = self.x_extent();
-        let cells = [(x, columns), (self.y_extent(), self.height as usize)];
+        let cells = [(self.x_extent(), columns), (self.y_extent(), self.height as usize)];
         self.lines.iter().map(move |line| {
             let points: Vec<_> = line.points.iter().map(|point| (self.x.place(point.0), point.1)).collect();
             let points = match line.marks {
@@ -302,7 +300,7 @@ impl Line {
     pub fn new(x: &[f64], y: impl IntoIterator<Item = f64>) -> Self {
         Self {
             points: x.iter().copied().zip(y).collect(),
-            label: None,
+            label: String::new(),
             color: color::BLUE,
             width: 1.5,
             is_dashed: false,
@@ -321,7 +319,7 @@ impl Line {
 
     /// Its name in the legend, which omits lines without one.
     pub fn label(self, label: &str) -> Self {
-        Self { label: Some(label.to_owned()), ..self }
+        Self { label: label.to_owned(), ..self }
     }
 
     /// Sets its colour.
@@ -419,13 +417,12 @@ const LEAST: f64 = 1e-300;
 fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
     let (least, most) = range(lines.iter().flat_map(|line| &line.points).map(value));
     // Values equal to six digits are shown as constant.
-    let half = match least.abs().max(most.abs()) {
-        size if size < LEAST => 1.0,
-        size if most - least > 1e-6 * size => return (least, most),
-        size if size.is_finite() => 0.05 * size,
-        _ => 1.0,
-    };
-    if least <= most { (least - half, most + half) } else { (-half, half) }
+    match least.abs().max(most.abs()) {
+        _ if least > most => (-1.0, 1.0),
+        size if size < LEAST => (least - 1.0, most + 1.0),
+        size if most - least > 1e-6 * size => (least, most),
+        size => (least - 0.05 * size, most + 0.05 * size),
+    }
 }
 
 /// The smallest and the largest finite value; infinities in the wrong order if there is none.

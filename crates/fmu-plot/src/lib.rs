@@ -39,14 +39,10 @@
 //! [`Figure::html`] is for HTML of your own in one.
 
 mod figure;
-#[cfg(feature = "html")]
-mod format;
 pub mod panels;
 #[cfg(feature = "html")]
 mod report;
 
 pub use figure::{Color, Figure, Line, Panel, color, escaped, labelled};
-#[cfg(feature = "html")]
-pub use format::PlotFormat;
 #[cfg(feature = "html")]
 pub use report::{Cell, Report, Table};

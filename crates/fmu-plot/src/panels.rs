@@ -118,13 +118,12 @@ fn lanes(time: &[f64], columns: &[&Column]) -> Panel {
         Lane::new(&column.name, states)
     };
     let range = (time.first().copied().unwrap_or(0.0), time.last().copied().unwrap_or(1.0));
-    Panel::of_lanes("time (s)", range, columns.iter().map(lane).collect())
+    Panel::of_lanes("time (s)", columns.iter().map(lane).collect()).x_range(range.0, range.1)
 }
 
 /// The words before the one that makes a name a reference.
 fn stem(name: &str) -> Option<&str> {
-    let parts = REFERENCES.iter().filter_map(|word| name.split_once(&format!("_{word}")));
-    parts.map(|(stem, _)| stem).next()
+    REFERENCES.iter().find_map(|word| Some(name.split_once(&format!("_{word}"))?.0))
 }
 
 /// Whether a variable is the reference of another.

@@ -86,13 +86,6 @@ impl Report {
         self.html(&format!("<p>{}</p>\n", escaped(text)));
     }
 
-    /// Appends paragraphs.
-    pub fn paragraphs(&mut self, texts: &[String]) {
-        for text in texts {
-            self.paragraph(text);
-        }
-    }
-
     /// Appends whether something holds.
     pub fn verdict(&mut self, text: &str, holds: bool) {
         self.html(&format!("<p>{}</p>\n", verdict(text, holds)));

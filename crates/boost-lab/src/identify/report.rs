@@ -39,7 +39,7 @@ pub fn html(identification: &Identification) -> String {
             quantity(noise.position, "m")
         )),
     ));
-    report.paragraphs(notes);
+    notes.iter().for_each(|note| report.paragraph(note));
     if !unidentified.is_empty() {
         report.section("Parameters not determined by the data");
         let mut table = Table::new(["Parameter", "Why"]);

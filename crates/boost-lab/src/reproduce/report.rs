@@ -85,7 +85,7 @@ fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios
         ]);
     }
     report.table(&table);
-    report.paragraphs(&evidence.notes);
+    evidence.notes.iter().for_each(|note| report.paragraph(note));
     for (name, scenario) in scenarios {
         report.details(&format!("The scenario {name}"), scenario);
     }

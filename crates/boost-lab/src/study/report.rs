@@ -193,7 +193,7 @@ impl StudyReport<'_> {
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
         ));
-        report.paragraphs(&self.study.cases.notes);
+        self.study.cases.notes.iter().for_each(|note| report.paragraph(note));
     }
 
     fn judged(&self, report: &mut Report) {

@@ -127,7 +127,7 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
         table.row([name.into(), value.into()]);
     }
     report.table(&table);
-    report.paragraphs(&tuning.notes);
+    tuning.notes.iter().for_each(|note| report.paragraph(note));
 }
 
 fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {

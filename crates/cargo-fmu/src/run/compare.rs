@@ -4,11 +4,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use super::comparison::Comparison;
+use super::plot_format::PlotFormat;
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
-use fmu_plot::PlotFormat;
 use fmu_record::Record;
 
 /// Compare records: their differences in numbers, and overlaid in a plot

@@ -152,7 +152,7 @@ impl<'a> Comparison<'a> {
             }
             report.table(&table);
         }
-        report.paragraphs(&self.notes);
+        self.notes.iter().for_each(|note| report.paragraph(note));
         report
     }
 

@@ -5,6 +5,7 @@ mod comparison;
 mod experiment;
 pub mod journal;
 mod linearize;
+mod plot_format;
 mod simulate;
 mod sweep;
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::experiment::{End, Experiment};
+use super::plot_format::PlotFormat;
 use super::{Maps, finite, progress_bar};
 use anyhow::{Error, Result};
 use clap::Args;
@@ -13,7 +14,7 @@ use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
 use fmu_master::scenario::{Location, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::{PlotFormat, Report, panels};
+use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
 
 /// Steps between updates of the progress bar.

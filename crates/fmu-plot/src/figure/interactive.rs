@@ -154,7 +154,7 @@ impl Line {
                 Marks::StrokeAndDots => "lines+markers",
                 Marks::Dots => "markers",
             },
-            "name": self.label.as_deref().map(escaped).unwrap_or_default(),
+            "name": escaped(&self.label),
             "line": { "color": color, "width": self.width },
             "marker": { "size": 5, "color": color },
         });
@@ -173,7 +173,7 @@ impl Line {
 
     /// The legend entry, which toggles the line.
     fn entry(&self, index: usize) -> Option<String> {
-        let label = escaped(self.label.as_deref()?);
+        let label = Some(escaped(&self.label)).filter(|label| !label.is_empty())?;
         let look = match self.marks {
             Marks::Dots => "dotted",
             _ if self.is_dashed => "dashed",

@@ -119,10 +119,9 @@ impl Figure {
         if !self.title.is_empty() {
             rest = rest.titled(&self.title, text(FONT_SIZE + 2, density))?;
         }
+        let labels = self.rows.iter().flatten().flat_map(|panel| &panel.lines).map(|line| &line.label);
         let mut legend = 0;
-        for label in
-            self.rows.iter().flatten().flat_map(|panel| &panel.lines).filter_map(|line| line.label.as_ref())
-        {
+        for label in labels.filter(|label| !label.is_empty()) {
             let width = area.estimate_text_size(label, &text(FONT_SIZE, density))?.0;
             legend = legend.max(width + density * (SAMPLE + 2 * GAP));
         }
@@ -151,9 +150,8 @@ impl Panel {
         for line in &self.lines {
             let mut values = line.points.iter().flat_map(|&(x, y)| [x, y]);
             if let Some(value) = values.find(|value| value.is_finite() && value.abs() > GREATEST) {
-                let names = [&self.title].into_iter().filter(|title| !title.is_empty()).chain(&line.label);
-                let names: Vec<_> = names.map(String::as_str).collect();
-                let names = names.join(", ");
+                let names = [self.title.as_str(), &line.label].into_iter().filter(|name| !name.is_empty());
+                let names = names.collect::<Vec<_>>().join(", ");
                 bail!("{names}: {value:e} is beyond {GREATEST:e}, the greatest number in a picture");
             }
         }
@@ -240,8 +238,7 @@ impl Panel {
     fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>, density: u32) -> Drawn<B> {
         let [sample, gap, row] = [SAMPLE, GAP, LINE].map(|size| (density * size).cast_signed());
         let mut middle = (density * TOP).cast_signed() + row / 2;
-        for line in &self.lines {
-            let Some(label) = &line.label else { continue };
+        for line in self.lines.iter().filter(|line| !line.label.is_empty()) {
             let style = line.style(density);
             if line.marks == Marks::Dots {
                 area.draw(&Circle::new((sample / 2, middle), 2 * density, style.filled()))?;
@@ -251,7 +248,7 @@ impl Panel {
                 area.draw(&DashedPathElement::new(ends, density * dash, density * space, style))?;
             }
             let font = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(label.as_str(), (sample + gap / 2, middle), font))?;
+            area.draw(&Text::new(line.label.as_str(), (sample + gap / 2, middle), font))?;
             middle += row;
         }
         Ok(())

@@ -1,12 +1,11 @@
-//! Plots as files.
+//! Plots as files, by the endings of their names.
 
 use std::ffi::OsStr;
 use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::figure::Figure;
-use crate::report::Report;
+use fmu_plot::{Figure, Report};
 
 /// What a plot is written as.
 #[derive(Clone, Copy, Debug)]
