@@ -1,11 +1,9 @@
 //! `live`: a page that runs both FMUs in a browser.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::FmuDescription;
 
@@ -56,8 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     bar.finish_and_clear();
     let html = live::html([&plant, &controller], &plants, &closed_loop, &experiments)?;
-    writing::write(&arguments.out, |writer| writer.write_all(html.as_bytes()))?;
-    Ok(print(&format!("{}\n", arguments.out.display()))?)
+    super::write_file(&arguments.out, html.as_bytes())
 }
 
 /// Reads a module, which must be of the same model as the FMU it is compared with.

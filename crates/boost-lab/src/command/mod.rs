@@ -14,10 +14,16 @@ use crate::study::draw::known_plants;
 use anyhow::Result;
 use cargo_fmu::run::{
     self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write,
+    write_file,
 };
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
 use fmu_package::ParameterSet;
+
+/// The files in a folder of results.
+const HTML: &str = "report.html";
+const JSON: &str = "report.json";
+const JOURNAL: &str = "journal.jsonl";
 
 const EXIT_STATUSES: &str = "\
 Exit status:
@@ -142,17 +148,16 @@ enum Identify {
 /// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
-        Command::Compare(compare) => compare.run().map(|()| true),
-        Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
-        Command::Show { scenarios, fmus, title, out } => {
-            show::run(&scenarios, &fmus, &title, &out).map(|()| true)
-        }
-        Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
-        Command::Live(arguments) => live::run(&arguments).map(|()| true),
-        Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
-        Command::Study(arguments) => study::run(&arguments),
-        Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep(WithMaps { own, maps }) => own.run(&maps.maps()).map(|()| true),
+        Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),
+        Command::Study(arguments) => return study::run(&arguments),
+        Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()),
+        Command::Compare(compare) => compare.run(),
+        Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()),
+        Command::Show { scenarios, fmus, title, out } => show::run(&scenarios, &fmus, &title, &out),
+        Command::Live(arguments) => live::run(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments),
+        Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
+        Command::Sweep(WithMaps { own, maps }) => own.run(&maps.maps()),
     }
+    .map(|()| true)
 }

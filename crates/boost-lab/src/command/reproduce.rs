@@ -36,7 +36,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         reproduced.push(found);
     }
     let html = html(&reproduced, &laboratory.fmus());
-    super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
+    super::write(out, [(super::HTML, html), (super::JSON, json(&reproduced)?)])?;
     let (counted, none_fails) = count(&reproduced);
     print(&format!("{counted}\n"))?;
     Ok(none_fails)

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::Scenario;
@@ -12,7 +11,6 @@ use fmu_plot::{Report, escaped, panels};
 use fmu_record::Record;
 use fmu_record::numbers::quantity;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use std::io::Write;
 
 /// Runs scenarios and writes the page.
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
@@ -38,8 +36,7 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
     bar.finish_and_clear();
     let mut page = Report::new(title);
     sections.iter().for_each(|section| page.append(section));
-    writing::write(out, |writer| writer.write_all(page.page("").as_bytes()))?;
-    Ok(print(&format!("{}\n", out.display()))?)
+    super::write_file(out, page.page("").as_bytes())
 }
 
 fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<Report> {

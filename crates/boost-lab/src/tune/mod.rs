@@ -396,17 +396,22 @@ impl Cell {
         }
     }
 
+    /// Whether a value was raised to its minimum magnitude.
+    pub fn is_raised(&self, map: ScheduleTable) -> bool {
+        match map {
+            ScheduleTable::Gain => self.gain_is_raised,
+            ScheduleTable::Delay => self.delay_is_raised,
+            _ => false,
+        }
+    }
+
     /// Whether a value of the cell was identified, and not filled or raised.
     pub fn is_found(&self, map: ScheduleTable) -> bool {
         match map {
             ScheduleTable::Feedforward => {
                 !matches!(self.basis, CellOrigin::AboveReach | CellOrigin::BelowReach)
             }
-            ScheduleTable::Gain => self.basis == CellOrigin::Identified && !self.gain_is_raised,
-            ScheduleTable::TimeConstant | ScheduleTable::SpeedSensitivity => {
-                self.basis == CellOrigin::Identified
-            }
-            ScheduleTable::Delay => self.basis == CellOrigin::Identified && !self.delay_is_raised,
+            _ => self.basis == CellOrigin::Identified && !self.is_raised(map),
         }
     }
 }

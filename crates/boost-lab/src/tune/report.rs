@@ -135,13 +135,7 @@ fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: factor * cell.value(map),
             is_found: cell.is_found(map),
-            is_raised: match map {
-                ScheduleTable::Gain => cell.gain_is_raised,
-                ScheduleTable::Delay => cell.delay_is_raised,
-                ScheduleTable::Feedforward
-                | ScheduleTable::TimeConstant
-                | ScheduleTable::SpeedSensitivity => false,
-            },
+            is_raised: cell.is_raised(map),
             hint: tuning.provenance(cell, map),
         })
     };

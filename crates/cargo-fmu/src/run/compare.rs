@@ -1,10 +1,10 @@
 //! `compare`: records overlaid, with their differences in numbers.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::comparison::Comparison;
 use super::plot_format::PlotFormat;
+use super::write_file;
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
@@ -48,8 +48,7 @@ impl Compare {
         print(&comparison.text())?;
         if let Some((plot, format)) = plot {
             let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.report())?;
-            writing::write(plot, |writer| writer.write_all(&drawn))?;
-            print(&format!("{}\n", plot.display()))?;
+            write_file(plot, &drawn)?;
         }
         Ok(())
     }

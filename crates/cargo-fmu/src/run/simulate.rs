@@ -1,13 +1,12 @@
 //! `simulate`: an experiment, to a summary, a record and a plot.
 
 use std::fmt::Write as _;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
-use super::{Maps, finite, progress_bar};
+use super::{Maps, finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
@@ -81,9 +80,7 @@ impl Simulate {
             if let Some((format, path)) = &plot {
                 let title = scenario.title.as_deref().unwrap_or(&name);
                 let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
-                let drawn = format.drawn(&figure, title, &Report::default())?;
-                writing::write(path, |writer| writer.write_all(&drawn))?;
-                print(&format!("{}\n", path.display()))?;
+                write_file(path, &format.drawn(&figure, title, &Report::default())?)?;
             }
             Ok(())
         })
