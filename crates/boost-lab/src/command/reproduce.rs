@@ -24,7 +24,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         let found = laboratory.reproduce(figure)?;
         print(&format!("Fig. {}: {}\n", figure.number, figure.title))?;
         for claim in &found.claims {
-            let word = claim.verdict().word();
+            let word = claim.verdict();
             let paper = claim.in_paper().map_or_else(String::new, |value| format!("; paper: {value}"));
             print(&format!(
                 "  {word:7}  {:33} {} (accepted: {}{paper})\n",

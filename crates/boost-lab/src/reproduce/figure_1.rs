@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use super::measure::at;
-use super::{Evidence, Laboratory, curve, shipped};
-use fmu_plot::{Figure, Panel, color};
+use super::{Evidence, Laboratory, curve, over_time, shipped};
+use fmu_plot::{Figure, color};
 
 /// The beginning and end of the dip (s).
 const DIP: (f64, f64) = (2.0, 6.0);
@@ -14,7 +14,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let record = laboratory.run(&scenario)?;
     let change = |name| Ok::<_, anyhow::Error>(at(&record, name, DIP.1)? - at(&record, name, DIP.0)?);
 
-    let panel = |label, line| Panel::new("time (s)", label).height(120).x_band(DIP.0, DIP.1).line(line);
+    let panel = |label, line| over_time(label, 120, [line]).x_band(DIP.0, DIP.1);
     let voltage = curve(&record, "supply_voltage", 1.0)?.held().color(color::INK);
     let figure = Figure::new()
         .row([panel("supply (V)", voltage).height(80)])

@@ -4,9 +4,9 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, between, greatest, range};
-use super::{Evidence, Laboratory, curve, shipped};
+use super::{Evidence, Laboratory, curve, over_time, shipped};
 use fmu_master::scenario::Signal;
-use fmu_plot::{Figure, Panel, color};
+use fmu_plot::{Figure, color};
 
 /// The voltage edges (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
@@ -42,13 +42,14 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let position = |record| curve(record, POSITION, 100.0);
     let voltage = curve(&compensated, "supply_voltage", 1.0)?.held().color(color::INK);
     let duty = curve(&compensated, "hp_wastegate_pwm", 1.0)?.held();
+    let positions = [
+        position(&without)?.color(color::INK).label("without compensator"),
+        position(&compensated)?.dashed().label("with compensator"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
-        .row([Panel::new("time (s)", "wastegate (%)")
-            .height(190)
-            .line(position(&without)?.color(color::INK).label("without compensator"))
-            .line(position(&compensated)?.dashed().label("with compensator"))])
-        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
+        .row([over_time("supply (V)", 80, [voltage])])
+        .row([over_time("wastegate (%)", 190, positions)])
+        .row([over_time("duty (%)", 80, [duty])])
         .shared_x();
     let results = vec![
         ("position_range_exact", 100.0 * range(exact.get(POSITION)?)),

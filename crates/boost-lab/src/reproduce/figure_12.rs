@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use super::measure::greatest;
-use super::{Drawing, Evidence, Laboratory, curve, shipped};
-use fmu_plot::{Figure, Line, Panel, color};
+use super::{Drawing, Evidence, Laboratory, curve, over_time, shipped};
+use fmu_plot::{Figure, Line, color};
 
 /// The drawing in the documentation of `BoostController`.
 const STRUCTURE: &str = include_str!("../../../../modelDescription/documentation/controller_structure.svg");
@@ -29,28 +29,26 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     }
 
     let line = |name, factor| curve(&record, name, factor).map(Line::held);
+    let pressures = [
+        line("boost_reference", 1e-3)?.thin().color(color::INK).label("reference"),
+        line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
+        line("boost_pressure", 1e-3)?.label("actual"),
+    ];
+    let output = line("hp_wastegate_pwm", 1.0)?.color(color::VERMILION);
+    let duties = [
+        line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"),
+        line("unsaturated_pwm", 1.0)?.color(color::INK).thin().label("sum of all terms"),
+        output.label("output, limited and compensated for 13 V"),
+    ];
+    let terms = [
+        line("proportional_term", 1.0)?.label("proportional"),
+        line("integral_term", 1.0)?.color(color::VERMILION).label("integral"),
+        line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(130)
-            .line(line("boost_reference", 1e-3)?.thin().color(color::INK).label("reference"))
-            .line(
-                line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
-            )
-            .line(line("boost_pressure", 1e-3)?.label("actual"))])
-        .row([Panel::new("time (s)", "duty at 12 V (%)")
-            .height(150)
-            .line(line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"))
-            .line(line("unsaturated_pwm", 1.0)?.color(color::INK).thin().label("sum of all terms"))
-            .line(
-                line("hp_wastegate_pwm", 1.0)?
-                    .color(color::VERMILION)
-                    .label("output, limited and compensated for 13 V"),
-            )])
-        .row([Panel::new("time (s)", "terms (%)")
-            .height(130)
-            .line(line("proportional_term", 1.0)?.label("proportional"))
-            .line(line("integral_term", 1.0)?.color(color::VERMILION).label("integral"))
-            .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])
+        .row([over_time("boost pressure (kPa)", 130, pressures)])
+        .row([over_time("duty at 12 V (%)", 150, duties)])
+        .row([over_time("terms (%)", 130, terms)])
         .shared_x();
     let results = vec![
         ("sum_of_terms", greatest(sum_error)),

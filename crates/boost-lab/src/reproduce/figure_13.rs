@@ -4,9 +4,9 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{Following, greatest, least};
-use super::{Evidence, Laboratory, boost_error, curve, shipped};
+use super::{Evidence, Laboratory, boost_error, curve, over_time, shipped};
 use fmu_master::scenario::Signal;
-use fmu_plot::{Figure, Panel, color};
+use fmu_plot::{Figure, color};
 use fmu_record::Record;
 
 /// The error shown (kPa): larger errors, at the steps themselves, would hide the tracking.
@@ -15,20 +15,12 @@ const SHOWN_ERROR: f64 = 7.0;
 fn draw(record: &Record, title: &str) -> Result<Figure> {
     let reference = curve(record, "boost_reference", 1e-3)?.held().color(color::INK).thin();
     let actual = curve(record, "boost_pressure", 1e-3)?;
+    let pressures = [reference.label("reference"), actual.label("actual")];
+    let error = over_time("error (kPa)", 170, [boost_error(record)?]);
     Ok(Figure::new()
-        .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .title(title)
-            .height(210)
-            .line(reference.label("reference"))
-            .line(actual.label("actual"))])
-        .row([Panel::new("time (s)", "error (kPa)")
-            .height(170)
-            .y_range(-SHOWN_ERROR, SHOWN_ERROR)
-            .band(-1.0, 5.0)
-            .line(boost_error(record)?)])
-        .row([Panel::new("time (s)", "duty (%)")
-            .height(120)
-            .line(curve(record, "hp_wastegate_pwm", 1.0)?.held())])
+        .row([over_time("boost pressure (kPa)", 210, pressures).title(title)])
+        .row([error.y_range(-SHOWN_ERROR, SHOWN_ERROR).band(-1.0, 5.0)])
+        .row([over_time("duty (%)", 120, [curve(record, "hp_wastegate_pwm", 1.0)?.held()])])
         .shared_x())
 }
 

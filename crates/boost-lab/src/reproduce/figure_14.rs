@@ -4,8 +4,8 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, greatest, range};
-use super::{Evidence, Laboratory, boost_error, curve, shipped, steps};
-use fmu_plot::{Figure, Panel, color};
+use super::{Evidence, Laboratory, boost_error, curve, over_time, shipped, steps};
+use fmu_plot::{Figure, color};
 use fmu_record::Record;
 
 /// The end of the start-up (s).
@@ -31,18 +31,16 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let duty = curve(&record, "hp_wastegate_pwm", 1.0)?.held().color(color::INK);
     let reference = curve(&record, "boost_reference", 1e-3)?.thin().color(color::INK);
     let actual = curve(&record, "boost_pressure", 1e-3)?;
+    let pressures = [reference.label("reference"), actual.label("actual")];
+    let errors = [
+        boost_error(&without)?.thin().color(color::VERMILION).label("without compensator"),
+        boost_error(&record)?.label("with compensator"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
-        .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(170)
-            .line(reference.label("reference"))
-            .line(actual.label("actual"))])
-        .row([Panel::new("time (s)", "error (kPa)")
-            .height(170)
-            .band(-1.0, 1.0)
-            .line(boost_error(&without)?.thin().color(color::VERMILION).label("without compensator"))
-            .line(boost_error(&record)?.label("with compensator"))])
-        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
+        .row([over_time("supply (V)", 80, [voltage])])
+        .row([over_time("boost pressure (kPa)", 170, pressures)])
+        .row([over_time("error (kPa)", 170, errors).band(-1.0, 1.0)])
+        .row([over_time("duty (%)", 80, [duty])])
         .shared_x();
     let results = vec![
         ("deviation", deviation(&record)?),

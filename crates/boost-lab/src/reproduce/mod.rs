@@ -26,7 +26,7 @@ use fmu_master::Fmu;
 use fmu_master::measure;
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::{Figure, Line, panels};
+use fmu_plot::{Figure, Line, Panel, panels};
 use fmu_record::Record;
 use fmu_record::numbers::{axis, number};
 
@@ -155,36 +155,17 @@ pub struct Claim {
     pub known_difference: Option<String>,
 }
 
-/// Whether the FMUs agree with a claim.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    Holds,
-    /// A known difference.
-    Differs,
-    Fails,
-}
-
-impl Verdict {
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::Differs => "differs",
-            Self::Fails => "fails",
-        }
-    }
-}
-
 /// How many claims hold, such as `36 of 38 claims hold; 2 differ for known reasons`, and whether none fails.
 pub fn count(figures: &[Reproduced]) -> (String, bool) {
     let claims = || figures.iter().flat_map(|figure| &figure.claims);
-    let of = |verdict| claims().filter(|claim| claim.verdict() == verdict).count();
-    let (all, holding) = (claims().count(), of(Verdict::Holds));
-    let known = match of(Verdict::Differs) {
+    let of = |verdict: &str| claims().filter(|claim| claim.verdict() == verdict).count();
+    let (all, holding) = (claims().count(), of("holds"));
+    let known = match of("differs") {
         0 => String::new(),
         1 => "; 1 differs for a known reason".to_owned(),
         differing => format!("; {differing} differ for known reasons"),
     };
-    (format!("{holding} of {all} claims hold{known}"), of(Verdict::Fails) == 0)
+    (format!("{holding} of {all} claims hold{known}"), of("fails") == 0)
 }
 
 /// Where a result comes from.
@@ -200,11 +181,12 @@ pub enum Basis {
 }
 
 impl Claim {
-    pub fn verdict(&self) -> Verdict {
+    /// Whether the FMUs agree, in a word: a claim that fails for a known reason `differs`.
+    pub fn verdict(&self) -> &'static str {
         match (self.holds, &self.known_difference) {
-            (true, _) => Verdict::Holds,
-            (false, Some(_)) => Verdict::Differs,
-            (false, None) => Verdict::Fails,
+            (true, _) => "holds",
+            (false, Some(_)) => "differs",
+            (false, None) => "fails",
         }
     }
 
@@ -340,6 +322,11 @@ impl Laboratory {
 /// A recorded variable over time, times a factor.
 fn curve(record: &Record, name: &str, factor: f64) -> Result<Line> {
     Ok(Line::new(record.time(), record.get(name)?.iter().map(|value| factor * value)))
+}
+
+/// A panel of lines over time.
+fn over_time(label: &str, height: u32, lines: impl IntoIterator<Item = Line>) -> Panel {
+    lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }
 
 /// Boost pressure minus its reference over time (kPa).

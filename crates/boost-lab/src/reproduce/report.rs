@@ -81,7 +81,7 @@ fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios
             Cell::number(&claim.in_paper().unwrap_or_default()),
             Cell::number(&claim.found()),
             Cell::number(&claim.asked()),
-            Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict().word())),
+            Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict())),
         ]);
     }
     report.table(&table);
