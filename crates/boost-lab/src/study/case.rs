@@ -45,7 +45,8 @@ pub struct Rig {
     pub plant: Arc<Fmu>,
     pub controller: Arc<Fmu>,
     pub seed: u64,
-    saves_states: bool,
+    /// Whether the plant can be tried from a saved state.
+    pub saves_states: bool,
 }
 
 /// A closed loop and its band.
@@ -124,11 +125,6 @@ impl Rig {
             self.fmus.get(member)?;
         }
         Ok(())
-    }
-
-    /// Whether the plant can be tried from a saved state.
-    pub fn saves_states(&self) -> bool {
-        self.saves_states
     }
 
     /// A case as the text of a scenario.

@@ -173,7 +173,7 @@ impl StudyReport<'_> {
 
     fn introduction(&self, report: &mut Report) {
         let passes = self.passes();
-        let bound = if self.study.rig.saves_states() {
+        let bound = if self.study.rig.saves_states {
             "The benchmark is a control that knows the plant: it is tried on the plant itself, from its state at each \
              step and at the start of each ramp, and no control has to do better."
         } else {
