@@ -74,6 +74,10 @@ fn quantile(ascending: &[f64], share: f64) -> f64 {
     ascending.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
+fn quantiles(ascending: &[f64]) -> [String; QUANTILES.len()] {
+    QUANTILES.map(|share| format!("{:.2}", quantile(ascending, share)))
+}
+
 impl StudyReport<'_> {
     fn strategy_name(&self, index: usize) -> String {
         self.study.strategies[index].clone().unwrap_or_else(|| "the controller's default strategy".to_owned())
@@ -114,8 +118,7 @@ impl StudyReport<'_> {
             for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    let quantiles = QUANTILES.map(|share| format!("{:.2}", quantile(&values, share)));
-                    text += &format!("         {name} ({unit}): {}\n", quantiles.join(", "));
+                    text += &format!("         {name} ({unit}): {}\n", quantiles(&values).join(", "));
                 }
             }
         }
@@ -216,10 +219,8 @@ impl StudyReport<'_> {
             for strategy in strategies.clone() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    let quantiles =
-                        QUANTILES.map(|share| Cell::number(&format!("{:.2}", quantile(&values, share))));
                     let labels = [format!("{name} ({unit})").into(), (&names[strategy]).into()];
-                    table.row(labels.into_iter().chain(quantiles));
+                    table.row(labels.into_iter().chain(quantiles(&values).map(|text| Cell::number(&text))));
                 }
             }
         }

@@ -80,12 +80,8 @@ impl Experiment {
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
         let (scenario, folder) = self.scenario(subject, maps, end).map_err(|error| {
-            let message = format!("{error:#}");
-            if message.ends_with(system::NO_STOP_TIME) {
-                anyhow!("{message}: give --{}", end.option)
-            } else {
-                error
-            }
+            let is_endless = error.is::<system::NoStopTime>();
+            if is_endless { anyhow!("{error:#}: give --{}", end.option) } else { error }
         })?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
