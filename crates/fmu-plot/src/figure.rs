@@ -63,6 +63,9 @@ impl Color {
     }
 
     /// Red, green and blue (sRGB) in light mode, as in pictures.
+    ///
+    /// # Panics
+    /// Never: the style sheet defines each colour.
     #[must_use]
     pub fn day(self) -> [u8; 3] {
         let definition = STYLE.split(&format!("{}: #", self.0)).nth(1);

@@ -35,7 +35,9 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
     let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let mut page = Report::new(title);
-    sections.iter().for_each(|section| page.append(section));
+    for section in &sections {
+        page.append(section);
+    }
     super::write_file(out, page.page("").as_bytes())
 }
 

@@ -39,7 +39,9 @@ pub fn html(identification: &Identification) -> String {
             quantity(noise.position, "m")
         )),
     ));
-    notes.iter().for_each(|note| report.paragraph(note));
+    for note in notes {
+        report.paragraph(note);
+    }
     if !unidentified.is_empty() {
         report.section("Parameters not determined by the data");
         let mut table = Table::new(["Parameter", "Why"]);

@@ -85,7 +85,9 @@ fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios
         ]);
     }
     report.table(&table);
-    evidence.notes.iter().for_each(|note| report.paragraph(note));
+    for note in &evidence.notes {
+        report.paragraph(note);
+    }
     for (name, scenario) in scenarios {
         report.details(&format!("The scenario {name}"), scenario);
     }

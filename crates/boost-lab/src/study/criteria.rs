@@ -13,8 +13,10 @@ pub const FAR: f64 = 5e3;
 /// The highest shaft speed allowed at rest; 5 krpm above the target of the controller's limits (rpm).
 pub const FASTEST_AT_REST: f64 = 210e3;
 
+type IsBad = fn(&Measures) -> Option<bool>;
+
 /// What no case may do, with whether one does; none if the FMUs do not tell.
-const BOUNDS: [(&str, fn(&Measures) -> Option<bool>); 3] = [
+const BOUNDS: [(&str, IsBad); 3] = [
     ("cases with a shaft above 210 krpm at rest", |measures| {
         measures.shaft_at_rest.map(|speed| speed > FASTEST_AT_REST)
     }),
@@ -41,7 +43,7 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
     let beyond = cases.len() - run.iter().filter(|measures| measures.deviation <= FAR).count();
     let worst = greatest(run.iter().map(|measures| Some(measures.deviation)));
     let criterion = |name, asked, found, holds| Criterion { name, asked, found, holds };
-    let count = |(name, is_bad): (_, fn(&Measures) -> Option<bool>)| {
+    let count = |(name, is_bad): (_, IsBad)| {
         let known: Vec<_> = run.iter().filter_map(|measures| is_bad(measures)).collect();
         let bad = known.iter().filter(|bad| **bad).count();
         let found = (!known.is_empty()).then(|| format!("{bad} of {}", known.len()));

@@ -122,11 +122,8 @@ impl Study {
                 let strategy = self.strategies[0].as_deref();
                 let reach = Reach::of(&case, &self.rig.plant)?;
                 let simulated = self.rig.simulate(&case, &reach, strategy)?;
-                let optimum = if self.rig.saves_states {
-                    Some(optimum::search(&self.rig, &case, strategy, &simulated, measures)?)
-                } else {
-                    None
-                };
+                let search = || optimum::search(&self.rig, &case, strategy, &simulated, measures);
+                let optimum = self.rig.saves_states.then(search).transpose()?;
                 progress();
                 Ok(Explained { case, measures: measures.clone(), simulated, optimum })
             };

@@ -196,7 +196,9 @@ impl StudyReport<'_> {
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
         ));
-        self.study.cases.notes.iter().for_each(|note| report.paragraph(note));
+        for note in &self.study.cases.notes {
+            report.paragraph(note);
+        }
     }
 
     fn judged(&self, report: &mut Report) {

@@ -268,7 +268,7 @@ impl<'a> Bench<'a> {
             match change {
                 Change::Duty(step) => run.set_duty(duty + step)?,
                 Change::EngineSpeed(step) => {
-                    run.instance.set(SPEED, self.schedule.engine_speeds[column] + step)?
+                    run.instance.set(SPEED, self.schedule.engine_speeds[column] + step)?;
                 }
             }
             responses.push(run.response(*hold, duration)?);

@@ -127,7 +127,9 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
         table.row([name.into(), value.into()]);
     }
     report.table(&table);
-    tuning.notes.iter().for_each(|note| report.paragraph(note));
+    for note in &tuning.notes {
+        report.paragraph(note);
+    }
 }
 
 fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {

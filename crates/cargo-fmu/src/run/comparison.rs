@@ -152,7 +152,9 @@ impl<'a> Comparison<'a> {
             }
             report.table(&table);
         }
-        self.notes.iter().for_each(|note| report.paragraph(note));
+        for note in &self.notes {
+            report.paragraph(note);
+        }
         report
     }
 
@@ -279,7 +281,7 @@ mod tests {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert_eq!(comparison.notes, ["own_a is not in b", "own_b is only in b"]);
-        assert!(comparison.html().contains("<td class=\"number\">\u{2212}30\u{202f}kPa</td>"));
+        assert!(comparison.report().page("").contains("<td class=\"number\">\u{2212}30\u{202f}kPa</td>"));
         let html = comparison.draw().html();
         assert_eq!(html.matches("class=\"panel\"").count(), 2);
         assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");

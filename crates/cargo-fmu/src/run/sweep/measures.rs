@@ -58,15 +58,18 @@ pub fn read(node: &Node<'_>, scenario: &Scenario) -> Result<Vec<Measure>> {
 fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure> {
     let table = node.table(EXPECTED)?;
     let mut found = vec![];
-    for &statistic in Statistic::value_variants() {
+    for statistic in Statistic::value_variants() {
         if let Some(variable) = chosen(&table, statistic) {
             let (from, to) = read_times(&table, scenario)?;
-            found.push((variable, Kind::Statistic { statistic, from, to }));
+            found.push((variable, Kind::Statistic { statistic: *statistic, from, to }));
         }
     }
-    for &quality in Quality::value_variants() {
+    for quality in Quality::value_variants() {
         if let Some(variable) = chosen(&table, quality) {
-            found.push((variable, Kind::Step { quality, reference: read_reference(&table, scenario)? }));
+            found.push((
+                variable,
+                Kind::Step { quality: *quality, reference: read_reference(&table, scenario)? },
+            ));
         }
     }
     let Ok([(variable, kind)]) = <[_; 1]>::try_from(found) else { return Err(node.unexpected(EXPECTED)) };
@@ -76,7 +79,7 @@ fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure>
 }
 
 /// The value under a measure's key, if the table has it.
-fn chosen<'a>(table: &TomlTable<'a>, measure: impl ValueEnum) -> Option<Node<'a>> {
+fn chosen<'a>(table: &TomlTable<'a>, measure: &impl ValueEnum) -> Option<Node<'a>> {
     table.optional(measure.to_possible_value()?.get_name())
 }
 
