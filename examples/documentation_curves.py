@@ -30,7 +30,7 @@ class Axis:
         return f"{self.begin + share * (self.end - self.begin):.1f}".removesuffix(".0")
 
 
-def draw(time, panels):
+def draw(time, *panels):
     """An SVG of curves over time, in stacked panels.
 
     Each panel has a height, the range of its values, ticks, and curves: a name with its unit, a class, and
@@ -78,17 +78,11 @@ def duty_step():
     """Duty steps: wastegate and boost pressure follow."""
     names = "boost_pressure", "hp_wastegate_pwm", "hp_wastegate_position"
     time, boost, duty, position = plant("duty_step.csv", *names)
+    opening = ("wastegate's opening (%)", "second", 100 * position)
     return draw(
         time,
-        [
-            (150, (100, 180), 20, [("boost pressure (kPa)", "first", boost / 1e3)]),
-            (
-                110,
-                (20, 80),
-                20,
-                [("duty (%)", "third", duty), ("wastegate's opening (%)", "second", 100 * position)],
-            ),
-        ],
+        (150, (100, 180), 20, [("boost pressure (kPa)", "first", boost / 1e3)]),
+        (110, (20, 80), 20, [("duty (%)", "third", duty), opening]),
     )
 
 
@@ -98,11 +92,9 @@ def voltage_dip():
     time, boost, position, voltage = plant("voltage_dip.csv", *names)
     return draw(
         time,
-        [
-            (150, (120, 145), 5, [("boost pressure (kPa)", "first", boost / 1e3)]),
-            (90, (35, 55), 5, [("wastegate's opening (%)", "second", 100 * position)]),
-            (50, (11, 12), 1, [("supply voltage (V)", "third", voltage)]),
-        ],
+        (150, (120, 145), 5, [("boost pressure (kPa)", "first", boost / 1e3)]),
+        (90, (35, 55), 5, [("wastegate's opening (%)", "second", 100 * position)]),
+        (50, (11, 12), 1, [("supply voltage (V)", "third", voltage)]),
     )
 
 
@@ -111,21 +103,11 @@ def boost_steps():
     from closed_loop import rows
 
     time, reference, boost, duty = zip(*rows[::10], strict=True)
-    return draw(
-        time,
-        [
-            (
-                190,
-                (110, 190),
-                20,
-                [
-                    ("reference (kPa)", "third", [p / 1e3 for p in reference]),
-                    ("boost pressure (kPa)", "first", [p / 1e3 for p in boost]),
-                ],
-            ),
-            (90, (20, 60), 10, [("duty (%)", "second", duty)]),
-        ],
-    )
+    pressures = [
+        ("reference (kPa)", "third", [p / 1e3 for p in reference]),
+        ("boost pressure (kPa)", "first", [p / 1e3 for p in boost]),
+    ]
+    return draw(time, (190, (110, 190), 20, pressures), (90, (20, 60), 10, [("duty (%)", "second", duty)]))
 
 
 if __name__ == "__main__":

@@ -575,7 +575,8 @@ def test_document_has_every_key(sources: list[str], least: int) -> None:
     """The keys in the parser's source."""
     source = "".join((ROOT / "crates" / name).read_text() for name in sources)
     keys = set(re.findall(r'(?:optional|required|number|time)\(\s*"(\w+)"', source))
-    keys |= set(re.findall(r'^    \("(\w+)", (?:Statistic|Quality)::', source, re.MULTILINE))
+    for variants in re.findall(r"^enum (?:Statistic|Quality) \{([^}]*)\}", source, re.MULTILINE):
+        keys |= {re.sub(r"\B[A-Z]", r"_\g<0>", name).lower() for name in re.findall(r"\w+", variants)}
     assert len(keys) > least
     for key in keys:
         assert re.search(rf"\b{key}\b", SIMULATE), key

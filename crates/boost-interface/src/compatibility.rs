@@ -195,10 +195,7 @@ impl<'a> Match<'a> {
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
         }
-        let causality = match port.kind {
-            Kind::Input => "input",
-            Kind::Output => "output",
-        };
+        let causality = port.kind.name();
         if variable.causality != causality {
             let own = Some(variable.causality.as_str()).filter(|own| !own.is_empty()).unwrap_or("local");
             problems.push(format!("its causality is {own}, not {causality}"));
@@ -260,16 +257,13 @@ impl Display for Compatibility<'_> {
         let width = self.matches.iter().map(|(port, _)| port.name().len()).max().unwrap_or(0);
         for (port, found) in &self.matches {
             let word = match found.verdict(port) {
-                Verdict::Fits => "ok   ",
-                Verdict::LeftOut => "-    ",
-                Verdict::Open => "open ",
+                Verdict::Fits => "ok",
+                Verdict::LeftOut => "-",
+                Verdict::Open => "open",
                 Verdict::Wrong => "WRONG",
             };
-            let kind = match port.kind {
-                Kind::Input => "input ",
-                Kind::Output => "output",
-            };
-            let line = format!("  {word}  {kind}  {:width$}  {}", port.name(), details(found));
+            let kind = port.kind.name();
+            let line = format!("  {word:5}  {kind:6}  {:width$}  {}", port.name(), details(found));
             writeln!(formatter, "{}", in_line(line.trim_end()))?;
         }
         let others: Vec<_> = self.other_inputs().map(|input| input.name.as_str()).collect();
@@ -422,12 +416,8 @@ fn suggestions<'a>(port: &Port<'_>, name: &str, fmu: &'a FmuDescription) -> Vec<
             None => likeness,
         }
     };
-    let causality = match port.kind {
-        Kind::Input => "input",
-        Kind::Output => "output",
-    };
     let mut candidates: Vec<_> = fmu
-        .of_causality(causality)
+        .of_causality(port.kind.name())
         .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
         .map(|variable| (likeness(variable), variable.name.as_str()))
         .filter(|(likeness, _)| *likeness >= LIKENESS)

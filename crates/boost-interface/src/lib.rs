@@ -90,18 +90,18 @@ impl Interface {
 
     /// The variables that couple an FMU in a role.
     pub fn ports(&self, role: Role) -> impl Iterator<Item = Port<'_>> {
-        let ports = move |causality: &'static str, kind, counterpart: &'static str| {
-            self.description(role).of_causality(causality).map(move |variable| Port {
+        let ports = move |kind: Kind, counterpart: Kind| {
+            self.description(role).of_causality(kind.name()).map(move |variable| Port {
                 interface: self,
                 variable,
                 kind,
                 counterpart: self
                     .description(role.other())
-                    .of_causality(counterpart)
+                    .of_causality(counterpart.name())
                     .find(|other| other.name == variable.name),
             })
         };
-        ports("input", Kind::Input, "output").chain(ports("output", Kind::Output, "input"))
+        ports(Kind::Input, Kind::Output).chain(ports(Kind::Output, Kind::Input))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fmu_io::terminal::number;
-use fmu_package::{FmuVariable, Linear, Translation};
+use fmu_package::{FmuVariable, Linear, Translation, Unit};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};
@@ -14,41 +14,40 @@ impl Compatibility<'_> {
     pub fn translation(&self) -> Translation {
         let mut description = self.fmu.clone();
         let mut to_interface = BTreeMap::new();
+        let units: Vec<_> = self.matches.iter().map(|(port, _)| port.unit()).collect();
         description.units.clear();
-        for (port, _) in &self.matches {
-            if description.units.iter().all(|unit| unit.name != port.unit().name) {
-                description.units.push(port.unit());
-            }
-        }
-        // Remove other variables' units that the interface defines differently.
-        let (foreign, own): (Vec<_>, Vec<_>) = self.fmu.units.iter().cloned().partition(|unit| {
-            description.units.iter().any(|known| known.name == unit.name && known.base != unit.base)
-        });
-        for unit in own {
+        // Without other variables' units that the interface defines differently.
+        for unit in units.iter().chain(&self.fmu.units) {
             if description.units.iter().all(|known| known.name != unit.name) {
-                description.units.push(unit);
+                description.units.push(unit.clone());
             }
         }
+        let foreign =
+            |unit: &&Unit| units.iter().any(|known| known.name == unit.name && known.base != unit.base);
+        let foreign: Vec<_> = self.fmu.units.iter().filter(foreign).map(|unit| &unit.name).collect();
+
         description.variables.clear();
         for variable in &self.fmu.variables {
-            let mut is_connected = false;
-            for (port, found) in &self.matches {
-                let Match::Found { variable: connected, to_interface: function, .. } = found else {
-                    continue;
-                };
-                if connected.name == variable.name {
-                    is_connected = true;
-                    description.variables.push(translated(variable, port, *function));
-                    to_interface.insert(port.name().to_owned(), *function);
+            let connected = self.matches.iter().filter_map(|(port, found)| match found {
+                Match::Found { variable: own, to_interface, .. } if own.name == variable.name => {
+                    Some((port, *to_interface))
                 }
+                _ => None,
+            });
+            let before = description.variables.len();
+            for (port, function) in connected {
+                description.variables.push(translated(variable, port, function));
+                to_interface.insert(port.name().to_owned(), function);
+            }
+            if description.variables.len() > before {
+                continue;
             }
             let namesake = self.matches.iter().find(|(port, _)| port.name() == variable.name);
             let mut variable = variable.clone();
-            if foreign.iter().any(|unit| unit.name == variable.unit) {
+            if foreign.contains(&&variable.unit) {
                 variable.unit.clear();
             }
             match namesake {
-                _ if is_connected => {}
                 None => description.variables.push(variable),
                 Some((_, Match::Unconnected)) => {
                     "local".clone_into(&mut variable.causality);

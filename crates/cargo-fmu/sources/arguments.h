@@ -148,11 +148,7 @@ static u32 scratch_of(Instance *instance, u64 size, u32 *allocated) {
     instance->is_scratch_used = 1;
     return instance->scratch;
   }
-  *allocated = Z_modelZ_fmu_allocate(&instance->module, as_size((size_t)(size > UINT32_MAX ? UINT32_MAX : size)));
-  if (!*allocated) {
-    instance->module.w2c_memory.is_exhausted = 1;
-    wasm_trap(&instance->module.w2c_memory, TRAP_UNREACHABLE);
-  }
+  *allocated = allocate(instance, (size_t)(size > UINT32_MAX ? UINT32_MAX : size));
   if (instance->is_scratch_used) return *allocated;
   if (instance->scratch) Z_modelZ_fmu_free(&instance->module, instance->scratch, instance->scratch_size);
   instance->scratch = *allocated;
@@ -199,17 +195,9 @@ static u32 invoke(Instance *instance, const Call *call, const u32 *integers) {
 
 /* The size of the module's string or binary in bytes; binaries have `sizes`. */
 static u32 size_at(wasm_rt_memory_t *memory, u32 address, u32 sizes, size_t index) {
-  const u8 *end;
-  u32 size;
-  if (sizes) {
-    size = i32_load(memory, sizes + 4 * (u64)index);
-    check_range(memory, address, size);
-    return size;
-  }
-  check_range(memory, address, 1);
-  end = memchr(memory->data + address, 0, sizeof memory->data - address);
-  if (!end) wasm_trap(memory, TRAP_OOB);
-  return (u32)(end - (memory->data + address)) + 1;
+  const u32 size = sizes ? i32_load(memory, sizes + 4 * (u64)index) : length_at(memory, address) + 1;
+  check_range(memory, address, size);
+  return size;
 }
 
 /* Copies the module's strings or binaries, from an array of addresses, to the instance's memory. */
@@ -220,10 +208,7 @@ static void take_strings(Instance *instance, u32 addresses, u32 sizes, void *tex
   for (i = 0; i < count; i++) size += size_at(memory, i32_load(memory, addresses + 4 * (u64)i), sizes, i);
   free(instance->strings);
   instance->strings = end = malloc(size);
-  if (!end) {
-    memory->is_exhausted = 1;
-    wasm_trap(memory, TRAP_UNREACHABLE);
-  }
+  if (!end) exhaust(memory);
   for (i = 0; i < count; i++) {
     const u32 address = i32_load(memory, addresses + 4 * (u64)i);
     const u32 bytes = size_at(memory, address, sizes, i);

@@ -134,30 +134,15 @@ FUNCTION(fmi2GetDirectionalDerivative,
          INTEGERS, ARRAY(vUnknown_ref, nUnknown), SIZE(nUnknown), ARRAY(vKnown_ref, nKnown), SIZE(nKnown),
          ARRAY(dvKnown, nKnown), RESULT(dvUnknown, nUnknown))
 
-EXPORT int FMI(fmi2GetFMUstate)(Component instance, FmuState *state) {
-  return call_of_state(instance, "fmi2GetFMUstate", get_state, NULL, state, NULL, 0);
-}
-
-EXPORT int FMI(fmi2SetFMUstate)(Component instance, FmuState state) {
-  return call_of_state(instance, "fmi2SetFMUstate", set_state, state, NULL, NULL, 0);
-}
-
-EXPORT int FMI(fmi2FreeFMUstate)(Component instance, FmuState *state) {
-  return call_of_state(instance, "fmi2FreeFMUstate", free_state, NULL, state, NULL, 0);
-}
-
-EXPORT int FMI(fmi2SerializedFMUstateSize)(Component instance, FmuState state, size_t *size) {
-  return call_of_state(instance, "fmi2SerializedFMUstateSize", get_state_size, state, NULL, size, 0);
-}
-
-EXPORT int FMI(fmi2SerializeFMUstate)(Component instance, FmuState state, char serializedState[], size_t size) {
-  return call_of_state(instance, "fmi2SerializeFMUstate", serialize, state, NULL, serializedState, size);
-}
-
-EXPORT int FMI(fmi2DeSerializeFMUstate)(Component instance, const char serializedState[], size_t size, FmuState *state) {
-  return call_of_state(instance, "fmi2DeSerializeFMUstate", deserialize, NULL, state, (void *)(uintptr_t)serializedState,
-                       size);
-}
+STATE_FUNCTION(fmi2GetFMUstate, (Component instance, FmuState *state), get_state, NULL, state, NULL, 0)
+STATE_FUNCTION(fmi2SetFMUstate, (Component instance, FmuState state), set_state, state, NULL, NULL, 0)
+STATE_FUNCTION(fmi2FreeFMUstate, (Component instance, FmuState *state), free_state, NULL, state, NULL, 0)
+STATE_FUNCTION(fmi2SerializedFMUstateSize, (Component instance, FmuState state, size_t *size),
+               get_state_size, state, NULL, size, 0)
+STATE_FUNCTION(fmi2SerializeFMUstate, (Component instance, FmuState state, char serializedState[], size_t size),
+               serialize, state, NULL, serializedState, size)
+STATE_FUNCTION(fmi2DeSerializeFMUstate, (Component instance, const char serializedState[], size_t size, FmuState *state),
+               deserialize, NULL, state, serializedState, size)
 
 #ifdef Z_modelZ_fmi2DoStep
 FUNCTION(fmi2SetRealInputDerivatives,

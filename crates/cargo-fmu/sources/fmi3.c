@@ -258,30 +258,15 @@ FUNCTION(fmi3GetVariableDependencies,
          RESULT(independents, nDependencies), SIZES_RESULT(elementIndicesOfIndependents, nDependencies),
          RESULT(dependencyKinds, nDependencies), SIZE(nDependencies))
 
-EXPORT int FMI(fmi3GetFMUState)(void *instance, FmuState *state) {
-  return call_of_state(instance, "fmi3GetFMUState", get_state, NULL, state, NULL, 0);
-}
-
-EXPORT int FMI(fmi3SetFMUState)(void *instance, FmuState state) {
-  return call_of_state(instance, "fmi3SetFMUState", set_state, state, NULL, NULL, 0);
-}
-
-EXPORT int FMI(fmi3FreeFMUState)(void *instance, FmuState *state) {
-  return call_of_state(instance, "fmi3FreeFMUState", free_state, NULL, state, NULL, 0);
-}
-
-EXPORT int FMI(fmi3SerializedFMUStateSize)(void *instance, FmuState state, size_t *size) {
-  return call_of_state(instance, "fmi3SerializedFMUStateSize", get_state_size, state, NULL, size, 0);
-}
-
-EXPORT int FMI(fmi3SerializeFMUState)(void *instance, FmuState state, u8 serializedState[], size_t size) {
-  return call_of_state(instance, "fmi3SerializeFMUState", serialize, state, NULL, serializedState, size);
-}
-
-EXPORT int FMI(fmi3DeserializeFMUState)(void *instance, const u8 serializedState[], size_t size, FmuState *state) {
-  return call_of_state(instance, "fmi3DeserializeFMUState", deserialize, NULL, state, (void *)(uintptr_t)serializedState,
-                       size);
-}
+STATE_FUNCTION(fmi3GetFMUState, (void *instance, FmuState *state), get_state, NULL, state, NULL, 0)
+STATE_FUNCTION(fmi3SetFMUState, (void *instance, FmuState state), set_state, state, NULL, NULL, 0)
+STATE_FUNCTION(fmi3FreeFMUState, (void *instance, FmuState *state), free_state, NULL, state, NULL, 0)
+STATE_FUNCTION(fmi3SerializedFMUStateSize, (void *instance, FmuState state, size_t *size),
+               get_state_size, state, NULL, size, 0)
+STATE_FUNCTION(fmi3SerializeFMUState, (void *instance, FmuState state, u8 serializedState[], size_t size),
+               serialize, state, NULL, serializedState, size)
+STATE_FUNCTION(fmi3DeserializeFMUState, (void *instance, const u8 serializedState[], size_t size, FmuState *state),
+               deserialize, NULL, state, serializedState, size)
 
 DERIVATIVE(fmi3GetDirectionalDerivative)
 DERIVATIVE(fmi3GetAdjointDerivative)

@@ -58,6 +58,28 @@ static u32 as_size(size_t size) {
   return size > UINT32_MAX ? UINT32_MAX : (u32)size;
 }
 
+/* Ends the call for want of memory. */
+static void exhaust(wasm_rt_memory_t *memory) {
+  memory->is_exhausted = 1;
+  wasm_trap(memory, TRAP_UNREACHABLE);
+}
+
+/* Memory in the module; freed manually, as a trap frees the module. */
+static u32 allocate(Instance *instance, size_t size) {
+  const u32 address = Z_modelZ_fmu_allocate(&instance->module, as_size(size));
+  if (!address) exhaust(&instance->module.w2c_memory);
+  return address;
+}
+
+/* The length of a string in the module, which ends in 0. */
+static u32 length_at(wasm_rt_memory_t *memory, u32 address) {
+  const u8 *end;
+  check_range(memory, address, 1);
+  end = memchr(memory->data + address, 0, sizeof memory->data - address);
+  if (!end) wasm_trap(memory, TRAP_OOB);
+  return (u32)(end - (memory->data + address));
+}
+
 static char *copy_of(const char *text) {
   char *copy = text ? malloc(strlen(text) + 1) : NULL;
   return copy ? strcpy(copy, text) : NULL;
@@ -126,12 +148,7 @@ static void deliver(Instance *instance) {
 static char *string_at(Instance *instance, u32 address, u32 size) {
   wasm_rt_memory_t *memory = &instance->module.w2c_memory;
   char *text;
-  check_range(memory, address, 1);
-  if (size == UINT32_MAX) {
-    const u8 *end = memchr(memory->data + address, 0, sizeof memory->data - address);
-    if (!end) wasm_trap(memory, TRAP_OOB);
-    size = (u32)(end - (memory->data + address));
-  }
+  if (size == UINT32_MAX) size = length_at(memory, address);
   check_range(memory, address, size);
   text = malloc((size_t)size + 1);
   if (text) {

@@ -152,16 +152,6 @@ static int guard(Instance *instance, Call *call, u32 *status) {
   return has_returned;
 }
 
-/* Memory in the module; freed manually, as a trap frees the module. */
-static u32 allocate(Instance *instance, size_t size) {
-  const u32 address = Z_modelZ_fmu_allocate(&instance->module, as_size(size));
-  if (!address) {
-    instance->module.w2c_memory.is_exhausted = 1;
-    wasm_trap(&instance->module.w2c_memory, TRAP_UNREACHABLE);
-  }
-  return address;
-}
-
 /* Instantiation's pointer arguments: bytes, then strings. */
 typedef struct {
   u32 bytes, name, token, resources, end;

@@ -35,11 +35,23 @@ static void put_handle(void *address, void *handle) {
   memcpy(address, &handle, sizeof handle);
 }
 
+/* Keeps a copy of bytes as the state of an importer's handle, which a call returns; returns its status. */
+static u32 keep_copy(Instance *instance, const Call *call, void *handle, const void *from, size_t size, u32 status) {
+  u8 *bytes = malloc(size ? size : 1);
+  if (bytes) memcpy(bytes, from, size);
+  if (!bytes || !keep(instance, &handle, bytes, size)) {
+    add_error(instance, call->name, "out of memory", "", "");
+    return STATUS_ERROR;
+  }
+  put_handle(call->state, handle);
+  return status;
+}
+
 static u32 get_state(Instance *instance, Call *call) {
   Z_model_instance_t *module = &instance->module;
   u32 cell, size, address, status;
   size_t known_size;
-  u8 *known, *bytes;
+  u8 *known;
   void *handle;
   if (!call->state) return GET_STATE(module, instance->handle, 0);
   cell = allocate(instance, 8);
@@ -55,14 +67,7 @@ static u32 get_state(Instance *instance, Call *call) {
     Z_modelZ_fmu_save_state(module, state, address);
     drop_state(instance, cell);
     check_range(&module->w2c_memory, address, size);
-    bytes = malloc(size ? size : 1);
-    if (bytes) memcpy(bytes, module->w2c_memory.data + address, size);
-    if (!bytes || !keep(instance, &handle, bytes, size)) {
-      add_error(instance, call->name, "out of memory", "", "");
-      status = STATUS_ERROR;
-    } else {
-      put_handle(call->state, handle);
-    }
+    status = keep_copy(instance, call, handle, module->w2c_memory.data + address, size, status);
     Z_modelZ_fmu_free(module, address, size);
   }
   Z_modelZ_fmu_free(module, cell, 8);
@@ -141,15 +146,7 @@ static u32 deserialize(Instance *instance, Call *call) {
   i32_store(&module->w2c_memory, cell, 0);
   status = DESERIALIZE(module, instance->handle, address, size, call->state ? cell : 0);
   if (status <= STATUS_WARNING) {
-    u8 *bytes = malloc(size ? size : 1);
-    void *state = NULL;
-    if (bytes) memcpy(bytes, call->bytes, size);
-    if (!bytes || !keep(instance, &state, bytes, size)) {
-      add_error(instance, call->name, "out of memory", "", "");
-      status = STATUS_ERROR;
-    } else {
-      put_handle(call->state, state);
-    }
+    status = keep_copy(instance, call, NULL, call->bytes, size, status);
     drop_state(instance, cell);
   }
   if (address) Z_modelZ_fmu_free(module, address, size);
@@ -170,3 +167,9 @@ static int call_of_state(void *handle, const char *name, u32 (*body)(Instance *,
   call.size = size;
   return perform(instance, &call);
 }
+
+/* A function for saved states: its name and parameters, its body, and what this takes. */
+#define STATE_FUNCTION(name, parameters, body, handle, state, bytes, size)                             \
+  EXPORT int FMI(name) parameters {                                                                    \
+    return call_of_state(instance, #name, body, handle, state, (void *)(uintptr_t)(bytes), size);      \
+  }

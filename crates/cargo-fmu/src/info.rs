@@ -204,35 +204,30 @@ fn table(description: &FmuDescription) -> String {
     }
 
     text += &format!("\n{} variables\n", description.variables.len());
-    let header = ["name", "causality", "variability", "type", "unit", "start", "range"].map(str::to_owned);
-    let rows: Vec<_> = std::iter::once((header, "description".to_owned()))
-        .chain(
-            description
-                .variables
-                .iter()
-                .map(|variable| (columns(variable, description), in_line(&variable.description))),
-        )
-        .collect();
-    let width = |column: usize| rows.iter().map(|(row, _)| row[column].chars().count()).max().unwrap_or(0);
+    let header = ["name", "causality", "variability", "type", "unit", "start", "range", "description"];
+    let rows = description.variables.iter().map(|variable| columns(variable, description));
+    let rows: Vec<_> = [header.map(str::to_owned)].into_iter().chain(rows).collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    // The last column is not aligned.
     let widths: [usize; 7] = std::array::from_fn(width);
-    for (row, description) in &rows {
+    for row in &rows {
         for (column, &width) in row.iter().zip(&widths) {
             text += &format!("{column:width$}  ");
         }
-        text += &format!("{description}\n");
+        text += &format!("{}\n", row[7]);
     }
     text
 }
 
-/// The aligned columns; the description follows them.
-fn columns(variable: &FmuVariable, description: &FmuDescription) -> [String; 7] {
+/// A variable's row.
+fn columns(variable: &FmuVariable, fmu: &FmuDescription) -> [String; 8] {
     let range = match (variable.min.as_str(), variable.max.as_str()) {
         ("", "") => String::new(),
         (min, max) => format!("{min}..{max}"),
     };
-    let sizes = description.sizes(variable).unwrap_or_default();
+    let sizes = fmu.sizes(variable).unwrap_or_default();
     let sizes = sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
-    let FmuVariable { name, causality, variability, data_type, unit, start, .. } = variable;
+    let FmuVariable { name, causality, variability, data_type, unit, start, description, .. } = variable;
     let data_type = if sizes.is_empty() { data_type.clone() } else { format!("{data_type}[{sizes}]") };
-    [name, causality, variability, &data_type, unit, start, &range].map(|text| in_line(text))
+    [name, causality, variability, &data_type, unit, start, &range, description].map(|text| in_line(text))
 }

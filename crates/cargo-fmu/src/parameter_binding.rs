@@ -74,10 +74,9 @@ fn owners(written: &[PathBuf], set: &ParameterSet) -> Result<BTreeMap<PathBuf, F
 /// An FMU's package with parameter sets.
 fn package(fmu: &FmuDescription, bytes: Vec<u8>, sets: Vec<(String, ParameterSet)>) -> SystemPackage {
     let name = fmu.co_simulation_identifier().unwrap_or("Model").to_owned();
-    let of_kind = |kind| {
-        let causality = if kind == Kind::Input { "input" } else { "output" };
+    let of_kind = |kind: Kind| {
         let variables: Vec<_> = fmu
-            .of_causality(causality)
+            .of_causality(kind.name())
             .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
             .collect();
         let pitch = 1.0 / (variables.len() + 1) as f64;

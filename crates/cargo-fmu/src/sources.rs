@@ -13,6 +13,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use fmu_io::reading;
+use fmu_package::FmuDescription;
 use fmu_terms::Version;
 use fmu_xml::{document, element, empty};
 
@@ -74,31 +75,6 @@ const TRANSLATED: &str = "\
 
 /// The memory among an instance's fields.
 const MEMORY: &str = "  wasm_rt_memory_t w2c_memory;\n";
-
-/// The sizes needed by FMI 2.0's Model Exchange functions; FMI 3.0's leave them to the module.
-#[derive(Clone, Copy, Debug)]
-struct Counts {
-    /// The continuous states.
-    states: usize,
-    /// The event indicators.
-    event_indicators: usize,
-}
-
-impl Counts {
-    /// Those in a description.
-    fn of(description: &str) -> Self {
-        let attribute = |name: &str| {
-            let value = description.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?;
-            value.parse().ok()
-        };
-        let derivatives = description.split_once("<Derivatives>").map_or("", |(_, rest)| rest);
-        let derivatives = derivatives.split("</Derivatives>").next().unwrap_or_default();
-        Self {
-            states: derivatives.matches("<Unknown ").count(),
-            event_indicators: attribute("numberOfEventIndicators").unwrap_or(0),
-        }
-    }
-}
 
 /// Rejects the export without wasm2c, or with a version whose output differs.
 pub fn check_tools() -> Result<()> {
@@ -303,11 +279,11 @@ fn model_h(module: &Module<'_>, pages: u32, instance: &str, declarations: &[Stri
         pages + PAGES_TO_GROW
     );
     if module.version == Version::Two {
-        let counts = Counts::of(module.description);
-        text += &format!(
-            "\n#define MODEL_STATES {}\n#define MODEL_EVENT_INDICATORS {}\n",
-            counts.states, counts.event_indicators
-        );
+        // FMI 3.0's functions leave them to the module.
+        let description = FmuDescription::parse(module.description)?;
+        let (states, indicators) =
+            (description.continuous_states()?.len(), description.number_of_event_indicators()?);
+        text += &format!("\n#define MODEL_STATES {states}\n#define MODEL_EVENT_INDICATORS {indicators}\n");
     }
     text += "\n#include \"wasm.h\"\n\n#if defined(HIDES)\n#pragma GCC visibility push(hidden)\n#endif\n\n";
     for declaration in declarations {

@@ -1,6 +1,7 @@
 //! Scenarios from other files: a single FMU, or the system in an .ssp with its connections, start values and parameter
 //! sets.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::Path;
 
 use anyhow::{Context, Error, Result, bail};
@@ -19,8 +20,15 @@ const STRUCTURE: &str = "SystemStructure.ssd";
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
 const STEPS: f64 = 500.0;
 
-/// How an error ends where no stop time is given.
-pub const NO_STOP_TIME: &str = "it says not when a run ends";
+/// The error where no stop time is given.
+#[derive(Debug)]
+pub struct NoStopTime;
+
+impl Display for NoStopTime {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        formatter.write_str("it says not when a run ends")
+    }
+}
 
 /// Start, stop and communication step of a run (s); none if unspecified.
 #[derive(Clone, Copy, Debug, Default)]
@@ -45,7 +53,7 @@ impl Times {
 
     fn scenario(self, title: &str) -> Result<Scenario> {
         let start = self.start.unwrap_or(0.0);
-        let stop = self.stop.context(NO_STOP_TIME)?;
+        let stop = self.stop.context(NoStopTime)?;
         // A whole number of steps.
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {

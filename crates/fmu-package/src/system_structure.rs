@@ -111,6 +111,17 @@ pub enum Kind {
     Output,
 }
 
+impl Kind {
+    /// Its name in the standards, as FMI's causality and as SSP's kind.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Input => "input",
+            Self::Output => "output",
+        }
+    }
+}
+
 /// A connection of two connectors.
 #[derive(Clone, Debug)]
 pub struct Connection {
@@ -255,11 +266,8 @@ impl SystemStructure {
         }
         element(writer, "ssd:Connectors", vec![], |writer| {
             connectors.iter().try_for_each(|connector| {
-                let kind = match connector.kind {
-                    Kind::Input => "input",
-                    Kind::Output => "output",
-                };
-                let attributes = vec![("name", connector.name.clone()), ("kind", kind.to_owned())];
+                let kind = connector.kind.name().to_owned();
+                let attributes = vec![("name", connector.name.clone()), ("kind", kind)];
                 element(writer, "ssd:Connector", attributes, |writer| {
                     let is_defined =
                         self.units.iter().any(|unit| unit.name == connector.unit && unit.base.is_some());

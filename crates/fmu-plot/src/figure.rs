@@ -7,7 +7,7 @@
 mod interactive;
 mod picture;
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 
 #[cfg(feature = "html")]
 pub(crate) use self::interactive::script;
@@ -63,23 +63,14 @@ impl Color {
     }
 
     /// Red, green and blue (sRGB) in light mode, as in pictures.
+    ///
+    /// # Panics
+    /// Never: the style sheet defines each colour.
     #[must_use]
     pub fn day(self) -> [u8; 3] {
-        self.defined(0)
-    }
-
-    /// Red, green and blue (sRGB) in dark mode.
-    #[must_use]
-    pub fn night(self) -> [u8; 3] {
-        self.defined(1)
-    }
-
-    /// By the style sheet's definition of this index.
-    fn defined(self, index: usize) -> [u8; 3] {
-        let definition = STYLE.split(&format!("{}: #", self.0)).nth(index + 1);
+        let definition = STYLE.split(&format!("{}: #", self.0)).nth(1);
         let digits = definition.and_then(|text| u32::from_str_radix(text.get(..6)?, 16).ok());
-        let [_, color @ ..] =
-            digits.expect("the style sheet defines each colour by day and by night").to_be_bytes();
+        let [_, color @ ..] = digits.expect("the style sheet defines each colour").to_be_bytes();
         color
     }
 }
@@ -95,10 +86,10 @@ pub struct Figure {
 }
 
 /// A frame with its axes and what is drawn in it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[must_use]
 pub struct Panel {
-    title: Option<String>,
+    title: String,
     x: Axis,
     y: Axis,
     lines: Vec<Line>,
@@ -110,7 +101,6 @@ pub struct Panel {
 
 /// The states of a signal over time, as a logic analyser draws them.
 #[derive(Clone, Debug)]
-#[must_use]
 pub(crate) struct Lane {
     name: String,
     states: Vec<State>,
@@ -139,7 +129,8 @@ struct Axis {
 #[must_use]
 pub struct Line {
     points: Vec<(f64, f64)>,
-    label: Option<String>,
+    /// In the legend; empty for none.
+    label: String,
     color: Color,
     width: f64,
     is_dashed: bool,
@@ -173,15 +164,13 @@ impl Figure {
     }
 
     /// A picture's title; on a page it is the heading.
-    pub fn title(mut self, title: &str) -> Self {
-        title.clone_into(&mut self.title);
-        self
+    pub fn title(self, title: &str) -> Self {
+        Self { title: title.to_owned(), ..self }
     }
 
     /// A text below the panels.
-    pub fn note(mut self, note: &str) -> Self {
-        note.clone_into(&mut self.note);
-        self
+    pub fn note(self, note: &str) -> Self {
+        Self { note: note.to_owned(), ..self }
     }
 
     /// Adds a row below the others; ignores a row without panels.
@@ -194,9 +183,8 @@ impl Figure {
     }
 
     /// Panels in a column share one horizontal axis: only the lowest is labelled, and in HTML they zoom together.
-    pub fn shared_x(mut self) -> Self {
-        self.shares_x = true;
-        self
+    pub fn shared_x(self) -> Self {
+        Self { shares_x: true, ..self }
     }
 
     /// The figure without its points, for a page whose script adds them; see [`Line::source`].
@@ -215,59 +203,44 @@ impl Figure {
 impl Panel {
     /// An empty panel with its axes' labels, which include the units: `time (s)`. Its axes fit its lines.
     pub fn new(x_label: &str, y_label: &str) -> Self {
-        Self {
-            title: None,
-            x: Axis { label: x_label.to_owned(), ..Axis::default() },
-            y: Axis { label: y_label.to_owned(), ..Axis::default() },
-            lines: vec![],
-            lanes: vec![],
-            bands: vec![],
-            height: 170,
-            has_equal_scales: false,
-        }
+        let [x, y] = [x_label, y_label].map(|label| Axis { label: label.to_owned(), ..Axis::default() });
+        Self { x, y, height: 170, ..Self::default() }
     }
 
-    /// A panel of lanes, the first at the top, over a range of the horizontal axis.
-    pub(crate) fn of_lanes(x_label: &str, (from, to): (f64, f64), lanes: Vec<Lane>) -> Self {
-        let panel = Self { lanes, ..Self::new(x_label, "") };
-        let count = u32::try_from(panel.lanes.len()).unwrap_or(u32::MAX / LANE);
-        panel.x_range(from, to).y_range(0.0, f64::from(count)).height(LANE * count)
+    /// A panel of lanes, the first at the top.
+    pub(crate) fn of_lanes(x_label: &str, lanes: Vec<Lane>) -> Self {
+        let count = u32::try_from(lanes.len()).unwrap_or(u32::MAX / LANE);
+        Self { lanes, ..Self::new(x_label, "") }.y_range(0.0, f64::from(count)).height(LANE * count)
     }
 
     /// The title above the frame.
-    pub fn title(mut self, title: &str) -> Self {
-        self.title = Some(title.to_owned());
-        self
+    pub fn title(self, title: &str) -> Self {
+        Self { title: title.to_owned(), ..self }
     }
 
     /// The height of the frame in CSS pixels, by default 170.
-    pub fn height(mut self, height: u32) -> Self {
-        self.height = height;
-        self
+    pub fn height(self, height: u32) -> Self {
+        Self { height, ..self }
     }
 
     /// The range of the horizontal axis; points outside are not drawn.
-    pub fn x_range(mut self, from: f64, to: f64) -> Self {
-        self.x.range = Some((from, to));
-        self
+    pub fn x_range(self, from: f64, to: f64) -> Self {
+        Self { x: Axis { range: Some((from, to)), ..self.x }, ..self }
     }
 
     /// The range of the vertical axis.
-    pub fn y_range(mut self, from: f64, to: f64) -> Self {
-        self.y.range = Some((from, to));
-        self
+    pub fn y_range(self, from: f64, to: f64) -> Self {
+        Self { y: Axis { range: Some((from, to)), ..self.y }, ..self }
     }
 
     /// A logarithmic horizontal axis, for lines at positive places.
-    pub fn logarithmic_x(mut self) -> Self {
-        self.x.is_logarithmic = true;
-        self
+    pub fn logarithmic_x(self) -> Self {
+        Self { x: Axis { is_logarithmic: true, ..self.x }, ..self }
     }
 
     /// A unit is as long on both axes, for a curve in a plane.
-    pub fn equal_scales(mut self) -> Self {
-        self.has_equal_scales = true;
-        self
+    pub fn equal_scales(self) -> Self {
+        Self { has_equal_scales: true, ..self }
     }
 
     /// Adds a line, drawn over the others.
@@ -290,8 +263,7 @@ impl Panel {
 
     /// The lines, thinned to at most this many pixel columns; on a logarithmic axis, over decades.
     fn thinned_lines(&self, columns: usize) -> impl Iterator<Item = (&Line, Vec<(f64, f64)>)> {
-        let x = self.x_extent();
-        let cells = [(x, columns), (self.y_extent(), self.height as usize)];
+        let cells = [(self.x_extent(), columns), (self.y_extent(), self.height as usize)];
         self.lines.iter().map(move |line| {
             let points: Vec<_> = line.points.iter().map(|point| (self.x.place(point.0), point.1)).collect();
             let points = match line.marks {
@@ -331,7 +303,7 @@ impl Line {
     pub fn new(x: &[f64], y: impl IntoIterator<Item = f64>) -> Self {
         Self {
             points: x.iter().copied().zip(y).collect(),
-            label: None,
+            label: String::new(),
             color: color::BLUE,
             width: 1.5,
             is_dashed: false,
@@ -344,51 +316,43 @@ impl Line {
     /// The variable whose values these are, and the function from its unit to the axis'. A page's script finds the line
     /// by plotly's `meta`: `0.001 boost_pressure`, or with an offset `1.0-273.15 charge_temperature`. Pictures ignore
     /// it.
-    pub fn source(mut self, name: &str, function: Linear) -> Self {
-        self.source = Some((name.to_owned(), function));
-        self
+    pub fn source(self, name: &str, function: Linear) -> Self {
+        Self { source: Some((name.to_owned(), function)), ..self }
     }
 
     /// Its name in the legend, which omits lines without one.
-    pub fn label(mut self, label: &str) -> Self {
-        self.label = Some(label.to_owned());
-        self
+    pub fn label(self, label: &str) -> Self {
+        Self { label: label.to_owned(), ..self }
     }
 
     /// Sets its colour.
-    pub fn color(mut self, color: Color) -> Self {
-        self.color = color;
-        self
+    pub fn color(self, color: Color) -> Self {
+        Self { color, ..self }
     }
 
     /// Draws it thinner: 1 CSS pixel instead of 1.5.
-    pub fn thin(mut self) -> Self {
-        self.width = 1.0;
-        self
+    pub fn thin(self) -> Self {
+        Self { width: 1.0, ..self }
     }
 
     /// Draws it dashed.
-    pub fn dashed(mut self) -> Self {
-        self.is_dashed = true;
-        self
+    pub fn dashed(self) -> Self {
+        Self { is_dashed: true, ..self }
     }
 
     /// Each value holds until the next point.
-    pub fn held(mut self) -> Self {
-        self.is_held = true;
-        self
+    pub fn held(self) -> Self {
+        Self { is_held: true, ..self }
     }
 
     /// With a marker at each point.
-    pub fn markers(mut self) -> Self {
-        self.marks = Marks::StrokeAndDots;
-        self
+    pub fn markers(self) -> Self {
+        Self { marks: Marks::StrokeAndDots, ..self }
     }
 
     /// Only a marker at each point.
-    pub fn dots(mut self) -> Self {
-        self.marks = Marks::Dots;
-        self
+    pub fn dots(self) -> Self {
+        Self { marks: Marks::Dots, ..self }
     }
 }
 
@@ -396,30 +360,20 @@ impl Lane {
     /// A signal of this name, with the text of its value at each time; a low one is drawn as a line. What changes
     /// within a pixel is one state, without a text.
     pub(crate) fn new<'a>(name: &str, values: impl IntoIterator<Item = (f64, &'a str, bool)>) -> Self {
+        let values: Vec<_> = values.into_iter().collect();
+        let [begin, end] = [values.first(), values.last()].map(|value| value.map_or(0.0, |value| value.0));
+        let runs: Vec<_> = values.chunk_by(|one, other| (one.1, one.2) == (other.1, other.2)).collect();
+        let place = |run: &[(f64, &str, bool)]| pixel(run[0].0, ((begin, end), LANE_COLUMNS));
         let mut states: Vec<State> = vec![];
-        for (time, text, is_low) in values {
+        for strip in runs.chunk_by(|one, other| place(one) == place(other)) {
+            let (from, text, is_low) = strip[0][0];
+            let (text, is_low) = if strip.len() == 1 { (text, is_low) } else { ("", false) };
             if let Some(last) = states.last_mut() {
-                last.to = time;
-                if (last.text.as_str(), last.is_low) == (text, is_low) {
-                    continue;
-                }
+                last.to = from;
             }
-            states.push(State { from: time, to: time, text: text.to_owned(), is_low });
+            states.push(State { from, to: end, text: text.to_owned(), is_low });
         }
-        let ends =
-            [states.first().map_or(0.0, |state| state.from), states.last().map_or(0.0, |state| state.to)];
-        let place = |state: &State| pixel(state.from, ((ends[0], ends[1]), LANE_COLUMNS));
-        let strips = states.chunk_by(|one, other| place(one) == place(other));
-        let joined = strips.map(|strip| match strip {
-            [state] => state.clone(),
-            _ => State {
-                from: strip[0].from,
-                to: strip[strip.len() - 1].to,
-                text: String::new(),
-                is_low: false,
-            },
-        });
-        Self { name: name.to_owned(), states: joined.collect() }
+        Self { name: name.to_owned(), states }
     }
 }
 
@@ -443,12 +397,10 @@ fn thinned(points: &[(f64, f64)], columns: ((f64, f64), usize)) -> Vec<(f64, f64
     let mut thinned = vec![];
     for strip in points.chunk_by(|a, b| pixel(a.0, columns) == pixel(b.0, columns)) {
         let finite = || strip.iter().enumerate().filter(|(_, point)| point.1.is_finite());
-        let least = finite().min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1)).map(|(index, _)| index);
-        let greatest = finite().max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1)).map(|(index, _)| index);
-        let ends = [0, strip.len() - 1];
-        let mut kept: Vec<_> = ends.into_iter().chain(least).chain(greatest).collect();
-        kept.sort_unstable();
-        kept.dedup();
+        let least = finite().min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+        let greatest = finite().max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+        let extremes = least.into_iter().chain(greatest).map(|(index, _)| index);
+        let kept: BTreeSet<_> = [0, strip.len() - 1].into_iter().chain(extremes).collect();
         thinned.extend(kept.into_iter().map(|index| strip[index]));
     }
     thinned
@@ -466,17 +418,21 @@ const LEAST: f64 = 1e-300;
 
 /// The smallest and the largest finite value, distinct from each other.
 fn extent(lines: &[Line], value: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
-    let values = lines.iter().flat_map(|line| &line.points).map(value).filter(|value| value.is_finite());
-    let (least, most) = values
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
+    let (least, most) = range(lines.iter().flat_map(|line| &line.points).map(value));
     // Values equal to six digits are shown as constant.
-    let half = match least.abs().max(most.abs()) {
-        size if size < LEAST => 1.0,
-        size if most - least > 1e-6 * size => return (least, most),
-        size if size.is_finite() => 0.05 * size,
-        _ => 1.0,
-    };
-    if least <= most { (least - half, most + half) } else { (-half, half) }
+    match least.abs().max(most.abs()) {
+        _ if least > most => (-1.0, 1.0),
+        size if size < LEAST => (least - 1.0, most + 1.0),
+        size if most - least > 1e-6 * size => (least, most),
+        size => (least - 0.05 * size, most + 0.05 * size),
+    }
+}
+
+/// The smallest and the largest finite value; infinities in the wrong order if there is none.
+pub(crate) fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let finite = values.filter(|value| value.is_finite());
+    finite
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)))
 }
 
 /// A label with its unit in brackets, if there is one.

@@ -36,21 +36,13 @@
 //! ```
 //!
 //! With the feature `html`, a [`Report`] is a self-contained page whose plots zoom and switch lines on and off;
-//! [`Figure::html`] and [`page`] draw a figure in HTML of your own.
+//! [`Figure::html`] is for HTML of your own in one.
 
 mod figure;
-#[cfg(feature = "html")]
-mod format;
-#[cfg(feature = "html")]
-mod page;
 pub mod panels;
 #[cfg(feature = "html")]
 mod report;
 
 pub use figure::{Color, Figure, Line, Panel, color, escaped, labelled};
-#[cfg(feature = "html")]
-pub use format::PlotFormat;
-#[cfg(feature = "html")]
-pub use page::page;
 #[cfg(feature = "html")]
 pub use report::{Cell, Report, Table};

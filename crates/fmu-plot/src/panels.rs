@@ -1,8 +1,10 @@
 //! The plot of a record: which variables share a panel, and how each is drawn.
 
+use std::collections::HashSet;
+
 use fmu_record::{Column, Record};
 
-use crate::figure::{Figure, Lane, Line, Panel, color, labelled};
+use crate::figure::{self, Figure, Lane, Line, Panel, color, labelled};
 
 /// Lines share a panel if each uses at least this part of its scale.
 const LEAST_SHARE: f64 = 1.0 / 3.0;
@@ -50,36 +52,34 @@ fn grouped<'a>(
 
 /// By default: the lanes are last.
 fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
-    let changes = |column: &&Column| {
-        let (least, most) = range([*column]);
+    let is_pair =
+        |one: &Column, other: &Column| leads(&one.name, &other.name) || leads(&other.name, &one.name);
+    let changes = |column: &Column| {
+        let (least, most) = range([column]);
         most - least > SAME * least.abs().max(most.abs())
     };
-    let of_pair = |column: &&Column| {
-        let is_pair = |other: &Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
-        columns.iter().any(|other| is_pair(other) && changes(&other))
+    let is_drawn = |column: &&Column| {
+        changes(column) || columns.iter().any(|other| is_pair(column, other) && changes(other))
     };
-    let (drawn, constants): (Vec<_>, Vec<_>) =
-        columns.iter().partition(|column| changes(column) || of_pair(column));
+    let (drawn, constants): (Vec<_>, Vec<_>) = columns.iter().partition(is_drawn);
     let (lanes, lines): (Vec<_>, Vec<_>) = drawn.into_iter().partition(|column| has_states(column));
+    let width = |columns: &[&Column]| {
+        let (least, most) = range(columns.iter().copied());
+        most - least
+    };
     let mut panels: Vec<Vec<&Column>> = vec![];
     for column in lines {
-        let has_room = |panel: &Vec<&Column>| {
+        let has_room = |panel: &[&Column]| {
             let [one, other] = [panel[0], column].map(|column| (&column.unit, &column.display_unit));
             one == other && panel.len() < MOST_LINES
         };
-        let is_pair = |other: &&Column| leads(&column.name, &other.name) || leads(&other.name, &column.name);
-        let pair = panels.iter().position(|panel| has_room(panel) && panel.iter().any(is_pair));
-        let home = pair.or_else(|| {
-            let width = |(least, most): (f64, f64)| most - least;
-            panels.iter().position(|panel| {
-                let all = || panel.iter().copied().chain([column]);
-                has_room(panel) && {
-                    let least = LEAST_SHARE * width(range(all()));
-                    all().all(|line| width(range([line])) >= least)
-                }
-            })
-        });
-        match home {
+        let has_pair = |panel: &[&Column]| panel.iter().any(|other| is_pair(column, other));
+        let suits = |panel: &[&Column]| {
+            let all = [panel, &[column]].concat();
+            all.iter().all(|line| width(&[line]) >= LEAST_SHARE * width(&all))
+        };
+        let home = panels.iter().position(|panel| has_room(panel) && has_pair(panel));
+        match home.or_else(|| panels.iter().position(|panel| has_room(panel) && suits(panel))) {
             Some(index) => panels[index].push(column),
             None => panels.push(vec![column]),
         }
@@ -93,10 +93,7 @@ const SAME: f64 = 1e-6;
 
 /// The smallest and the largest finite value.
 fn range<'a>(columns: impl IntoIterator<Item = &'a Column>) -> (f64, f64) {
-    let values = columns.into_iter().flat_map(|column| &column.values).filter(|value| value.is_finite());
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
-        (least.min(*value), most.max(*value))
-    })
+    figure::range(columns.into_iter().flat_map(|column| &column.values).copied())
 }
 
 /// Whether a variable has states rather than amounts: a Boolean, an enumeration, or a code of a few whole numbers.
@@ -106,10 +103,8 @@ fn has_states(column: &Column) -> bool {
         if has_unit || !column.is_discrete {
             return false;
         }
-        let mut states = column.values.clone();
-        states.sort_by(f64::total_cmp);
-        states.dedup();
-        states.len() <= MOST_STATES && states.iter().all(|value| value.fract() == 0.0)
+        let states: HashSet<_> = column.values.iter().map(|value| value.to_bits()).collect();
+        states.len() <= MOST_STATES && column.values.iter().all(|value| value.fract() == 0.0)
     };
     !column.items.is_empty() || is_code()
 }
@@ -123,13 +118,12 @@ fn lanes(time: &[f64], columns: &[&Column]) -> Panel {
         Lane::new(&column.name, states)
     };
     let range = (time.first().copied().unwrap_or(0.0), time.last().copied().unwrap_or(1.0));
-    Panel::of_lanes("time (s)", range, columns.iter().map(lane).collect())
+    Panel::of_lanes("time (s)", columns.iter().map(lane).collect()).x_range(range.0, range.1)
 }
 
 /// The words before the one that makes a name a reference.
 fn stem(name: &str) -> Option<&str> {
-    let parts = REFERENCES.iter().filter_map(|word| name.split_once(&format!("_{word}")));
-    parts.map(|(stem, _)| stem).next()
+    REFERENCES.iter().find_map(|word| Some(name.split_once(&format!("_{word}"))?.0))
 }
 
 /// Whether a variable is the reference of another.

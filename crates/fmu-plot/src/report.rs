@@ -1,9 +1,26 @@
 //! Reports, piece by piece: headings, paragraphs, tables and figures of a page.
 
-use crate::figure::{Figure, escaped};
-use crate::page::page;
+use fmu_xml::page::Document;
 
-/// The body of a report. Texts are escaped; what is named `html` is markup.
+use crate::figure::{self, Figure, escaped};
+
+/// The reports' additions to the FMUs' pages: plotly figures. Without a hovering pointer, plots always show their
+/// toolbars, which would otherwise cover the legend; print hides them.
+const STYLE: &str = "
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
+.panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }
+.modebar:focus-within { opacity: 1 !important; }
+.panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
+@media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
+body, figure { max-width: none; } table { max-width: 90rem; }
+td.number { font-variant-numeric: tabular-nums; } .caption { max-width: none; color: var(--faint); font-size: .9rem; }
+.holds, .differs, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
+details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow-x: auto; }
+@media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }
+";
+
+/// A report: a self-contained HTML page in the style of the FMUs' pages. Texts are escaped; what is named `html` is
+/// markup.
 ///
 /// ```
 /// use fmu_plot::{Cell, Figure, Line, Panel, Report, Table};
@@ -20,14 +37,19 @@ use crate::page::page;
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     title: String,
+    /// The table of contents: a link to each section.
+    contents: String,
+    sections: usize,
     body: String,
 }
 
 /// A table of a report.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    class: &'static str,
-    caption: Option<&'static str>,
+    /// The attribute `class`, if it has one.
+    class: String,
+    /// Its caption and its row of headings, as far as it has them.
+    caption: String,
     head: String,
     rows: String,
 }
@@ -43,29 +65,25 @@ impl Report {
     /// A report that begins with its title.
     #[must_use]
     pub fn new(title: &str) -> Self {
-        Self { title: title.to_owned(), body: format!("<h1>{}</h1>\n", escaped(title)) }
+        Self { title: title.to_owned(), ..Self::default() }
     }
 
     /// Begins a section, which the table of contents lists.
     pub fn section(&mut self, title: &str) {
-        self.html(&format!("<h2>{}</h2>\n", escaped(title)));
+        self.section_of(&format!("section-{}", self.sections + 1), title);
     }
 
     /// Begins a section to which links may lead.
     pub fn section_of(&mut self, id: &str, title: &str) {
-        self.html(&format!("<h2 id=\"{}\">{}</h2>\n", escaped(id), escaped(title)));
+        let [id, title] = [id, title].map(escaped);
+        self.sections += 1;
+        self.contents += &format!("<li><a href=\"#{id}\">{title}</a></li>\n");
+        self.body += &format!("<h2 id=\"{id}\">{title}</h2>\n");
     }
 
     /// Appends a paragraph.
     pub fn paragraph(&mut self, text: &str) {
         self.html(&format!("<p>{}</p>\n", escaped(text)));
-    }
-
-    /// Appends paragraphs.
-    pub fn paragraphs(&mut self, texts: &[String]) {
-        for text in texts {
-            self.paragraph(text);
-        }
     }
 
     /// Appends whether something holds.
@@ -90,9 +108,6 @@ impl Report {
     /// Appends a table.
     pub fn table(&mut self, table: &Table) {
         let Table { class, caption, head, rows } = table;
-        let caption =
-            caption.map_or_else(String::new, |text| format!("<caption>{}</caption>\n", escaped(text)));
-        let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
         self.html(&format!("<div class=\"wide\">\n<table{class}>\n{caption}{head}{rows}</table>\n</div>\n"));
     }
 
@@ -107,16 +122,25 @@ impl Report {
         self.body += html;
     }
 
-    /// What it has so far, as markup.
-    #[must_use]
-    pub fn body(&self) -> &str {
-        &self.body
+    /// Appends another report without its title; the ids of its sections should differ from those here.
+    pub fn append(&mut self, other: &Self) {
+        self.contents += &other.contents;
+        self.body += &other.body;
     }
 
     /// The page, with rules in addition to the style sheet.
     #[must_use]
     pub fn page(&self, style: &str) -> String {
-        page(&self.title, style, &self.body)
+        let main = "<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n\n";
+        Document {
+            title: &self.title,
+            style: &(STYLE.to_owned() + style),
+            header: &format!("<h1>{}</h1>", escaped(&self.title)),
+            contents: &self.contents,
+            main: &(main.to_owned() + &self.body),
+            scripts: &figure::script(),
+        }
+        .html()
     }
 }
 
@@ -131,16 +155,14 @@ impl Table {
 
     /// Its class, for the page's additional rules.
     #[must_use]
-    pub fn class(mut self, class: &'static str) -> Self {
-        self.class = class;
-        self
+    pub fn class(self, class: &str) -> Self {
+        Self { class: format!(" class=\"{class}\""), ..self }
     }
 
     /// Its caption.
     #[must_use]
-    pub fn caption(mut self, caption: &'static str) -> Self {
-        self.caption = Some(caption);
-        self
+    pub fn caption(self, caption: &str) -> Self {
+        Self { caption: format!("<caption>{}</caption>\n", escaped(caption)), ..self }
     }
 
     /// Appends a row.
@@ -197,12 +219,35 @@ mod tests {
         report.table(&table);
         report.details("S <", "x < y");
         assert_eq!(
-            report.body(),
-            "<h1>A &lt; B</h1>\n<h2 id=\"one\">1 &amp; 2</h2>\n<p>&lt;b&gt;</p>\n\
+            report.body,
+            "<h2 id=\"one\">1 &amp; 2</h2>\n<p>&lt;b&gt;</p>\n\
              <div class=\"wide\">\n<table class=\"own\">\n<caption>1 &lt; 2</caption>\n\
              <thead><tr><th><i>T</i> (s)</th><th>&quot;</th></tr></thead>\n\
              <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">fails</span></td></tr>\n\
              </table>\n</div>\n<details><summary>S &lt;</summary><pre>x &lt; y</pre></details>\n"
         );
+    }
+
+    #[test]
+    fn contents_are_the_headings() {
+        let mut report = Report::new("A & B");
+        report.paragraph("before");
+        report.section("One");
+        report.section_of("two", "Two");
+        let mut more = Report::default();
+        more.section_of("three", "< 3");
+        report.append(&more);
+        let html = report.page(".own { color: red; }");
+        for part in [
+            "<title>A &amp; B</title>",
+            ".own { color: red; }",
+            "<header>\n<h1>A &amp; B</h1>\n</header>",
+            "<li><a href=\"#section-1\">One</a></li>\n<li><a href=\"#two\">Two</a></li>\n\
+             <li><a href=\"#three\">&lt; 3</a></li>",
+            "<p>before</p>\n<h2 id=\"section-1\">One</h2>\n<h2 id=\"two\">Two</h2>\n<h2 id=\"three\">&lt; 3</h2>",
+        ] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert!(!Report::new("A").page("").contains("<nav"));
     }
 }

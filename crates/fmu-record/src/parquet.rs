@@ -11,8 +11,8 @@ use anyhow::{Context, Result, bail};
 use fmu_terms::DisplayUnit;
 use parquet::basic::{ConvertedType, Repetition, Type as PhysicalType};
 use parquet::column::reader::get_typed_column_reader;
-use parquet::column::writer::ColumnWriter;
-use parquet::data_type::{ByteArray, DoubleType};
+use parquet::column::writer::{ColumnWriter, ColumnWriterImpl};
+use parquet::data_type::{ByteArray, DataType, DoubleType};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -127,30 +127,22 @@ fn write_cells(cells: &Cells<'_>, writer: &mut ColumnWriter<'_>) -> Result<()> {
         (Cells::Numbers(cells), ColumnWriter::DoubleColumnWriter(writer)) => {
             writer.write_batch(cells, None, None)?;
         }
-        (Cells::Number(cells), ColumnWriter::DoubleColumnWriter(writer)) => {
-            let (values, levels) = split(cells);
-            writer.write_batch(&values, Some(&levels), None)?;
-        }
-        (Cells::Whole(cells), ColumnWriter::Int32ColumnWriter(writer)) => {
-            let (values, levels) = split(cells);
-            writer.write_batch(&values, Some(&levels), None)?;
-        }
-        (Cells::Truth(cells), ColumnWriter::BoolColumnWriter(writer)) => {
-            let (values, levels) = split(cells);
-            writer.write_batch(&values, Some(&levels), None)?;
-        }
+        (Cells::Number(cells), ColumnWriter::DoubleColumnWriter(writer)) => write_optional(cells, writer)?,
+        (Cells::Whole(cells), ColumnWriter::Int32ColumnWriter(writer)) => write_optional(cells, writer)?,
+        (Cells::Truth(cells), ColumnWriter::BoolColumnWriter(writer)) => write_optional(cells, writer)?,
         (Cells::Text(cells), ColumnWriter::ByteArrayColumnWriter(writer)) => {
-            let (texts, levels) = split(cells);
-            let values: Vec<_> = texts.iter().map(|text| ByteArray::from(text.as_str())).collect();
-            writer.write_batch(&values, Some(&levels), None)?;
+            let bytes = |cell: &Option<String>| cell.as_deref().map(ByteArray::from);
+            write_optional(&cells.iter().map(bytes).collect::<Vec<_>>(), writer)?;
         }
         _ => bail!("the column's type is not the schema's"),
     }
     Ok(())
 }
 
-/// The present values, and for each cell 1 if its value is present (Parquet's definition levels).
-fn split<T: Clone>(cells: &[Option<T>]) -> (Vec<T>, Vec<i16>) {
-    let levels = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
-    (cells.iter().flatten().cloned().collect(), levels)
+/// Writes the present values, and for each cell 1 if its value is present (Parquet's definition levels).
+fn write_optional<T: DataType>(cells: &[Option<T::T>], writer: &mut ColumnWriterImpl<'_, T>) -> Result<()> {
+    let levels: Vec<_> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+    let values: Vec<_> = cells.iter().flatten().cloned().collect();
+    writer.write_batch(&values, Some(&levels), None)?;
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::{HTML, JSON};
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
 use cargo_fmu::run::{self, name_and_value};
@@ -11,8 +12,6 @@ use fmu_record::numbers::estimate;
 
 /// The files in the folder of results.
 const SET: &str = "identified.ssv";
-const HTML: &str = "report.html";
-const JSON: &str = "report.json";
 
 #[derive(Args)]
 pub struct Arguments {

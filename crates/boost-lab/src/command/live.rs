@@ -1,15 +1,13 @@
 //! `live`: a page that runs both FMUs in a browser.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::FmuDescription;
 
-use crate::live::{LOOP, Live, Module};
+use crate::live::{self, LOOP, Module};
 use crate::reproduce::{FIGURES, Laboratory};
 
 /// Seconds of simulation that give the plots' quantities and their sizes.
@@ -55,15 +53,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let live = Live {
-        modules: [("plant", &plant), ("controller", &controller)],
-        plants: &plants,
-        closed_loop: &closed_loop,
-        experiments: &experiments,
-    };
-    let html = live.html()?;
-    writing::write(&arguments.out, |writer| writer.write_all(html.as_bytes()))?;
-    Ok(print(&format!("{}\n", arguments.out.display()))?)
+    let html = live::html([&plant, &controller], &plants, &closed_loop, &experiments)?;
+    super::write_file(&arguments.out, html.as_bytes())
 }
 
 /// Reads a module, which must be of the same model as the FMU it is compared with.

@@ -14,10 +14,16 @@ use crate::study::draw::known_plants;
 use anyhow::Result;
 use cargo_fmu::run::{
     self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write,
+    write_file,
 };
 use clap::{Args, Parser, Subcommand};
 use fmu_master::scenario::Scenario;
 use fmu_package::ParameterSet;
+
+/// The files in a folder of results.
+const HTML: &str = "report.html";
+const JSON: &str = "report.json";
+const JOURNAL: &str = "journal.jsonl";
 
 const EXIT_STATUSES: &str = "\
 Exit status:
@@ -39,11 +45,11 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Run a scenario, a system or a single FMU
-    Simulate(Simulate),
+    Simulate(WithMaps<Box<run::Simulate>>),
     /// Compare records: their differences in numbers, and overlaid in a plot
     Compare(run::Compare),
     /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
-    Linearize(Linearize),
+    Linearize(WithMaps<Box<run::Linearize>>),
     /// Run scenarios and show them on one page
     Show {
         /// The scenarios (see docs/simulate.md)
@@ -76,7 +82,7 @@ enum Command {
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
     /// Run a scenario for many parameter values, on all cores; resumes if interrupted
-    Sweep(Sweep),
+    Sweep(WithMaps<run::Sweep>),
     /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
     /// Exits with 0 if all criteria hold, and 1 if one fails.
@@ -88,41 +94,17 @@ enum Command {
     },
 }
 
-/// `simulate` with maps of names.
+/// The arguments of a command that runs FMUs, with maps of names.
 #[derive(Args)]
-struct Simulate {
+struct WithMaps<T: Args> {
     #[command(flatten)]
-    simulate: Box<run::Simulate>,
-    #[command(flatten)]
-    maps: MapArguments,
-}
-
-/// `linearize` with maps of names.
-#[derive(Args)]
-struct Linearize {
-    #[command(flatten)]
-    linearize: Box<run::Linearize>,
-    #[command(flatten)]
-    maps: MapArguments,
-}
-
-/// `sweep` with maps of names.
-#[derive(Args)]
-struct Sweep {
-    #[command(flatten)]
-    sweep: run::Sweep,
+    own: T,
     #[command(flatten)]
     maps: MapArguments,
 }
 
 /// Which FMUs a scenario runs, and under which names.
-#[derive(Args)]
-struct FmuArguments {
-    #[command(flatten)]
-    fmus: run::FmuArguments,
-    #[command(flatten)]
-    maps: MapArguments,
-}
+type FmuArguments = WithMaps<run::FmuArguments>;
 
 /// Maps of names.
 #[derive(Args)]
@@ -140,7 +122,7 @@ impl MapArguments {
 
 impl FmuArguments {
     fn give(&self, scenario: &mut Scenario) -> Result<()> {
-        self.fmus.give(scenario, &self.maps.maps())
+        self.own.give(scenario, &self.maps.maps())
     }
 
     fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
@@ -166,17 +148,16 @@ enum Identify {
 /// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
-        Command::Simulate(Simulate { simulate, maps }) => simulate.run(&maps.maps()).map(|()| true),
-        Command::Compare(compare) => compare.run().map(|()| true),
-        Command::Linearize(Linearize { linearize, maps }) => linearize.run(&maps.maps()).map(|()| true),
-        Command::Show { scenarios, fmus, title, out } => {
-            show::run(&scenarios, &fmus, &title, &out).map(|()| true)
-        }
-        Command::Reproduce { figures, fmus, out } => reproduce::run(&fmus, &out, &figures),
-        Command::Live(arguments) => live::run(&arguments).map(|()| true),
-        Command::Tune(arguments) => tune::run(&arguments).map(|()| true),
-        Command::Study(arguments) => study::run(&arguments),
-        Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments).map(|()| true),
-        Command::Sweep(Sweep { sweep, maps }) => sweep.run(&maps.maps()).map(|()| true),
+        Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),
+        Command::Study(arguments) => return study::run(&arguments),
+        Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()),
+        Command::Compare(compare) => compare.run(),
+        Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()),
+        Command::Show { scenarios, fmus, title, out } => show::run(&scenarios, &fmus, &title, &out),
+        Command::Live(arguments) => live::run(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments),
+        Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
+        Command::Sweep(WithMaps { own, maps }) => own.run(&maps.maps()),
     }
+    .map(|()| true)
 }

@@ -23,8 +23,8 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
     for figure in figures {
         let found = laboratory.reproduce(figure)?;
         print(&format!("Fig. {}: {}\n", figure.number, figure.title))?;
-        for claim in &found.evidence.claims {
-            let word = claim.verdict().word();
+        for claim in &found.claims {
+            let word = claim.verdict();
             let paper = claim.in_paper().map_or_else(String::new, |value| format!("; paper: {value}"));
             print(&format!(
                 "  {word:7}  {:33} {} (accepted: {}{paper})\n",
@@ -36,7 +36,7 @@ pub fn run(fmus: &Path, out: &Path, numbers: &[u32]) -> Result<bool> {
         reproduced.push(found);
     }
     let html = html(&reproduced, &laboratory.fmus());
-    super::write(out, [("report.html", html), ("report.json", json(&reproduced)?)])?;
+    super::write(out, [(super::HTML, html), (super::JSON, json(&reproduced)?)])?;
     let (counted, none_fails) = count(&reproduced);
     print(&format!("{counted}\n"))?;
     Ok(none_fails)

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::Scenario;
@@ -12,13 +11,12 @@ use fmu_plot::{Report, escaped, panels};
 use fmu_record::Record;
 use fmu_record::numbers::quantity;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
-use std::io::Write;
 
 /// Runs scenarios and writes the page.
 pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Path) -> Result<()> {
     let mut scenarios = vec![];
     for path in paths {
-        let mut scenario = Scenario::read(path, &fmus.fmus.folder, crate::mapping::read)?;
+        let mut scenario = Scenario::read(path, &fmus.own.folder, crate::mapping::read)?;
         fmus.give(&mut scenario).with_context(|| path.display().to_string())?;
         writing::refuse_overlap(&[out.to_path_buf()], &fmus.inputs(&scenario))?;
         scenarios.push((path, scenario));
@@ -37,11 +35,10 @@ pub fn run(paths: &[PathBuf], fmus: &super::FmuArguments, title: &str, out: &Pat
     let sections = scenarios.par_iter().map(section).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let mut page = Report::new(title);
-    for section in sections {
-        page.html(section.body());
+    for section in &sections {
+        page.append(section);
     }
-    writing::write(out, |writer| writer.write_all(page.page("").as_bytes()))?;
-    Ok(print(&format!("{}\n", out.display()))?)
+    super::write_file(out, page.page("").as_bytes())
 }
 
 fn section(path: &Path, scenario: &Scenario, fmus: &mut LoadedFmus) -> Result<Report> {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::{HTML, JOURNAL, JSON};
 use crate::mapping;
 use crate::study::case::{Rig, Source};
 use crate::study::draw::Cases;
@@ -13,9 +14,6 @@ use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 
 const CSV: &str = "results.csv";
-const HTML: &str = "report.html";
-const JSON: &str = "report.json";
-const JOURNAL: &str = "journal.jsonl";
 
 #[derive(Args)]
 pub struct Arguments {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::{HTML, JOURNAL, JSON};
 use crate::mapping;
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json};
 use anyhow::{Context, Result};
@@ -14,9 +15,6 @@ const SET: &str = "schedule";
 /// The files in the folder of results.
 const SET_FILE: &str = "schedule.ssv";
 const DCM_FILE: &str = "schedule.dcm";
-const HTML: &str = "report.html";
-const JSON: &str = "report.json";
-const JOURNAL: &str = "journal.jsonl";
 
 #[derive(Args)]
 pub struct Arguments {

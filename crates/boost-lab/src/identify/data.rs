@@ -21,17 +21,22 @@ struct Quantity {
     is_required: bool,
 }
 
-const PRESSURE: &[(&str, f64, f64)] = &[
-    ("Pa", 1.0, 0.0),
-    ("hPa", 1e2, 0.0),
-    ("mbar", 1e2, 0.0),
-    ("kPa", 1e3, 0.0),
-    ("bar", 1e5, 0.0),
-    ("MPa", 1e6, 0.0),
-];
-
-/// From a good vacuum to ten times ambient pressure.
-const PRESSURES: (f64, f64) = (1e3, 1e6);
+/// An absolute pressure, from a good vacuum to ten times ambient pressure.
+const PRESSURE: Quantity = Quantity {
+    name: "",
+    meaning: "",
+    columns: &[],
+    units: &[
+        ("Pa", 1.0, 0.0),
+        ("hPa", 1e2, 0.0),
+        ("mbar", 1e2, 0.0),
+        ("kPa", 1e3, 0.0),
+        ("bar", 1e5, 0.0),
+        ("MPa", 1e6, 0.0),
+    ],
+    range: (1e3, 1e6),
+    is_required: true,
+};
 
 const QUANTITIES: [Quantity; 9] = [
     Quantity {
@@ -62,17 +67,13 @@ const QUANTITIES: [Quantity; 9] = [
         name: "tank_pressure",
         meaning: "the absolute vacuum tank pressure",
         columns: &["tank_pressure"],
-        units: PRESSURE,
-        range: PRESSURES,
-        is_required: true,
+        ..PRESSURE
     },
     Quantity {
         name: "actuator_pressure",
         meaning: "the absolute actuator chamber pressure",
         columns: &["actuator_pressure"],
-        units: PRESSURE,
-        range: PRESSURES,
-        is_required: true,
+        ..PRESSURE
     },
     Quantity {
         name: "position",
@@ -94,9 +95,8 @@ const QUANTITIES: [Quantity; 9] = [
         name: "ambient_pressure",
         meaning: "the ambient pressure",
         columns: &["ambient_pressure"],
-        units: PRESSURE,
-        range: PRESSURES,
         is_required: false,
+        ..PRESSURE
     },
     Quantity {
         name: "ambient_temperature",

@@ -20,6 +20,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use fmu_package::{Parameter, ParameterSet, Value};
+use serde::Serialize;
 
 use self::data::Data;
 pub use self::data::{Naming, quantities};
@@ -32,17 +33,19 @@ use fmu_master::Fmu;
 /// Larger residuals, relative to the measurement's noise, lead to a note.
 const MOST_RESIDUAL: f64 = 1.5;
 
+#[derive(Serialize)]
 pub struct Identification {
+    #[serde(rename = "data")]
     pub file: String,
     rows: usize,
     duration: f64,
-    known: Known,
-    noise: Option<MeasurementNoise>,
     phases_at_rest: usize,
-    /// The fits, in order.
-    pub fits: Vec<Fit>,
+    noise: Option<MeasurementNoise>,
     /// The parameters not determined by the data.
     pub unidentified: Vec<Unidentified>,
+    /// The fits, in order.
+    pub fits: Vec<Fit>,
+    known: Known,
     /// Notes for readers of the results.
     pub notes: Vec<String>,
 }

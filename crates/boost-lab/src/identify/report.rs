@@ -4,8 +4,7 @@ use anyhow::Result;
 use fmu_xml::page::unit;
 use serde::Serialize;
 
-use super::phases::MeasurementNoise;
-use super::{Fit, Identification, Known, ParameterEstimate, Residuals, Unidentified};
+use super::{Fit, Identification, ParameterEstimate, Residuals, Unidentified};
 use fmu_plot::{Cell, Report, Table};
 use fmu_record::numbers::{estimate, number, quantity};
 
@@ -15,34 +14,14 @@ const STYLE: &str = "
 
 #[derive(Serialize)]
 struct IdentificationReport<'a> {
-    data: &'a str,
-    rows: usize,
-    duration: f64,
-    phases_at_rest: usize,
-    noise: Option<MeasurementNoise>,
+    #[serde(flatten)]
+    identification: &'a Identification,
     parameters: Vec<&'a ParameterEstimate>,
-    unidentified: &'a [Unidentified],
-    fits: &'a [Fit],
-    known: &'a Known,
-    notes: &'a [String],
 }
 
 pub fn json(identification: &Identification) -> Result<String> {
-    let Identification { file, rows, duration, known, noise, phases_at_rest, fits, unidentified, notes } =
-        identification;
-    let report = IdentificationReport {
-        data: file,
-        rows: *rows,
-        duration: *duration,
-        phases_at_rest: *phases_at_rest,
-        noise: *noise,
-        parameters: identification.parameters().collect(),
-        unidentified,
-        fits,
-        known,
-        notes,
-    };
-    Ok(serde_json::to_string_pretty(&report)? + "\n")
+    let parameters = identification.parameters().collect();
+    Ok(serde_json::to_string_pretty(&IdentificationReport { identification, parameters })? + "\n")
 }
 
 pub fn html(identification: &Identification) -> String {
@@ -60,7 +39,9 @@ pub fn html(identification: &Identification) -> String {
             quantity(noise.position, "m")
         )),
     ));
-    report.paragraphs(notes);
+    for note in notes {
+        report.paragraph(note);
+    }
     if !unidentified.is_empty() {
         report.section("Parameters not determined by the data");
         let mut table = Table::new(["Parameter", "Why"]);

@@ -7,7 +7,7 @@ use super::data::Data;
 use super::phases::{Phase, Rest};
 use super::points::{ResidualPoint, curve, drawing, residuals};
 use super::statistics::{Solution, linear, mean};
-use super::{Fit, FitOutcome, Known, Unidentified};
+use super::{Fit, FitOutcome, Known, ParameterEstimate, Unidentified};
 
 /// The coefficients of eq. (7).
 pub const PRESSURE: [&str; 4] = [
@@ -80,11 +80,7 @@ pub fn pressure(rests: &[&Rest], known: &Known) -> FitOutcome {
                 &points,
                 (&x, &y),
             ),
-            parameters: (PRESSURE.iter().enumerate())
-                .map(|(index, name)| {
-                    known.estimate(name, solution.parameters[index], solution.standard_error(index))
-                })
-                .collect(),
+            parameters: estimates(&PRESSURE, &solution, known),
         },
         vec![],
     ))
@@ -200,9 +196,7 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
         .flat_map(|decay| decay.residuals(scale * area(&solution, decay.rest.duty), pump))
         .collect();
     let (x, y) = curve(&points, fitted);
-    let mut parameters: Vec<_> = (LEAKAGE.iter().enumerate())
-        .map(|(index, name)| known.estimate(name, solution.parameters[index], solution.standard_error(index)))
-        .collect();
+    let mut parameters = estimates(&LEAKAGE, &solution, known);
     let mut unidentified = vec![];
     if pumps {
         parameters.push(known.estimate(PUMP, pump, solution.standard_error(3)));
@@ -233,6 +227,14 @@ pub fn leakage(data: &Data, phases: &[Phase], known: &Known) -> FitOutcome {
         parameters,
     };
     Ok((fit, unidentified))
+}
+
+/// The first parameters of a solution.
+fn estimates(names: &[&str], solution: &Solution, known: &Known) -> Vec<ParameterEstimate> {
+    let estimate = |(index, name): (usize, &&str)| {
+        known.estimate(name, solution.parameters[index], solution.standard_error(index))
+    };
+    names.iter().enumerate().map(estimate).collect()
 }
 
 /// Eq. (6), in units of the scale.

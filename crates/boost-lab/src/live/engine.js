@@ -26,14 +26,9 @@ class Engine {
     this.names = [...new Set([...this.values, ...this.openings, ...this.flows].map(({ name }) => name))];
     this.selection = new Selection(instance, this.names);
     this.variables = this.names.map(name => instance.variable(name));
-    this.table.replaceChildren(...this.variables.map(variable => {
-      const row = document.createElement("tr");
-      const [name, value] = ["th", "td"].map(kind => row.appendChild(document.createElement(kind)));
-      name.scope = "row";
-      name.textContent = variable.description || variable.name;
-      variable.cell = value;
-      return row;
-    }));
+    this.cells = this.variables.map(() => make("td"));
+    this.table.replaceChildren(...this.variables.map(({ name, description }, index) =>
+      make("tr", {}, make("th", { scope: "row", textContent: description || name }), this.cells[index])));
     this.update(0);
   }
 
@@ -55,6 +50,6 @@ class Engine {
       flow.place = ((flow.place ?? 0) - SPEED * value * seconds) % 24;
       flow.element.style.strokeDashoffset = flow.place.toFixed(1);
     }
-    if (this.table.closest("details").open) this.variables.forEach((variable, index) => { variable.cell.textContent = shown(variable, values[index]); });
+    if (this.table.closest("details").open) this.cells.forEach((cell, index) => { cell.textContent = shown(this.variables[index], values[index]); });
   }
 }

@@ -121,15 +121,12 @@ class Run {
   }
 
   record() {
-    const values = new Map(this.members.map(member => [member, member.recorded.get()]));
-    const places = new Map(this.members.map(member => [member, 0]));
+    const values = new Map(this.members.map(member => [member, member.recorded.get()[Symbol.iterator]()]));
     this.time.push(this.now);
     this.scenario.record.forEach((name, index) => {
       const member = this.recorded[index]?.member;
-      if (!member) return this.columns.get(name).push(signalAt(this.signals.get(name), this.now));
-      const place = places.get(member);
-      places.set(member, place + 1);
-      return this.columns.get(name).push(values.get(member)[place]);
+      const value = member ? values.get(member).next().value : signalAt(this.signals.get(name), this.now);
+      this.columns.get(name).push(value);
     });
   }
 

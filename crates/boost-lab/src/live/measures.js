@@ -17,9 +17,7 @@ const edgesOf = (run, name) => pointsOf(run.signal(name)).slice(1).map(([time]) 
 // The ends of a signal's steps.
 const endsOf = (run, name) => [...edgesOf(run, name), stop(run)];
 
-function interpolate(points, place) {
-  return signalAt({ lines: points }, place);
-}
+const interpolate = (points, place) => signalAt({ lines: points }, place);
 
 // How a variable tracked the steps of its reference: the worst overshoot up and down, rise time and final error.
 function following(run, name, reference) {

@@ -17,7 +17,7 @@ use wasmparser::{Parser, Payload};
 
 use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
 use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
-use fmu_plot::{Figure, escaped, page};
+use fmu_plot::{Figure, Report, escaped};
 
 /// The closed loop that the page starts with; the user changes its constant inputs.
 pub const LOOP: (&str, &str) = shipped!("live.toml");
@@ -71,63 +71,43 @@ impl Module {
     }
 }
 
-/// The page's contents.
-pub struct Live<'a> {
-    /// The modules by their names in scenarios.
-    pub modules: [(&'static str, &'a Module); 2],
-    /// The plants to choose from, in addition to the default.
-    pub plants: &'a [ParameterSet],
-    /// [`LOOP`] and its plot.
-    pub closed_loop: &'a (Run, Figure),
-    /// The paper's experiments as run by the laboratory.
-    pub experiments: &'a [Reproduced],
-}
-
-impl Live<'_> {
-    pub fn html(&self) -> Result<String> {
-        let template = |plots: String| format!("<template class=\"plots\">\n{plots}</template>\n");
-        let mut plots = template(self.closed_loop.1.html());
-        let mut buttons = String::new();
-        for Reproduced { figure: PaperFigure { number, title, .. }, evidence, .. } in self.experiments {
-            plots += &template(evidence.plots().map(|plot| plot.clone().without_points().html()).collect());
-            buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
-        }
-        // Escaped so that no `<` ends the script.
-        let data = self.data()?.to_string().replace('<', "\\u003c");
-        let body =
-            BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
-        let scripts = SCRIPTS.join("\n");
-        let body = format!(
-            "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
-             <script type=\"module\">\n{scripts}</script>\n"
-        );
-        Ok(page("Boost pressure control, live", STYLE, &body))
+/// The page: plant and controller, the plants to choose from in addition to the default, [`LOOP`] with its plot, and the
+/// paper's experiments as run by the laboratory.
+pub fn html(
+    [plant, controller]: [&Module; 2],
+    plants: &[ParameterSet],
+    (closed_loop, plot): &(Run, Figure),
+    experiments: &[Reproduced],
+) -> Result<String> {
+    let template = |plots: String| format!("<template class=\"plots\">\n{plots}</template>\n");
+    let mut plots = template(plot.html());
+    let mut buttons = String::new();
+    for Reproduced { figure: PaperFigure { number, title, .. }, evidence, .. } in experiments {
+        plots += &template(evidence.plots().map(|plot| plot.clone().without_points().html()).collect());
+        buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
     }
-
-    fn data(&self) -> Result<Json> {
-        let modules: serde_json::Map<_, _> = self
-            .modules
-            .iter()
-            .map(|(name, module)| ((*name).to_owned(), BASE64_STANDARD.encode(&module.bytes).into()))
-            .collect();
-        let plant = self.modules.iter().find(|(name, _)| *name == "plant").context("a plant")?.1;
-        let plants =
-            self.plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?;
-        let experiments = self.experiments.iter().map(|experiment| {
-            json!({
-                "number": experiment.figure.number,
-                "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
-                "claims": experiment.evidence.claims.iter().map(claim_json).collect::<Vec<_>>(),
-            })
-        });
-        Ok(json!({
-            "modules": modules,
-            "controls": serde_json::from_str::<Json>(CONTROLS)?,
-            "plants": plants,
-            "loop": run_json(&self.closed_loop.0),
-            "experiments": experiments.collect::<Vec<_>>(),
-        }))
-    }
+    let encoded = |module: &Module| BASE64_STANDARD.encode(&module.bytes);
+    let data = json!({
+        "modules": { "plant": encoded(plant), "controller": encoded(controller) },
+        "controls": serde_json::from_str::<Json>(CONTROLS)?,
+        "plants": plants.iter().map(|set| plant_json(set, &plant.description)).collect::<Result<Vec<_>>>()?,
+        "loop": run_json(closed_loop),
+        "experiments": experiments.iter().map(|experiment| json!({
+            "number": experiment.figure.number,
+            "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
+            "claims": experiment.claims.iter().map(claim_json).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+    });
+    // Escaped so that no `<` ends the script.
+    let data = data.to_string().replace('<', "\\u003c");
+    let body = BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
+    let mut report = Report::new("Boost pressure control, live");
+    report.html(&format!(
+        "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
+         <script type=\"module\">\n{}</script>\n",
+        SCRIPTS.join("\n")
+    ));
+    Ok(report.page(STYLE))
 }
 
 /// A parameter set in the plant's units.
@@ -192,7 +172,7 @@ fn claim_json(claim: &Claim) -> Json {
     let (unit, factor) = claim.scale();
     json!({
         "name": claim.name, "paper": claim.paper, "inPaper": claim.in_paper(), "found": claim.found(), "asked": claim.asked(),
-        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis.name(),
+        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis,
         "knownDifference": claim.known_difference,
     })
 }

@@ -46,6 +46,14 @@ function fail(error) {
   if (!isFailure) throw error;
 }
 
+function attempt(action) {
+  try {
+    action();
+  } catch (error) {
+    fail(error);
+  }
+}
+
 // Warnings are read out, and stay until the next start.
 function warn(text) {
   say(text);
@@ -107,24 +115,26 @@ async function startNow(scenario, values, show) {
 
 const templateOf = number => document.querySelectorAll("template.plots")[number];
 
+// Puts the page in the state before the loop, or an experiment chosen by its button.
+function choose(experiment, chosen) {
+  Object.assign(state, { experiment, finished: [] });
+  element("results").replaceChildren();
+  element("hold").disabled = controls.disabled = Boolean(experiment);
+  document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
+  chosen?.setAttribute("aria-current", "true");
+}
+
 async function startLoop() {
   if (state.experiment) controls.showAll();
-  Object.assign(state, { experiment: undefined, finished: [] });
+  choose();
   pace.lower();
-  element("results").replaceChildren();
-  element("hold").disabled = controls.disabled = false;
-  document.querySelectorAll("#choices [aria-current]").forEach(button => button.removeAttribute("aria-current"));
   const inputs = laboratory.loop.inputs.map(([name]) => [name, { constant: controls.get(name).value }]);
   const values = { plant: [...controls.plantValues(), ...controls.parameters("plant")], controller: controls.parameters("controller") };
   await start({ ...laboratory.loop, inputs }, values, run => plots.show(run, templateOf(0), state.held));
 }
 
 async function startExperiment(experiment, button) {
-  document.querySelectorAll("#choices button").forEach(other => other.removeAttribute("aria-current"));
-  button.setAttribute("aria-current", "true");
-  Object.assign(state, { experiment, finished: [] });
-  element("hold").disabled = controls.disabled = true;
-  element("results").replaceChildren();
+  choose(experiment, button);
   const { runs, number: figure } = experiment;
   pace.raise(runs.reduce((sum, { steps, step }) => sum + steps * step, 0));
   setRunning(false);
@@ -216,9 +226,7 @@ function frame(now) {
   const { run } = state;
   const isDue = !lessMotion.matches || now - (frame.shown ?? 0) > STILL;
   try {
-    if (state.isRunning && run) {
-      advance(now);
-    }
+    if (state.isRunning && run) advance(now);
     if (run && isDue) {
       if (frame.steps !== run.stepsDone || frame.run !== run) {
         if (!state.experiment) plots.changed();
@@ -262,13 +270,11 @@ function showMeter(now, run) {
 // its own.
 function change({ fmu, name, value, isOf }) {
   if (!state.run || state.failed || state.experiment) return;
-  try {
+  attempt(() => {
     if (isOf === "signal") state.run.signals.set(name, { constant: value });
     else if (isOf === "tunable") state.run.instance(fmu).setValue(name, value);
     else startLoop();
-  } catch (error) {
-    fail(error);
-  }
+  });
 }
 
 // Saves the records, with units below the names; numbers read back as the same doubles.
@@ -290,8 +296,7 @@ function saveCsv() {
 // The unit of a recorded variable.
 function unitOf(column) {
   const name = column.slice(column.indexOf(":") + 1);
-  const found = Object.values(state.models).map(({ variables }) => variables.get(name)).find(Boolean);
-  return found.unit;
+  return Object.values(state.models).map(({ variables }) => variables.get(name)).find(Boolean).unit;
 }
 
 function serve() {
@@ -302,13 +307,11 @@ function serve() {
   element("step").addEventListener("click", () => {
     setRunning(false);
     if (!state.run || state.run.isOver || state.failed) return;
-    try {
+    attempt(() => {
       stepOnce();
       showMeter(performance.now(), state.run);
       say(`Stepped to ${seconds(state.run.now)}.`);
-    } catch (error) {
-      fail(error);
-    }
+    });
   });
   const reset = async () => {
     await startLoop();

@@ -16,10 +16,8 @@ const pointer = matchMedia("(hover: hover)");
 
 // The rows of a line between two places: all, or the minimum and maximum of each strip.
 function rowsToDraw(places, values, from, to) {
-  let begin = places.findLastIndex(place => place <= from);
-  if (begin < 0) begin = 0;
-  let end = places.findLastIndex(place => place <= to) + 2;
-  end = Math.min(end, places.length);
+  const begin = Math.max(places.findLastIndex(place => place <= from), 0);
+  const end = Math.min(places.findLastIndex(place => place <= to) + 2, places.length);
   const size = Math.ceil((end - begin) / STRIPS);
   if (size <= 2) return Array.from({ length: end - begin }, (_, index) => begin + index);
   const rows = [];
@@ -169,7 +167,7 @@ class Plots {
       const unit = plot.layout.yaxis.title?.text ?? "";
       for (const box of plot.parentElement.querySelectorAll(".legend input")) {
         const { name, shown } = plot.sources[box.value];
-        const output = box.parentElement.querySelector("output") ?? box.parentElement.appendChild(document.createElement("output"));
+        const output = box.parentElement.querySelector("output") ?? box.parentElement.appendChild(make("output"));
         output.textContent = this.cursors.read(this.run.time, this.run.columns.get(name), shown, unit);
       }
     }

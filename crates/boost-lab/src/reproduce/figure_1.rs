@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use super::measure::at;
-use super::{Claim, Evidence, Laboratory, curve, shipped};
-use fmu_plot::{Figure, Panel, color};
+use super::{Evidence, Laboratory, curve, over_time, shipped};
+use fmu_plot::{Figure, color};
 
 /// The beginning and end of the dip (s).
 const DIP: (f64, f64) = (2.0, 6.0);
@@ -14,7 +14,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let record = laboratory.run(&scenario)?;
     let change = |name| Ok::<_, anyhow::Error>(at(&record, name, DIP.1)? - at(&record, name, DIP.0)?);
 
-    let panel = |label, line| Panel::new("time (s)", label).height(120).x_band(DIP.0, DIP.1).line(line);
+    let panel = |label, line| over_time(label, 120, [line]).x_band(DIP.0, DIP.1);
     let voltage = curve(&record, "supply_voltage", 1.0)?.held().color(color::INK);
     let figure = Figure::new()
         .row([panel("supply (V)", voltage).height(80)])
@@ -22,43 +22,14 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .row([panel("wastegate (%)", curve(&record, "hp_wastegate_position", 100.0)?)])
         .row([panel("boost (kPa)", curve(&record, "boost_pressure", 1e-3)?)])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![(
-            "Supply voltage, actuator pressure, wastegate position and boost pressure.".into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::prediction(
-                "actuator_pressure_change",
-                change("actuator_pressure")?,
-                "Pa",
-                2450.0..=2550.0,
-            )
-            .paper("From 11.9 V to 11.1 V, the chamber pressure changes by 2500 Pa.")
-            .paper_value(2500.0)
-            .how(
-                "Difference of actuator_pressure between 6 s and 2 s. It follows from the printed \
-                     coefficients of Table 1, with the sign of the third corrected, and the duty's \
-                     proportionality to the voltage. The range takes the paper's number as rounded to \
-                     hundreds.",
-            ),
-            Claim::calibration(
-                "position_change",
-                100.0 * -change("hp_wastegate_position")?,
-                "% of stroke",
-                9.0..=11.0,
-            )
-            .paper("The wastegate valve position changes by about 10 %.")
-            .paper_value(10.0)
-            .how(
-                "Difference of hp_wastegate_position between 2 s and 6 s. The spring stiffness was \
-                     chosen to match it. \u{201c}About 10 %\u{201d} is read as within one point.",
-            ),
-        ],
-        notes: vec![format!(
-            "Boost pressure, not shown in the paper's figure, rises by {:.1} kPa: the effect of a voltage \
-             dip without compensation.",
-            1e-3 * change("boost_pressure")?
-        )],
-    })
+    let results = vec![
+        ("actuator_pressure_change", change("actuator_pressure")?),
+        ("position_change", 100.0 * -change("hp_wastegate_position")?),
+    ];
+    let caption = "Supply voltage, actuator pressure, wastegate position and boost pressure.";
+    Ok(Evidence::new(results).drawing(caption, figure).note(format!(
+        "Boost pressure, not shown in the paper's figure, rises by {:.1} kPa: the effect of a voltage dip without \
+         compensation.",
+        1e-3 * change("boost_pressure")?
+    )))
 }

@@ -4,9 +4,9 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, between, greatest, range};
-use super::{Claim, Evidence, Laboratory, curve, shipped};
+use super::{Evidence, Laboratory, curve, over_time, shipped};
 use fmu_master::scenario::Signal;
-use fmu_plot::{Figure, Panel, color};
+use fmu_plot::{Figure, color};
 
 /// The voltage edges (s).
 const EDGES: [f64; 2] = [2.0, 6.0];
@@ -42,55 +42,24 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let position = |record| curve(record, POSITION, 100.0);
     let voltage = curve(&compensated, "supply_voltage", 1.0)?.held().color(color::INK);
     let duty = curve(&compensated, "hp_wastegate_pwm", 1.0)?.held();
+    let positions = [
+        position(&without)?.color(color::INK).label("without compensator"),
+        position(&compensated)?.dashed().label("with compensator"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
-        .row([Panel::new("time (s)", "wastegate (%)")
-            .height(190)
-            .line(position(&without)?.color(color::INK).label("without compensator"))
-            .line(position(&compensated)?.dashed().label("with compensator"))])
-        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
+        .row([over_time("supply (V)", 80, [voltage])])
+        .row([over_time("wastegate (%)", 190, positions)])
+        .row([over_time("duty (%)", 80, [duty])])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![(
-            "Supply voltage, wastegate position without and with compensator, and compensated duty.".into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::construction(
-                "position_range_exact",
-                100.0 * range(exact.get(POSITION)?),
-                "% of stroke",
-                ..=0.01,
-            )
-            .paper("With the duty modulated by eq. (9), the position is kept constant.")
-            .how(
-                "Range of hp_wastegate_position with the plant driven by 44 % times 12 V over the \
-                     voltage. Eq. (9) is the exact inverse of the model's valve, whose effect is \
-                     proportional to the voltage. The bound is the solver's accuracy, 0.01 % of full \
-                     scale.",
-            ),
-            Claim::prediction("position_at_rest", rest, "% of stroke", ..=1.0)
-                .paper("The compensated position is unaffected by the supply voltage disturbance: at rest.")
-                .how(
-                    "The same through the controller, which samples the voltage measured with a 20 ms \
-                     lag: difference of position before the edge and 3.9 s after it, left by friction. \
-                     The bound is a tenth of the change without compensator.",
-                ),
-            Claim::prediction("position_after_pulse", greatest(left), "% of stroke", ..=1.0)
-                .paper("The same: a tenth of a second after an edge.")
-                .how("Difference between the position 0.1 s after an edge and where it settles."),
-            Claim::calibration(
-                "position_range_without",
-                100.0 * range(without.get(POSITION)?),
-                "% of stroke",
-                9.0..=11.0,
-            )
-            .paper("Without compensator the disturbance moves the wastegate.")
-            .how("Range of the position without compensation, as in Fig. 1."),
-        ],
-        notes: vec![format!(
-            "The measurement lag leaves a pulse of up to {:.1} % of stroke, shorter than 0.1 s, at each edge.",
-            greatest(pulses)
-        )],
-    })
+    let results = vec![
+        ("position_range_exact", 100.0 * range(exact.get(POSITION)?)),
+        ("position_at_rest", rest),
+        ("position_after_pulse", greatest(left)),
+        ("position_range_without", 100.0 * range(without.get(POSITION)?)),
+    ];
+    let caption = "Supply voltage, wastegate position without and with compensator, and compensated duty.";
+    Ok(Evidence::new(results).drawing(caption, figure).note(format!(
+        "The measurement lag leaves a pulse of up to {:.1} % of stroke, shorter than 0.1 s, at each edge.",
+        greatest(pulses)
+    )))
 }

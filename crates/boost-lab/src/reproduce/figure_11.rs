@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{at, greatest, least};
-use super::{Claim, Evidence, Laboratory, shipped, steps};
+use super::{Evidence, Laboratory, shipped, steps};
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
@@ -70,62 +70,13 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         .zip(closed.torques.iter().zip(&open.torques))
         .filter(|(speed, _)| **speed > 2000.0);
     let gained = above.map(|(_, (closed, open))| 100.0 * (open / closed - 1.0));
-    Ok(Evidence {
-        drawings: vec![(
-            "Torque, boost pressure and pressure upstream of the turbines at full load.".into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::prediction(
-                "speed_of_greatest_torque",
-                open.best_speed() - closed.best_speed(),
-                "rpm",
-                125.0..,
-            )
-            .paper("The LP wastegate fully closed gives maximum torque at lower engine speed.")
-            .how(
-                "Speed of maximum engine_torque with the LP wastegate open, minus that with it \
-                     shut. The bound is one step of the speed grid, 125 rpm.",
-            ),
-            Claim::prediction(
-                "torque_gained",
-                closed.value_at(&closed.torques, 1500.0) - open.value_at(&open.torques, 1500.0),
-                "N m",
-                1.0..,
-            )
-            .paper("The same: more torque at low speed.")
-            .how("Torque at 1500 rpm, shut minus open. The bound requires a gain."),
-            Claim::prediction(
-                "torque_lost_at_2000_rpm",
-                greatest_torque - closed.value_at(&closed.torques, 2000.0),
-                "N m",
-                1.0..,
-            )
-            .paper("Up to 2000 rpm, where the torque begins to decrease.")
-            .how(
-                "Maximum torque with the LP wastegate shut, minus that at 2000 rpm. The bound \
-                     requires a loss.",
-            ),
-            Claim::prediction(
-                "back_pressure_at_2000_rpm",
-                1e-3 * closed.value_at(&closed.back_pressures, 2000.0),
-                "kPa",
-                250.0..,
-            )
-            .paper("At 2000 rpm the back pressure reaches too high values.")
-            .how(
-                "exhaust_manifold_pressure with the LP wastegate shut. The paper prints no number; \
-                     the bound puts it above the boost limit of 240 kPa, so that the engine pumps \
-                     against it.",
-            ),
-            Claim::prediction("torque_gained_open_above_2000_rpm", least(gained), "%", 0.0..)
-                .paper("Above 2000 rpm the open LP wastegate gives more torque.")
-                .how("Smallest gain of torque at engine speeds above 2000 rpm, open over shut.")
-                .differs(
-                    "the turbocharger maps are not published; here the shut wastegate gives more, at higher back \
-                     pressure",
-                ),
-        ],
-        notes: vec![],
-    })
+    let results = vec![
+        ("speed_of_greatest_torque", open.best_speed() - closed.best_speed()),
+        ("torque_gained", closed.value_at(&closed.torques, 1500.0) - open.value_at(&open.torques, 1500.0)),
+        ("torque_lost_at_2000_rpm", greatest_torque - closed.value_at(&closed.torques, 2000.0)),
+        ("back_pressure_at_2000_rpm", 1e-3 * closed.value_at(&closed.back_pressures, 2000.0)),
+        ("torque_gained_open_above_2000_rpm", least(gained)),
+    ];
+    let caption = "Torque, boost pressure and pressure upstream of the turbines at full load.";
+    Ok(Evidence::new(results).drawing(caption, figure))
 }

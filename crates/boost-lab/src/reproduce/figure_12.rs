@@ -3,8 +3,8 @@
 use anyhow::Result;
 
 use super::measure::greatest;
-use super::{Claim, Drawing, Evidence, Laboratory, curve, shipped};
-use fmu_plot::{Figure, Line, Panel, color};
+use super::{Drawing, Evidence, Laboratory, curve, over_time, shipped};
+use fmu_plot::{Figure, Line, color};
 
 /// The drawing in the documentation of `BoostController`.
 const STRUCTURE: &str = include_str!("../../../../modelDescription/documentation/controller_structure.svg");
@@ -29,67 +29,43 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     }
 
     let line = |name, factor| curve(&record, name, factor).map(Line::held);
+    let pressures = [
+        line("boost_reference", 1e-3)?.thin().color(color::INK).label("reference"),
+        line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
+        line("boost_pressure", 1e-3)?.label("actual"),
+    ];
+    let output = line("hp_wastegate_pwm", 1.0)?.color(color::VERMILION);
+    let duties = [
+        line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"),
+        line("unsaturated_pwm", 1.0)?.color(color::INK).thin().label("sum of all terms"),
+        output.label("output, limited and compensated for 13 V"),
+    ];
+    let terms = [
+        line("proportional_term", 1.0)?.label("proportional"),
+        line("integral_term", 1.0)?.color(color::VERMILION).label("integral"),
+        line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(130)
-            .line(line("boost_reference", 1e-3)?.thin().color(color::INK).label("reference"))
-            .line(
-                line("reference_model_pressure", 1e-3)?.dashed().color(color::GREEN).label("reference model"),
-            )
-            .line(line("boost_pressure", 1e-3)?.label("actual"))])
-        .row([Panel::new("time (s)", "duty at 12 V (%)")
-            .height(150)
-            .line(line("feedforward_pwm", 1.0)?.dashed().color(color::GREEN).label("feedforward"))
-            .line(line("unsaturated_pwm", 1.0)?.color(color::INK).thin().label("sum of all terms"))
-            .line(
-                line("hp_wastegate_pwm", 1.0)?
-                    .color(color::VERMILION)
-                    .label("output, limited and compensated for 13 V"),
-            )])
-        .row([Panel::new("time (s)", "terms (%)")
-            .height(130)
-            .line(line("proportional_term", 1.0)?.label("proportional"))
-            .line(line("integral_term", 1.0)?.color(color::VERMILION).label("integral"))
-            .line(line("derivative_term", 1.0)?.color(color::PURPLE).label("derivative"))])
+        .row([over_time("boost pressure (kPa)", 130, pressures)])
+        .row([over_time("duty at 12 V (%)", 150, duties)])
+        .row([over_time("terms (%)", 130, terms)])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![
-            (
-                "Controller structure. Pale: the reference model, added here; the paper's structure \
-                 passes the reference straight through. The gain schedule acts along the dashed lines."
-                    .into(),
-                Drawing::Picture(without_links(STRUCTURE)),
-            ),
-            ("Block outputs in reference steps at 13 V supply.".into(), figure.into()),
-        ],
-        claims: vec![
-            Claim::construction("sum_of_terms", greatest(sum_error), "%", ..=1e-9)
-                .paper("The duty is the sum of feedforward and PID controller.")
-                .how(
-                    "Largest difference of unsaturated_pwm from the sum of feedforward_pwm, \
-                     proportional_term, integral_term and derivative_term. The bound is the rounding of \
-                     doubles.",
-                ),
-            Claim::construction("compensated_output", greatest(output_error), "%", ..=1e-9)
-                .paper("The compensator, 12 V over the supply, follows the duty limits.")
-                .how(
-                    "Largest difference of hp_wastegate_pwm from the limited unsaturated_pwm times \
-                     voltage_compensation.",
-                ),
-            Claim::prediction("limits_act", is_at_limit.iter().sum(), "samples", 1.0..)
-                .paper("The duty is limited (Fig. 13: its saturation guarantees a fast response).")
-                .how(
-                    "Samples at a limit, by saturated; without any, the claims above would not test the \
-                     limits.",
-                ),
-        ],
-        notes: vec![
-            "In addition to the paper's blocks there is a reference model (off if the parameter structure \
-             is paper): it gives feedforward and feedback the expected pressure and removes the \
-             overshoot."
-                .into(),
-        ],
-    })
+    let results = vec![
+        ("sum_of_terms", greatest(sum_error)),
+        ("compensated_output", greatest(output_error)),
+        ("limits_act", is_at_limit.iter().sum()),
+    ];
+    Ok(Evidence::new(results)
+        .drawing(
+            "Controller structure. Pale: the reference model, added here; the paper's structure passes the reference \
+             straight through. The gain schedule acts along the dashed lines.",
+            Drawing::Picture(without_links(STRUCTURE)),
+        )
+        .drawing("Block outputs in reference steps at 13 V supply.", figure)
+        .note(
+            "In addition to the paper's blocks there is a reference model (off if the parameter structure is paper): \
+             it gives feedforward and feedback the expected pressure and removes the overshoot.",
+        ))
 }
 
 /// Replaces a picture's links, whose targets are in the documentation, with groups.

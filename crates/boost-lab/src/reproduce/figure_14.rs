@@ -4,8 +4,8 @@ use anyhow::Result;
 use fmu_package::Value;
 
 use super::measure::{at, greatest, range};
-use super::{Claim, Evidence, Laboratory, boost_error, curve, shipped, steps};
-use fmu_plot::{Figure, Panel, color};
+use super::{Evidence, Laboratory, boost_error, curve, over_time, shipped, steps};
+use fmu_plot::{Figure, color};
 use fmu_record::Record;
 
 /// The end of the start-up (s).
@@ -31,48 +31,27 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let duty = curve(&record, "hp_wastegate_pwm", 1.0)?.held().color(color::INK);
     let reference = curve(&record, "boost_reference", 1e-3)?.thin().color(color::INK);
     let actual = curve(&record, "boost_pressure", 1e-3)?;
+    let pressures = [reference.label("reference"), actual.label("actual")];
+    let errors = [
+        boost_error(&without)?.thin().color(color::VERMILION).label("without compensator"),
+        boost_error(&record)?.label("with compensator"),
+    ];
     let figure = Figure::new()
-        .row([Panel::new("time (s)", "supply (V)").height(80).line(voltage)])
-        .row([Panel::new("time (s)", "boost pressure (kPa)")
-            .height(170)
-            .line(reference.label("reference"))
-            .line(actual.label("actual"))])
-        .row([Panel::new("time (s)", "error (kPa)")
-            .height(170)
-            .band(-1.0, 1.0)
-            .line(boost_error(&without)?.thin().color(color::VERMILION).label("without compensator"))
-            .line(boost_error(&record)?.label("with compensator"))])
-        .row([Panel::new("time (s)", "duty (%)").height(80).line(duty)])
+        .row([over_time("supply (V)", 80, [voltage])])
+        .row([over_time("boost pressure (kPa)", 170, pressures)])
+        .row([over_time("error (kPa)", 170, errors).band(-1.0, 1.0)])
+        .row([over_time("duty (%)", 80, [duty])])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![(
-            "Supply voltage, reference and actual boost pressure, error (actual minus reference) with and \
-             without compensator, and duty. The band is the paper's 1 kPa."
-                .into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::prediction("deviation", deviation(&record)?, "Pa", ..=1000.0)
-                .paper("The maximum pressure error is 1 kPa (0.8 %).")
-                .paper_value(1000.0)
-                .how(
-                    "Largest difference between boost_pressure and its reference after 3 s. It depends \
-                     on the lag of the supply measurement, chosen as 20 ms. The bound is the paper's.",
-                ),
-            Claim::prediction("rejection", deviation(&without)? / deviation(&record)?, "", 5.0..)
-                .paper("The simple compensator is effective.")
-                .how(
-                    "The same difference without compensation over that with it. The bound requires \
-                     four fifths of the disturbance to be rejected.",
-                ),
-            Claim::prediction("position_at_rest", 100.0 * range(&positions), "% of stroke", ..=1.0)
-                .paper("The wastegate position is almost constant.")
-                .how(
-                    "Range of hp_wastegate_position just before each voltage step, with the pressure \
-                     settled; feedback contributes. The bound is a tenth of the movement by 0.8 V with \
-                     neither (Fig. 1).",
-                ),
-        ],
-        notes: vec![format!("Without compensation the error is {:.1} kPa.", 1e-3 * deviation(&without)?)],
-    })
+    let results = vec![
+        ("deviation", deviation(&record)?),
+        ("rejection", deviation(&without)? / deviation(&record)?),
+        ("position_at_rest", 100.0 * range(&positions)),
+    ];
+    Ok(Evidence::new(results)
+        .drawing(
+            "Supply voltage, reference and actual boost pressure, error (actual minus reference) with and without \
+             compensator, and duty. The band is the paper's 1 kPa.",
+            figure,
+        )
+        .note(format!("Without compensation the error is {:.1} kPa.", 1e-3 * deviation(&without)?)))
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{at, greatest};
-use super::{Claim, Evidence, Laboratory, shipped, steps};
+use super::{Evidence, Laboratory, shipped, steps};
 use fmu_plot::{Figure, Line, Panel, color};
 
 /// Table 1, leakage: effective area in 1e-9 m2 over the duty in %.
@@ -59,34 +59,10 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let pressure = "actuator pressure (kPa)";
     let pressure =
         panel("(b) Actuator pressure", pressure, 1e-3, "eq. (7), Table 1", &expected_pressure, &pressures);
-    Ok(Evidence {
-        drawings: vec![(
-            "The plant's valve at rest, and the polynomials of Table 1.".into(),
-            Figure::new().row([leakage, pressure]).into(),
-        )],
-        claims: vec![
-            Claim::calibration("pressure_deviation", pressure_error, "Pa", ..=10.0)
-                .paper("The actuator pressure is the cubic polynomial of the duty in eq. (7) and Table 1.")
-                .how(
-                    "Largest deviation of actuator_pressure, 5 s after each duty step, from the \
-                     polynomial (third coefficient negative, clipped to ambient pressure below 9.6 %). \
-                     The range is 0.01 % of ambient pressure, the solver's accuracy.",
-                ),
-            Claim::calibration("leakage_area_deviation", 1e6 * area_error, "mm\u{b2}", ..=1e-7)
-                .paper(
-                    "The effective leakage area is the quadratic polynomial of the duty in eq. (6) and \
-                     Table 1.",
-                )
-                .how(
-                    "Largest deviation of the area computed from valve.leakage_mass_flow by eq. (1), \
-                     choked. Table 1 prints no unit; 1e-9 m\u{b2} was chosen from Fig. 8. The range is \
-                     the rounding of the choked flow function to six digits.",
-                ),
-        ],
-        notes: vec![
-            "The paper compares with unpublished measurements. Here the polynomials are model parameters, \
-             and the figure shows that the plant reproduces them."
-                .into(),
-        ],
-    })
+    let results = vec![("pressure_deviation", pressure_error), ("leakage_area_deviation", 1e6 * area_error)];
+    let caption = "The plant's valve at rest, and the polynomials of Table 1.";
+    Ok(Evidence::new(results).drawing(caption, Figure::new().row([leakage, pressure])).note(
+        "The paper compares with unpublished measurements. Here the polynomials are model parameters, and the figure \
+         shows that the plant reproduces them.",
+    ))
 }

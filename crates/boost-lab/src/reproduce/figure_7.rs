@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::measure::{greatest, interpolate};
-use super::{Claim, Evidence, Laboratory, shipped};
+use super::{Evidence, Laboratory, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 use fmu_record::Record;
 
@@ -52,31 +52,14 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
         panel("actuator pressure (kPa)", "Actuator pressure", &pressure),
         panel("wastegate position (%)", "Wastegate position", &position),
     ]);
-    Ok(Evidence {
-        drawings: vec![(
-            "Duty ramp of 1 % per second, up and down, with the pump relay active.".into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::calibration("position_hysteresis", gap(&position, 95.01), "% of stroke", ..=2.0)
-                .paper("The hysteresis of the actuator can be neglected: wastegate position.")
-                .how(
-                    "Largest difference of hp_wastegate_position between the branches at equal duty, 5 \
-                     to 95 %. The small Coulomb force was chosen from this figure. The bound is what \
-                     can be read from a plot of the whole stroke.",
-                ),
-            Claim::prediction("pressure_hysteresis", 1e3 * gap(&pressure, TANK_IS_FLOOR), "Pa", ..=500.0)
-                .paper("The hysteresis of the actuator can be neglected: actuator pressure.")
-                .how(
-                    "As above for actuator_pressure, 5 to 85 %; above that, tank pressure is the lower \
-                     limit, and the relay moves it between 30 and 35 kPa. The bound is half a percent \
-                     of ambient pressure.",
-                ),
-        ],
-        notes: vec![format!(
-            "Where tank pressure is the lower limit, the pressure branches differ by up to {:.1} kPa: the \
-             relay's band, not friction.",
-            gap(&pressure, 95.01)
-        )],
-    })
+    let results = vec![
+        ("position_hysteresis", gap(&position, 95.01)),
+        ("pressure_hysteresis", 1e3 * gap(&pressure, TANK_IS_FLOOR)),
+    ];
+    let caption = "Duty ramp of 1 % per second, up and down, with the pump relay active.";
+    Ok(Evidence::new(results).drawing(caption, figure).note(format!(
+        "Where tank pressure is the lower limit, the pressure branches differ by up to {:.1} kPa: the relay's band, \
+         not friction.",
+        gap(&pressure, 95.01)
+    )))
 }

@@ -3,19 +3,12 @@
 use anyhow::{Context, Result, bail};
 
 use super::measure::{at, greatest, least};
-use super::{Claim, Evidence, Laboratory, curve, shipped};
+use super::{Evidence, Laboratory, curve, shipped};
 use fmu_plot::{Figure, Line, Panel, color};
 
-/// When the paper's pump runs (s).
-const PAPER: (f64, f64) = (72.5, 82.2);
-
 pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
-    let mut evidence = spring(laboratory)?;
-    let pump = pump(laboratory)?;
-    evidence.drawings.extend(pump.drawings);
-    evidence.claims.extend(pump.claims);
-    evidence.notes.extend(pump.notes);
-    Ok(evidence)
+    let spring = spring(laboratory)?;
+    pump(laboratory, spring)
 }
 
 /// Fig. 8(a).
@@ -39,25 +32,13 @@ fn spring(laboratory: &mut Laboratory) -> Result<Evidence> {
         .title("(a) Spring")
         .height(200)
         .line(Line::new(&positions, forces.iter().copied()));
-    Ok(Evidence {
-        drawings: vec![(
-            "Spring force over rod position, from the ramp of Fig. 7.".into(),
-            Figure::new().row([panel]).into(),
-        )],
-        claims: vec![
-            Claim::calibration("spring_stiffening", stiffness(8.0, 9.5) / stiffness(1.0, 4.0), "", 1.5..)
-                .paper("The spring has a nonlinear behaviour.")
-                .how(
-                    "Mean stiffness (actuator.spring_force over actuator.position) between 8 and 9.5 mm \
-                     over that between 1 and 4 mm. The bound requires an increase by half.",
-                ),
-        ],
-        notes: vec![],
-    })
+    let results = vec![("spring_stiffening", stiffness(8.0, 9.5) / stiffness(1.0, 4.0))];
+    let caption = "Spring force over rod position, from the ramp of Fig. 7.";
+    Ok(Evidence::new(results).drawing(caption, Figure::new().row([panel])))
 }
 
-/// Fig. 8(b).
-fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
+/// Adds Fig. 8(b).
+fn pump(laboratory: &mut Laboratory, mut evidence: Evidence) -> Result<Evidence> {
     let scenario = laboratory.scenario(shipped!("figure_8.toml"))?;
     let record = laboratory.run(&scenario)?;
     let time = record.time();
@@ -77,7 +58,6 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         let panel = Panel::new("time (s)", label).height(110).x_range(60.0, 90.0).x_band(begin, end);
         Ok::<_, anyhow::Error>(panel.line(curve(&record, name, factor)?.color(color)))
     };
-    let duration = PAPER.1 - PAPER.0;
     let moved = change("hp_wastegate_position")?.into_iter().map(|change| 100.0 * change.abs());
     let title = "(b) 2000 rpm, 50 % duty; pump on where shaded";
     let figure = Figure::new()
@@ -87,46 +67,16 @@ fn pump(laboratory: &mut Laboratory) -> Result<Evidence> {
         .row([panel("exhaust_manifold_pressure", "exhaust (kPa)", 1e-3, color::VERMILION)?
             .y_range(147.0, 163.0)])
         .shared_x();
-    Ok(Evidence {
-        drawings: vec![(
-            "Pump run: voltage at the valve, tank pressure, wastegate position, pressure upstream of the \
-             turbine."
-                .into(),
-            figure.into(),
-        )],
-        claims: vec![
-            Claim::calibration("pump_on", begin, "s", PAPER.0 - 1.0..=PAPER.0 + 1.0)
-                .paper("The vacuum pump is switched on at 72.5 s.")
-                .paper_value(PAPER.0)
-                .how(
-                    "Communication point at which the relay switches on, starting from a tank at 30 \
-                     kPa. The tank volume was chosen to match it. The range is one second around the \
-                     paper's number.",
-                ),
-            Claim::calibration("pump_duration", end - begin, "s", duration - 0.25..=duration + 0.25)
-                .paper("The pump runs until 82.2 s, that is for 9.7 s.")
-                .paper_value(duration)
-                .how(
-                    "Time from the relay switching on to switching off. The pump flow was chosen to \
-                     match it. The range is a quarter of a second, the reading accuracy of a plot.",
-                ),
-            Claim::calibration("voltage_drop", -least(change("valve.voltage")?), "V", 0.1..)
-                .paper("The pump generates a voltage drop.")
-                .how(
-                    "Drop of valve.voltage while the pump runs: the scenario's pump.voltage_drop. The \
-                     bound requires a drop.",
-                ),
-            Claim::prediction("position_change", greatest(moved), "% of stroke", 1.0..)
-                .paper("The voltage drop generates a change in wastegate position.")
-                .how(
-                    "Largest change of hp_wastegate_position while the pump runs. The bound requires a \
-                     change visible in a plot.",
-                ),
-        ],
-        notes: vec![format!(
-            "The exhaust force on the wastegate is neglected, as in the paper, so the pressure upstream \
-             of the turbine, {:.0} kPa, has no effect on it here.",
-            1e-3 * at(&record, "exhaust_manifold_pressure", begin)?
-        )],
-    })
+    evidence.results.extend([
+        ("pump_on", begin),
+        ("pump_duration", end - begin),
+        ("voltage_drop", -least(change("valve.voltage")?)),
+        ("position_change", greatest(moved)),
+    ]);
+    let caption = "Pump run: voltage at the valve, tank pressure, wastegate position, pressure upstream of the turbine.";
+    Ok(evidence.drawing(caption, figure).note(format!(
+        "The exhaust force on the wastegate is neglected, as in the paper, so the pressure upstream of the turbine, \
+         {:.0} kPa, has no effect on it here.",
+        1e-3 * at(&record, "exhaust_manifold_pressure", begin)?
+    )))
 }

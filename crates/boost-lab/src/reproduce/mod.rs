@@ -14,27 +14,31 @@ mod figure_8;
 mod figure_9;
 mod report;
 
-use std::ops::{Bound, RangeBounds};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-use anyhow::{Context, Result};
-use serde::Serialize;
+use anyhow::{Context, Result, ensure};
+use serde::{Deserialize, Serialize};
 
 use cargo_fmu::run::refuse_missing;
 use fmu_master::Fmu;
 use fmu_master::measure;
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::{Figure, Line, panels};
+use fmu_plot::{Figure, Line, Panel, panels};
 use fmu_record::Record;
 use fmu_record::numbers::{axis, number};
 
 pub use self::report::{html, json};
 
+#[derive(Serialize)]
 pub struct PaperFigure {
     /// The figure's number in the paper.
+    #[serde(rename = "figure")]
     pub number: u32,
     pub title: &'static str,
+    #[serde(skip)]
     reproduce: fn(&mut Laboratory) -> Result<Evidence>,
 }
 
@@ -52,12 +56,19 @@ pub const FIGURES: [PaperFigure; 10] = [
     PaperFigure { number: 14, title: "Boost pressure under voltage steps", reproduce: figure_14::reproduce },
 ];
 
-/// The results of a figure's experiments.
+/// The paper's claims by figure, in the order of the report, without the FMUs' results.
+static CLAIMS: LazyLock<BTreeMap<String, Vec<Claim>>> =
+    LazyLock::new(|| toml::from_str(include_str!("claims.toml")).expect("it has the claims' keys"));
+
+/// What a figure's experiments give.
+#[derive(Serialize)]
 pub struct Evidence {
     /// The drawings with their captions.
-    pub drawings: Vec<(String, Drawing)>,
-    /// The paper's claims, in the order of the report.
-    pub claims: Vec<Claim>,
+    #[serde(skip)]
+    pub drawings: Vec<(&'static str, Drawing)>,
+    /// The FMUs' results by the names of the claims.
+    #[serde(skip)]
+    results: Vec<(&'static str, f64)>,
     /// Differences from the paper's experiment, and what is not reproduced.
     pub notes: Vec<String>,
 }
@@ -70,6 +81,35 @@ pub enum Drawing {
 }
 
 impl Evidence {
+    fn new(results: Vec<(&'static str, f64)>) -> Self {
+        Self { drawings: vec![], results, notes: vec![] }
+    }
+
+    fn drawing(mut self, caption: &'static str, drawing: impl Into<Drawing>) -> Self {
+        self.drawings.push((caption, drawing.into()));
+        self
+    }
+
+    fn note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// The claims of a figure with the FMUs' results.
+    fn claims(&self, figure: u32) -> Result<Vec<Claim>> {
+        let claims = &CLAIMS[&format!("figure_{figure}")];
+        ensure!(claims.len() == self.results.len(), "claims.toml has other claims");
+        let claim = |claim: &Claim| {
+            let result = self.results.iter().find(|(name, _)| *name == claim.name);
+            let (_, value) = *result.with_context(|| format!("{} has no result", claim.name))?;
+            // Not for NaN.
+            let holds = value >= claim.least.unwrap_or(f64::NEG_INFINITY)
+                && value <= claim.most.unwrap_or(f64::INFINITY);
+            Ok(Claim { holds, value, ..claim.clone() })
+        };
+        claims.iter().map(claim).collect()
+    }
+
     /// The drawings that are plots.
     pub fn plots(&self) -> impl Iterator<Item = &Figure> {
         self.drawings.iter().filter_map(|(_, drawing)| match drawing {
@@ -86,18 +126,23 @@ impl From<Figure> for Drawing {
 }
 
 /// A claim of the paper, compared with the FMUs.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Claim {
+    /// Whether the FMUs' result is in the accepted range.
+    #[serde(skip_deserializing)]
+    holds: bool,
     /// The name in report.json, unique within the figure.
-    pub name: &'static str,
+    pub name: String,
     /// What the paper says.
-    pub paper: &'static str,
+    pub paper: String,
     /// The paper's number in `unit`, if it prints one.
     pub paper_value: Option<f64>,
     /// The FMUs' result.
+    #[serde(skip_deserializing)]
     pub value: f64,
     /// The unit of `value`, `least` and `most`.
-    pub unit: &'static str,
+    pub unit: String,
     /// The smallest accepted value.
     pub least: Option<f64>,
     /// The largest accepted value.
@@ -105,45 +150,26 @@ pub struct Claim {
     /// Where the result comes from.
     pub basis: Basis,
     /// How the result is computed, and the reason for the range.
-    pub how: &'static str,
+    pub how: String,
     /// Why the FMUs are known to differ from the paper, if they are.
-    pub known_difference: Option<&'static str>,
-}
-
-/// Whether the FMUs agree with a claim.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    Holds,
-    /// A known difference.
-    Differs,
-    Fails,
-}
-
-impl Verdict {
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::Differs => "differs",
-            Self::Fails => "fails",
-        }
-    }
+    pub known_difference: Option<String>,
 }
 
 /// How many claims hold, such as `36 of 38 claims hold; 2 differ for known reasons`, and whether none fails.
 pub fn count(figures: &[Reproduced]) -> (String, bool) {
-    let claims = || figures.iter().flat_map(|figure| &figure.evidence.claims);
-    let of = |verdict| claims().filter(|claim| claim.verdict() == verdict).count();
-    let (all, holding) = (claims().count(), of(Verdict::Holds));
-    let known = match of(Verdict::Differs) {
+    let claims = || figures.iter().flat_map(|figure| &figure.claims);
+    let of = |verdict: &str| claims().filter(|claim| claim.verdict() == verdict).count();
+    let (all, holding) = (claims().count(), of("holds"));
+    let known = match of("differs") {
         0 => String::new(),
         1 => "; 1 differs for a known reason".to_owned(),
         differing => format!("; {differing} differ for known reasons"),
     };
-    (format!("{holding} of {all} claims hold{known}"), of(Verdict::Fails) == 0)
+    (format!("{holding} of {all} claims hold{known}"), of("fails") == 0)
 }
 
 /// Where a result comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Basis {
     /// Parameters were calibrated to it.
@@ -155,86 +181,12 @@ pub enum Basis {
 }
 
 impl Claim {
-    fn new(
-        basis: Basis,
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        let limit = |bound: Bound<&f64>| match bound {
-            Bound::Included(&limit) | Bound::Excluded(&limit) => Some(limit),
-            Bound::Unbounded => None,
-        };
-        let (least, most) = (limit(accepted.start_bound()), limit(accepted.end_bound()));
-        Self {
-            name,
-            paper: "",
-            paper_value: None,
-            value,
-            unit,
-            least,
-            most,
-            basis,
-            how: "",
-            known_difference: None,
-        }
-    }
-
-    /// Parameters were calibrated to the result.
-    fn calibration(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Calibration, name, value, unit, accepted)
-    }
-
-    /// The result follows from parameters chosen for other reasons.
-    fn prediction(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Prediction, name, value, unit, accepted)
-    }
-
-    /// The result follows from the controller's structure.
-    fn construction(
-        name: &'static str,
-        value: f64,
-        unit: &'static str,
-        accepted: impl RangeBounds<f64>,
-    ) -> Self {
-        Self::new(Basis::Construction, name, value, unit, accepted)
-    }
-
-    fn paper(self, paper: &'static str) -> Self {
-        Self { paper, ..self }
-    }
-
-    fn paper_value(self, value: f64) -> Self {
-        Self { paper_value: Some(value), ..self }
-    }
-
-    fn how(self, how: &'static str) -> Self {
-        Self { how, ..self }
-    }
-
-    fn differs(self, reason: &'static str) -> Self {
-        Self { known_difference: Some(reason), ..self }
-    }
-
-    pub fn verdict(&self) -> Verdict {
-        // Not for NaN.
-        let holds = self.value >= self.least.unwrap_or(f64::NEG_INFINITY)
-            && self.value <= self.most.unwrap_or(f64::INFINITY);
-        match (holds, self.known_difference) {
-            (true, _) => Verdict::Holds,
-            (false, Some(_)) => Verdict::Differs,
-            (false, None) => Verdict::Fails,
+    /// Whether the FMUs agree, in a word: a claim that fails for a known reason `differs`.
+    pub fn verdict(&self) -> &'static str {
+        match (self.holds, &self.known_difference) {
+            (true, _) => "holds",
+            (false, Some(_)) => "differs",
+            (false, None) => "fails",
         }
     }
 
@@ -265,26 +217,22 @@ impl Claim {
 
     /// The unit of the figure's axes, by the range, and the factor to it.
     pub fn scale(&self) -> (String, f64) {
-        axis(self.unit, self.most.or(self.least).unwrap_or(self.value))
+        axis(&self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }
 
-impl Basis {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Calibration => "calibration",
-            Self::Prediction => "prediction",
-            Self::Construction => "construction",
-        }
-    }
-}
-
+#[derive(Serialize)]
 pub struct Reproduced {
+    #[serde(flatten)]
     pub figure: &'static PaperFigure,
+    pub claims: Vec<Claim>,
+    #[serde(flatten)]
     pub evidence: Evidence,
     /// Names and texts of the scenarios that ran.
+    #[serde(skip)]
     pub scenarios: Vec<(&'static str, &'static str)>,
     /// The runs, in order.
+    #[serde(skip)]
     pub runs: Vec<Run>,
 }
 
@@ -317,9 +265,11 @@ impl Laboratory {
     }
 
     pub fn reproduce(&mut self, figure: &'static PaperFigure) -> Result<Reproduced> {
-        let evidence = (figure.reproduce)(self).with_context(|| format!("Fig. {}", figure.number))?;
+        let named = || format!("Fig. {}", figure.number);
+        let evidence = (figure.reproduce)(self).with_context(named)?;
         Ok(Reproduced {
             figure,
+            claims: evidence.claims(figure.number).with_context(named)?,
             evidence,
             scenarios: std::mem::take(&mut self.scenarios),
             runs: std::mem::take(&mut self.runs),
@@ -372,6 +322,11 @@ impl Laboratory {
 /// A recorded variable over time, times a factor.
 fn curve(record: &Record, name: &str, factor: f64) -> Result<Line> {
     Ok(Line::new(record.time(), record.get(name)?.iter().map(|value| factor * value)))
+}
+
+/// A panel of lines over time.
+fn over_time(label: &str, height: u32, lines: impl IntoIterator<Item = Line>) -> Panel {
+    lines.into_iter().fold(Panel::new("time (s)", label).height(height), Panel::line)
 }
 
 /// Boost pressure minus its reference over time (kPa).

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::{Claim, Drawing, Reproduced, Verdict, count};
+use super::{Drawing, Reproduced, count};
 use fmu_plot::{Cell, Report, Table, escaped};
 
 const TITLE: &str =
@@ -21,42 +21,14 @@ const STYLE: &str = "
 struct ReproductionReport<'a> {
     all_claims_hold: bool,
     no_claim_fails: bool,
-    figures: Vec<JsonFigure<'a>>,
-}
-
-#[derive(Serialize)]
-struct JsonFigure<'a> {
-    figure: u32,
-    title: &'a str,
-    claims: Vec<JsonClaim<'a>>,
-    notes: &'a [String],
-}
-
-#[derive(Serialize)]
-struct JsonClaim<'a> {
-    holds: bool,
-    #[serde(flatten)]
-    claim: &'a Claim,
+    figures: &'a [Reproduced],
 }
 
 pub fn json(figures: &[Reproduced]) -> Result<String> {
-    let claims = |claims: &'_ [Claim]| claims.iter().all(|claim| claim.verdict() == Verdict::Holds);
     let report = ReproductionReport {
-        all_claims_hold: figures.iter().all(|figure| claims(&figure.evidence.claims)),
+        all_claims_hold: figures.iter().flat_map(|figure| &figure.claims).all(|claim| claim.holds),
         no_claim_fails: count(figures).1,
-        figures: figures
-            .iter()
-            .map(|Reproduced { figure, evidence, .. }| JsonFigure {
-                figure: figure.number,
-                title: figure.title,
-                claims: evidence
-                    .claims
-                    .iter()
-                    .map(|claim| JsonClaim { holds: claim.verdict() == Verdict::Holds, claim })
-                    .collect(),
-                notes: &evidence.notes,
-            })
-            .collect(),
+        figures,
     };
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
@@ -82,7 +54,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     report.page(STYLE)
 }
 
-fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: &Reproduced) {
+fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios, .. }: &Reproduced) {
     report.section_of(
         &format!("figure-{}", figure.number),
         &format!("Fig. {}: {}", figure.number, figure.title),
@@ -94,33 +66,29 @@ fn section(report: &mut Report, Reproduced { figure, evidence, scenarios, .. }: 
         }
     }
     let mut table = Table::new(["Claim", "Paper", "FMUs", "Accepted", ""]).class("claims");
-    for claim in &evidence.claims {
+    for claim in claims {
         table.row([
             Cell::html(&format!(
-                "{}<div class=\"how\">{}: {}{}</div>",
-                escaped(claim.paper),
-                capitalized(claim.basis.name()),
-                escaped(claim.how),
+                "{}<div class=\"how\">{:?}: {}{}</div>",
+                escaped(&claim.paper),
+                claim.basis,
+                escaped(&claim.how),
                 claim
                     .known_difference
+                    .as_deref()
                     .map_or_else(String::new, |reason| format!(" Known difference: {}.", escaped(reason)))
             )),
             Cell::number(&claim.in_paper().unwrap_or_default()),
             Cell::number(&claim.found()),
             Cell::number(&claim.asked()),
-            Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict().word())),
+            Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict())),
         ]);
     }
     report.table(&table);
-    report.paragraphs(&evidence.notes);
+    for note in &evidence.notes {
+        report.paragraph(note);
+    }
     for (name, scenario) in scenarios {
         report.details(&format!("The scenario {name}"), scenario);
     }
-}
-
-fn capitalized(word: &str) -> String {
-    let mut letters = word.chars();
-    letters
-        .next()
-        .map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + letters.as_str())
 }

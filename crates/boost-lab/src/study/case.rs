@@ -12,7 +12,7 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use super::draw::{Case, Event, SETTLING, STEP};
-use super::names::{ALARM, BOOST, FLOWS, Names, SHAFT};
+use super::names::{ALARM, BOOST, FLOWS, SHAFT, has, recorded};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
 use crate::mapping;
 use fmu_master::Fmu;
@@ -44,9 +44,9 @@ pub struct Rig {
     fmus: LoadedFmus,
     pub plant: Arc<Fmu>,
     pub controller: Arc<Fmu>,
-    pub names: Names,
     pub seed: u64,
-    saves_states: bool,
+    /// Whether the plant can be tried from a saved state.
+    pub saves_states: bool,
 }
 
 /// A closed loop and its band.
@@ -106,11 +106,9 @@ impl Rig {
             (&controller_fmu, &controller, "input", "boost_reference"),
             (&controller_fmu, &controller, "input", BOOST),
         ] {
-            let has_it = fmu.names(kind).any(|known| known == name);
-            anyhow::ensure!(has_it, "{} has no {kind} {name}", source.file.display());
+            anyhow::ensure!(has(fmu, kind, name), "{} has no {kind} {name}", source.file.display());
         }
         Ok(Self {
-            names: Names::new(&plant_fmu, &controller_fmu),
             saves_states: plant_fmu.has_capability("canGetAndSetFMUstate"),
             plant: plant_fmu,
             controller: controller_fmu,
@@ -129,14 +127,11 @@ impl Rig {
         Ok(())
     }
 
-    /// Whether the plant can be tried from a saved state.
-    pub fn saves_states(&self) -> bool {
-        self.saves_states
-    }
-
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
-        case.scenario(strategy, |name| self.names.has_input(name), &self.names.recorded, self.seed)
+        let fmus = [&*self.plant, &*self.controller];
+        let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, "input", name));
+        case.scenario(strategy, has_input, &recorded(fmus), self.seed)
     }
 
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
@@ -198,7 +193,7 @@ impl Rig {
         let speed = |row: usize| case.engine_speed.at(time(row));
         let moves =
             |row: usize| case.events.iter().any(|event| event.begin < time(row) && time(row) < event.end);
-        let mut plant = OpenLoop::new(master.instance("plant")?, case, &self.names)?;
+        let mut plant = OpenLoop::new(master.instance("plant")?, case)?;
         let shaft_limit = plant.measured()?.shaft.max(SHAFT_LIMIT);
         fastest.up = plant.fastest(
             UP,

@@ -13,6 +13,17 @@ pub const FAR: f64 = 5e3;
 /// The highest shaft speed allowed at rest; 5 krpm above the target of the controller's limits (rpm).
 pub const FASTEST_AT_REST: f64 = 210e3;
 
+type IsBad = fn(&Measures) -> Option<bool>;
+
+/// What no case may do, with whether one does; none if the FMUs do not tell.
+const BOUNDS: [(&str, IsBad); 3] = [
+    ("cases with a shaft above 210 krpm at rest", |measures| {
+        measures.shaft_at_rest.map(|speed| speed > FASTEST_AT_REST)
+    }),
+    ("cases with a compressor in surge", |measures| measures.least_flow.map(|flow| flow < 0.0)),
+    ("cases with an alarm", |measures| measures.alarm.map(|code| code != 0.0)),
+];
+
 /// A criterion and its result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Criterion {
@@ -32,13 +43,13 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
     let beyond = cases.len() - run.iter().filter(|measures| measures.deviation <= FAR).count();
     let worst = greatest(run.iter().map(|measures| Some(measures.deviation)));
     let criterion = |name, asked, found, holds| Criterion { name, asked, found, holds };
-    let count = |name, is_bad: fn(&Measures) -> Option<bool>| {
+    let count = |(name, is_bad): (_, IsBad)| {
         let known: Vec<_> = run.iter().filter_map(|measures| is_bad(measures)).collect();
         let bad = known.iter().filter(|bad| **bad).count();
         let found = (!known.is_empty()).then(|| format!("{bad} of {}", known.len()));
         criterion(name, "none".to_owned(), found, bad == 0)
     };
-    vec![
+    let mut criteria = vec![
         criterion(
             "cases that ran",
             "all".to_owned(),
@@ -57,12 +68,9 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
             Some(format!("{beyond}; the worst deviates by {:.2} kPa", 1e-3 * worst.unwrap_or(f64::NAN))),
             beyond == 0,
         ),
-        count("cases with a shaft above 210 krpm at rest", |measures| {
-            measures.shaft_at_rest.map(|speed| speed > FASTEST_AT_REST)
-        }),
-        count("cases with a compressor in surge", |measures| measures.least_flow.map(|flow| flow < 0.0)),
-        count("cases with an alarm", |measures| measures.alarm.map(|code| code != 0.0)),
-    ]
+    ];
+    criteria.extend(BOUNDS.map(count));
+    criteria
 }
 
 /// Whether a case is reported individually: it violates a bound or is beyond [`NEAR`].
@@ -72,10 +80,7 @@ pub fn is_outside(measures: &Measures) -> bool {
 
 /// Whether a case makes the study fail.
 pub fn is_failed(measures: &Measures) -> bool {
-    measures.deviation > FAR
-        || measures.shaft_at_rest.is_some_and(|speed| speed > FASTEST_AT_REST)
-        || measures.least_flow.is_some_and(|flow| flow < 0.0)
-        || measures.alarm.is_some_and(|code| code != 0.0)
+    measures.deviation > FAR || BOUNDS.iter().any(|(_, is_bad)| is_bad(measures) == Some(true))
 }
 
 pub fn greatest(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! A pass/fail study of a controller on random plants, ambient conditions and manoeuvres.
 //!
 //! - [`draw`] draws the cases from a Latin hypercube.
-//! - [`names`] are the variables that the FMUs have.
+//! - [`names`] are the variables of a study.
 //! - [`reach`] finds what a case's plant can reach.
 //! - [`case`] runs a case in closed loop and measures its deviation from that.
 //! - [`criteria`] judges the measures.
@@ -95,7 +95,7 @@ impl Study {
 
     fn run_one(&self, number: usize) -> Outcome {
         let case = self.cases.case(number);
-        let reach = Reach::of(&case, &self.rig.plant, &self.rig.names);
+        let reach = Reach::of(&case, &self.rig.plant);
         let run = |strategy: &Option<String>| {
             let reach = reach.as_ref().map_err(|error| anyhow::anyhow!("{error:#}"))?;
             self.rig.simulate(&case, reach, strategy.as_deref())?.measures(&case)
@@ -120,13 +120,10 @@ impl Study {
             let explain = |(number, measures): &(usize, Measures)| {
                 let case = self.cases.case(*number);
                 let strategy = self.strategies[0].as_deref();
-                let reach = Reach::of(&case, &self.rig.plant, &self.rig.names)?;
+                let reach = Reach::of(&case, &self.rig.plant)?;
                 let simulated = self.rig.simulate(&case, &reach, strategy)?;
-                let optimum = if self.rig.saves_states() {
-                    Some(optimum::search(&self.rig, &case, strategy, &simulated, measures)?)
-                } else {
-                    None
-                };
+                let search = || optimum::search(&self.rig, &case, strategy, &simulated, measures);
+                let optimum = self.rig.saves_states.then(search).transpose()?;
                 progress();
                 Ok(Explained { case, measures: measures.clone(), simulated, optimum })
             };

@@ -25,36 +25,13 @@ pub const ALARM: &str = "fault_code";
 /// The controller's target.
 pub const MODEL: &str = "reference_model_pressure";
 
-/// Which of the names the FMUs have.
-pub struct Names {
-    plant_inputs: Vec<String>,
-    inputs: Vec<String>,
-    pub recorded: Vec<&'static str>,
-    has_shaft: bool,
+/// Whether an FMU has an input or an output.
+pub fn has(fmu: &Fmu, causality: &str, name: &str) -> bool {
+    fmu.names(causality).any(|known| known == name)
 }
 
-impl Names {
-    pub fn new(plant: &Fmu, controller: &Fmu) -> Self {
-        let names = |fmu: &Fmu, of| fmu.names(of).map(str::to_owned).collect::<Vec<_>>();
-        let plant_inputs = names(plant, "input");
-        let inputs = [plant_inputs.clone(), names(controller, "input")].concat();
-        let is_known =
-            |name: &&str| [plant, controller].iter().any(|fmu| fmu.description().variable(name).is_some());
-        let recorded = RECORDED.into_iter().filter(is_known).collect();
-        let has_shaft = plant.names("output").any(|name| name == SHAFT);
-        Self { plant_inputs, inputs, recorded, has_shaft }
-    }
-
-    pub fn has_input(&self, name: &str) -> bool {
-        self.inputs.iter().any(|known| known == name)
-    }
-
-    pub fn plant_has_input(&self, name: &str) -> bool {
-        self.plant_inputs.iter().any(|known| known == name)
-    }
-
-    /// The shaft speed variable.
-    pub fn shaft(&self) -> Option<&'static str> {
-        self.has_shaft.then_some(SHAFT)
-    }
+/// What of [`RECORDED`] one of the FMUs has.
+pub fn recorded(fmus: [&Fmu; 2]) -> Vec<&'static str> {
+    let is_known = |name: &&str| fmus.iter().any(|fmu| fmu.description().variable(name).is_some());
+    RECORDED.into_iter().filter(is_known).collect()
 }

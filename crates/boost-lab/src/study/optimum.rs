@@ -35,6 +35,7 @@ const WHOLE: f64 = 0.3;
 const NORM: i32 = 6;
 
 /// The best control found.
+#[derive(Default)]
 pub struct Optimum {
     pub times: Vec<f64>,
     pub boost: Vec<f64>,
@@ -64,7 +65,7 @@ pub fn search(
     let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
     let scenario = rig.scenario(case, strategy)?;
     let mut master = rig.run_to(&scenario, first)?;
-    let mut plant = OpenLoop::new(master.instance("plant")?, case, &rig.names)?;
+    let mut plant = OpenLoop::new(master.instance("plant")?, case)?;
     let saved = plant.instance().save()?;
 
     let judged = point(SETTLING).max(first + 1);
@@ -74,14 +75,7 @@ pub fn search(
     let shaft_limit = own_shaft.max(FASTEST_AT_REST);
     let mut attempt = |corrections: &Corrections| -> Result<(f64, Optimum)> {
         plant.instance().restore(&saved)?;
-        let mut found = Optimum {
-            times: vec![],
-            boost: vec![],
-            shaft: vec![],
-            valves: vec![],
-            deviation: 0.0,
-            closed_loop,
-        };
+        let mut found = Optimum { closed_loop, ..Optimum::default() };
         let (mut sum, mut excess): (f64, f64) = (0.0, 0.0);
         for index in first..last {
             let valves = corrected(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use super::draw::{Case, STEP};
-use super::names::Names;
+use super::names::{BOOST, SHAFT, has};
 use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};
@@ -54,14 +54,14 @@ pub struct Reach {
 
 impl Reach {
     /// Holds a case's plant at its stops, over the case's range of engine speeds.
-    pub fn of(case: &Case, plant: &Arc<Fmu>, names: &Names) -> Result<Self> {
+    pub fn of(case: &Case, plant: &Arc<Fmu>) -> Result<Self> {
         let [least, most] = [f64::min as fn(f64, f64) -> f64, f64::max]
             .map(|of| case.speeds().reduce(of).unwrap_or(f64::NAN));
         let mut speeds: Vec<_> = SPEEDS.into_iter().filter(|speed| (least..=most).contains(speed)).collect();
         speeds.extend(case.speeds());
         speeds.sort_by(f64::total_cmp);
         speeds.dedup();
-        let bench = Bench { case, plant, names };
+        let bench = Bench { case, plant };
         let (mut highest, mut lowest) = (vec![], vec![]);
         for speed in speeds {
             highest.push((speed, bench.highest(speed)?));
@@ -91,7 +91,6 @@ pub struct Measured {
 struct Bench<'a> {
     case: &'a Case,
     plant: &'a Arc<Fmu>,
-    names: &'a Names,
 }
 
 impl Bench<'_> {
@@ -154,12 +153,12 @@ impl Bench<'_> {
             ("ambient_temperature", self.case.ambient[1]),
         ];
         let inputs = VALVES.iter().zip(valves).map(|((name, _), value)| (*name, value)).chain(constant);
-        let inputs: Vec<_> = inputs.filter(|(name, _)| self.names.plant_has_input(name)).collect();
+        let inputs: Vec<_> = inputs.filter(|(name, _)| has(self.plant, "input", name)).collect();
         let mut selection = self.plant.select(inputs.iter().map(|(name, _)| *name))?;
         plant.write(&mut selection, &inputs.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         plant.enter_initialization()?;
         plant.exit_initialization()?;
-        let mut sensors = Sensors::new(self.plant, self.names)?;
+        let mut sensors = Sensors::new(self.plant)?;
         let mut before = sensors.read(&mut plant)?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and positive
         let [look, longest] = [LOOK_BACK, LONGEST_WAIT].map(|time| (time / STEP) as u32);
@@ -183,8 +182,8 @@ struct Sensors {
 }
 
 impl Sensors {
-    fn new(plant: &Fmu, names: &Names) -> Result<Self> {
-        let known: Vec<_> = ["boost_pressure"].into_iter().chain(names.shaft()).collect();
+    fn new(plant: &Fmu) -> Result<Self> {
+        let known: Vec<_> = [BOOST].into_iter().chain(has(plant, "output", SHAFT).then_some(SHAFT)).collect();
         Ok(Self { values: vec![0.0; known.len()], selection: plant.select(known)? })
     }
 
@@ -207,19 +206,18 @@ pub struct OpenLoop<'a> {
 }
 
 impl<'a> OpenLoop<'a> {
-    pub fn new(plant: &'a mut Instance, case: &Case, names: &Names) -> Result<Self> {
+    pub fn new(plant: &'a mut Instance, case: &Case) -> Result<Self> {
         let fmu = Arc::clone(plant.fmu());
-        let known: Vec<_> =
-            (0..VALVES.len()).filter(|&valve| names.plant_has_input(VALVES[valve].0)).collect();
+        let known: Vec<_> = (0..VALVES.len()).filter(|&valve| has(&fmu, "input", VALVES[valve].0)).collect();
         let driven = [("engine_speed", &case.engine_speed), ("supply_voltage", &case.supply)];
-        let driven: Vec<_> = driven.into_iter().filter(|(name, _)| names.plant_has_input(name)).collect();
+        let driven: Vec<_> = driven.into_iter().filter(|(name, _)| has(&fmu, "input", name)).collect();
         Ok(Self {
             plant,
             valves: fmu.select(known.iter().map(|&valve| VALVES[valve].0))?,
             known,
             driven: fmu.select(driven.iter().map(|(name, _)| *name))?,
             signals: driven.into_iter().map(|(_, signal)| signal.clone()).collect(),
-            sensors: Sensors::new(&fmu, names)?,
+            sensors: Sensors::new(&fmu)?,
         })
     }
 

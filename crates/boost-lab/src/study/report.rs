@@ -74,6 +74,10 @@ fn quantile(ascending: &[f64], share: f64) -> f64 {
     ascending.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
+fn quantiles(ascending: &[f64]) -> [String; QUANTILES.len()] {
+    QUANTILES.map(|share| format!("{:.2}", quantile(ascending, share)))
+}
+
 impl StudyReport<'_> {
     fn strategy_name(&self, index: usize) -> String {
         self.study.strategies[index].clone().unwrap_or_else(|| "the controller's default strategy".to_owned())
@@ -114,8 +118,7 @@ impl StudyReport<'_> {
             for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    let quantiles = QUANTILES.map(|share| format!("{:.2}", quantile(&values, share)));
-                    text += &format!("         {name} ({unit}): {}\n", quantiles.join(", "));
+                    text += &format!("         {name} ({unit}): {}\n", quantiles(&values).join(", "));
                 }
             }
         }
@@ -173,7 +176,7 @@ impl StudyReport<'_> {
 
     fn introduction(&self, report: &mut Report) {
         let passes = self.passes();
-        let bound = if self.study.rig.saves_states() {
+        let bound = if self.study.rig.saves_states {
             "The benchmark is a control that knows the plant: it is tried on the plant itself, from its state at each \
              step and at the start of each ramp, and no control has to do better."
         } else {
@@ -193,7 +196,9 @@ impl StudyReport<'_> {
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
         ));
-        report.paragraphs(&self.study.cases.notes);
+        for note in &self.study.cases.notes {
+            report.paragraph(note);
+        }
     }
 
     fn judged(&self, report: &mut Report) {
@@ -216,10 +221,8 @@ impl StudyReport<'_> {
             for strategy in strategies.clone() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    let quantiles =
-                        QUANTILES.map(|share| Cell::number(&format!("{:.2}", quantile(&values, share))));
                     let labels = [format!("{name} ({unit})").into(), (&names[strategy]).into()];
-                    table.row(labels.into_iter().chain(quantiles));
+                    table.row(labels.into_iter().chain(quantiles(&values).map(|text| Cell::number(&text))));
                 }
             }
         }
@@ -349,10 +352,8 @@ fn cause(explained: &Explained) -> String {
     let time = measures.deviation_time;
     let row = super::case::point(time);
     let [duty, low_pressure, bypass] = simulated.valves(row.saturating_sub(1));
-    let event = case.events.iter().rfind(|event| event.begin <= time);
-    let last =
-        case.events.iter().filter(|event| event.begin <= time).max_by(|a, b| a.begin.total_cmp(&b.begin));
-    let after = match last.or(event) {
+    let begun = case.events.iter().filter(|event| event.begin <= time);
+    let after = match begun.max_by(|a, b| a.begin.total_cmp(&b.begin)) {
         Some(event) if event.is_step => format!("{:.2} s after a reference step", time - event.begin),
         Some(event) if time <= event.end => {
             format!("{:.2} s into an engine speed ramp", time - event.begin)
@@ -418,41 +419,43 @@ fn traces(explained: &Explained) -> Figure {
         Some(Line::new(time, values.iter().map(|value| factor * value)))
     };
     let kilopascal = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<_>>();
-    let panel = |label: &str| Panel::new("time (s)", label).x_band(window.0, window.1);
-    let mut boost = panel("boost (kPa)").height(220);
-    boost = boost
-        .line(
-            Line::new(time, kilopascal(&simulated.lower)).color(color::GRAY).thin().label("reachable, from"),
-        )
-        .line(Line::new(time, kilopascal(&simulated.upper)).color(color::GRAY).thin().dashed().label("to"));
-    let mut speed = panel("engine (rpm)").height(100);
-    let mut duty = panel("duty (%)").height(110);
-    let mut openings = panel("opening").height(130);
-    let mut shaft = panel("shaft (krpm)").height(110);
-    let add = |panel: &mut Panel, line: Option<Line>, label: &str, color| {
-        if let Some(line) = line {
-            *panel = panel.clone().line(line.label(label).color(color));
-        }
+    let found = optimum.as_ref();
+    let best = |values: Vec<f64>| Some(Line::new(&found?.times, values));
+    let valve = |index: usize| best(found?.valves.iter().map(|valves| valves[index]).collect());
+    let colored = |line: Option<Line>, label: &str, color| Some(line?.label(label).color(color));
+    let edge = |values: &[f64]| Line::new(time, kilopascal(values)).color(color::GRAY).thin();
+    let boost = [
+        Some(edge(&simulated.lower).label("reachable, from")),
+        Some(edge(&simulated.upper).dashed().label("to")),
+        colored(own("boost_reference", 1e-3), "reference", color::INK),
+        colored(own("boost_pressure", 1e-3), "closed loop", color::BLUE),
+        colored(found.and_then(|found| best(kilopascal(&found.boost))), "best found", color::VERMILION),
+    ];
+    let speed = [colored(own("engine_speed", 1.0), "engine speed", color::INK)];
+    let duty = [
+        colored(own("hp_wastegate_pwm", 1.0), "high-pressure wastegate", color::BLUE),
+        colored(valve(0), "best found", color::VERMILION),
+    ];
+    let openings = [
+        colored(own("lp_wastegate", 1.0), "low-pressure wastegate", color::BLUE),
+        colored(own("hp_bypass", 1.0), "bypass", color::GREEN),
+        colored(valve(1), "best low-pressure wastegate", color::VERMILION),
+        colored(valve(2), "best bypass", color::ORANGE),
+    ];
+    let shaft = [
+        colored(own(SHAFT, 1e-3), "high-pressure shaft", color::BLUE),
+        colored(found.and_then(|found| best(kilopascal(&found.shaft))), "best found", color::VERMILION),
+    ];
+    let panel = |label: &str, height: u32, lines: &[Option<Line>]| {
+        let panel = Panel::new("time (s)", label).x_band(window.0, window.1).height(height);
+        [lines.iter().flatten().cloned().fold(panel, Panel::line)]
     };
-    add(&mut boost, own("boost_reference", 1e-3), "reference", color::INK);
-    add(&mut boost, own("boost_pressure", 1e-3), "closed loop", color::BLUE);
-    add(&mut speed, own("engine_speed", 1.0), "engine speed", color::INK);
-    add(&mut duty, own("hp_wastegate_pwm", 1.0), "high-pressure wastegate", color::BLUE);
-    add(&mut openings, own("lp_wastegate", 1.0), "low-pressure wastegate", color::BLUE);
-    add(&mut openings, own("hp_bypass", 1.0), "bypass", color::GREEN);
-    add(&mut shaft, own(SHAFT, 1e-3), "high-pressure shaft", color::BLUE);
-    if let Some(optimum) = optimum {
-        let best = |values: Vec<f64>| Some(Line::new(&optimum.times, values));
-        let valve = |index: usize| best(optimum.valves.iter().map(|valves| valves[index]).collect());
-        add(&mut boost, best(kilopascal(&optimum.boost)), "best found", color::VERMILION);
-        add(&mut duty, valve(0), "best found", color::VERMILION);
-        add(&mut openings, valve(1), "best low-pressure wastegate", color::VERMILION);
-        add(&mut openings, valve(2), "best bypass", color::ORANGE);
-        add(&mut shaft, best(kilopascal(&optimum.shaft)), "best found", color::VERMILION);
-    }
-    [boost, speed, duty, openings, shaft]
-        .into_iter()
-        .fold(Figure::new(), |figure, panel| figure.row([panel]))
+    Figure::new()
+        .row(panel("boost (kPa)", 220, &boost))
+        .row(panel("engine (rpm)", 100, &speed))
+        .row(panel("duty (%)", 110, &duty))
+        .row(panel("opening", 130, &openings))
+        .row(panel("shaft (krpm)", 110, &shaft))
         .shared_x()
 }
 
@@ -485,52 +488,43 @@ fn confidence(correlation: f64, count: usize) -> Option<(f64, f64)> {
     Some((from, to))
 }
 
+/// The numbers in the table of all cases.
+const NUMBERS: [(&str, Get); 7] = [
+    ("deviation", |measures| Some(measures.deviation)),
+    ("deviation_time", |measures| Some(measures.deviation_time)),
+    ("overshoot", |measures| Some(measures.overshoot)),
+    ("shaft_at_rest", |measures| measures.shaft_at_rest),
+    ("shaft_in_transients", |measures| measures.shaft_in_transients),
+    ("least_compressor_flow", |measures| measures.least_flow),
+    ("fault_code", |measures| measures.alarm),
+];
+
 /// The table of all cases: a row for each case and strategy.
 pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
-    const MEASURES: [&str; 12] = [
-        "case",
-        "strategy",
-        "verdict",
-        "deviation",
-        "deviation_time",
-        "is_above",
-        "overshoot",
-        "shaft_at_rest",
-        "shaft_in_transients",
-        "least_compressor_flow",
-        "fault_code",
-        "error",
-    ];
     let mut csv = csv::Writer::from_writer(writer);
     let columns = report.study.cases.columns();
-    csv.write_record(MEASURES.iter().copied().chain(columns.iter().map(String::as_str)))?;
+    let mut names: Vec<_> = NUMBERS.iter().map(|(name, _)| *name).collect();
+    names.insert(2, "is_above");
+    let names = ["case", "strategy", "verdict"].into_iter().chain(names).chain(["error"]);
+    csv.write_record(names.chain(columns.iter().map(String::as_str)))?;
     for outcome in report.outcomes {
         let drawn = report.study.cases.case(outcome.case).drawn;
         for (strategy, run) in outcome.runs.iter().enumerate() {
-            let text = |value: Option<f64>| value.map(|value| format!("{value:?}")).unwrap_or_default();
-            let verdict = match &run.measures {
+            let text = |value: f64| format!("{value:?}");
+            let measured = run.measures.as_ref();
+            let verdict = match measured {
                 Some(measures) if is_failed(measures) => "fail",
                 Some(measures) if is_outside(measures) => "beyond 2 kPa",
                 Some(_) => "pass",
                 None => "error",
             };
-            let measured = run.measures.as_ref();
-            let number = |get: Get| text(measured.and_then(get));
-            let row = [
-                outcome.case.to_string(),
-                report.study.strategies[strategy].clone().unwrap_or_default(),
-                verdict.to_owned(),
-                number(|measures| Some(measures.deviation)),
-                number(|measures| Some(measures.deviation_time)),
-                measured.map(|measures| measures.is_above.to_string()).unwrap_or_default(),
-                number(|measures| Some(measures.overshoot)),
-                number(|measures| measures.shaft_at_rest),
-                number(|measures| measures.shaft_in_transients),
-                number(|measures| measures.least_flow),
-                number(|measures| measures.alarm),
-                run.error.clone().unwrap_or_default(),
-            ];
-            csv.write_record(row.into_iter().chain(drawn.iter().map(|(_, value)| format!("{value:?}"))))?;
+            let numbers = NUMBERS.iter().map(|(_, get)| measured.and_then(get).map(text).unwrap_or_default());
+            let mut numbers: Vec<_> = numbers.collect();
+            numbers.insert(2, measured.map(|measures| measures.is_above.to_string()).unwrap_or_default());
+            let strategy = report.study.strategies[strategy].clone().unwrap_or_default();
+            let row = [outcome.case.to_string(), strategy, verdict.to_owned()].into_iter().chain(numbers);
+            let row = row.chain([run.error.clone().unwrap_or_default()]);
+            csv.write_record(row.chain(drawn.iter().map(|(_, value)| text(*value))))?;
         }
     }
     csv.flush()

@@ -267,7 +267,9 @@ impl<'a> Bench<'a> {
             let (run, hold, _) = settled.as_mut().context("the plant is settled")?;
             match change {
                 Change::Duty(step) => run.set_duty(duty + step)?,
-                Change::EngineSpeed(step) => run.set_speed(self.schedule.engine_speeds[column] + step)?,
+                Change::EngineSpeed(step) => {
+                    run.instance.set(SPEED, self.schedule.engine_speeds[column] + step)?;
+                }
             }
             responses.push(run.response(*hold, duration)?);
         }
@@ -315,9 +317,7 @@ impl<'a> Bench<'a> {
             bench: self,
             column,
             valves: self.plant.select(valves.iter().map(|(name, _)| *name))?,
-            speed: self.plant.select([SPEED])?,
             boost: self.plant.select([BOOST])?,
-            shaft: if self.has_shaft_speed { Some(self.plant.select([SHAFT])?) } else { None },
         })
     }
 }
@@ -342,9 +342,7 @@ struct SteppedInstance<'a> {
     bench: &'a Bench<'a>,
     column: usize,
     valves: Selection,
-    speed: Selection,
     boost: Selection,
-    shaft: Option<Selection>,
 }
 
 impl SteppedInstance<'_> {
@@ -352,10 +350,6 @@ impl SteppedInstance<'_> {
         let values: Vec<_> =
             self.bench.valves(self.column, duty).into_iter().map(|(_, value)| value).collect();
         self.instance.write(&mut self.valves, &values)
-    }
-
-    fn set_speed(&mut self, engine_speed: f64) -> Result<()> {
-        self.instance.write(&mut self.speed, &[engine_speed])
     }
 
     fn step(&mut self) -> Result<()> {
@@ -371,10 +365,8 @@ impl SteppedInstance<'_> {
     }
 
     fn shaft_speed(&mut self) -> Result<Option<f64>> {
-        let Some(shaft) = &mut self.shaft else { return Ok(None) };
-        let mut value = [f64::NAN];
-        self.instance.read(shaft, &mut value)?;
-        self.finite(SHAFT, value[0]).map(Some)
+        let speed = self.bench.has_shaft_speed.then(|| self.instance.get(SHAFT)).transpose()?;
+        speed.map(|speed| self.finite(SHAFT, speed)).transpose()
     }
 
     fn finite(&self, name: &str, value: f64) -> Result<f64> {

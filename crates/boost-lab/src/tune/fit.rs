@@ -4,9 +4,11 @@
 //! is refined around the best value: the sum of squares is continuous in it, but has a kink at each sample, where
 //! gradient methods fail.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{Dyn, Matrix3, OMatrix, OVector, Owned, RowVector3, U2, Vector2};
+use levenberg_marquardt::LevenbergMarquardt;
+use nalgebra::{Matrix3, RowVector3};
 use serde::{Deserialize, Serialize};
+
+use super::response_fit::ResponseFit;
 
 /// The refinement from one grid of delays to the next.
 const REFINEMENT: u32 = 10;
@@ -50,22 +52,26 @@ impl FirstOrder {
         }
         let duration = response.len() as f64 * interval;
         let reaches = |part: f64| response.iter().position(|value| value / last >= part).unwrap_or(0);
-        let guess = Vector2::new(last, ((reaches(0.63) + 1) as f64 * interval).ln());
+        let guess = [last, ((reaches(0.63) + 1) as f64 * interval).ln()];
+        let solve = |delay: f64, guess: [f64; 2]| {
+            let problem = ResponseFit::new(response, interval, guess, |parameters| lag(parameters, delay));
+            let (fit, report) = LevenbergMarquardt::new().minimize(problem);
+            let [gain, logarithm] = fit.parameters.into();
+            let solution = Solution { gain, logarithm, delay, squares: fit.sum_of_squares() };
+            report.termination.was_successful().then_some(solution)
+        };
 
         let mut spacing = LONGEST_DELAY * duration / f64::from(COARSEST);
-        let mut best = best_of((0..=COARSEST).map(|index| f64::from(index) * spacing), |delay| {
-            ResponseFit::solve(response, interval, delay, guess)
-        })?;
+        let delays = (0..=COARSEST).map(|index| f64::from(index) * spacing);
+        let mut best = best_of(delays.filter_map(|delay| solve(delay, guess)))?;
         for _ in 1..GRIDS {
             let (middle, coarser) = (best.delay, spacing);
             spacing /= f64::from(REFINEMENT);
             let delays = (0..=2 * REFINEMENT).map(|index| middle - coarser + f64::from(index) * spacing);
-            let start = best.parameters;
-            best = best_of(delays.filter(|delay| *delay >= 0.0), |delay| {
-                ResponseFit::solve(response, interval, delay, start)
-            })?;
+            let start = [best.gain, best.logarithm];
+            best = best_of(delays.filter(|delay| *delay >= 0.0).filter_map(|delay| solve(delay, start)))?;
         }
-        best.model()
+        best.model(response, interval)
     }
 
     /// The model's response to a step of 1, at a time (s) after it.
@@ -75,93 +81,54 @@ impl FirstOrder {
     }
 }
 
-/// The solution with the least sum of squares.
-fn best_of<'a>(
-    delays: impl Iterator<Item = f64>,
-    solve: impl Fn(f64) -> Option<ResponseFit<'a>>,
-) -> Option<ResponseFit<'a>> {
-    delays.filter_map(solve).min_by(|a, b| a.sum_of_squares().total_cmp(&b.sum_of_squares()))
+/// The value of a step response of first order at a time (s), and its derivatives with respect to the parameters: the
+/// gain and the logarithm of the time constant, which keeps it above zero.
+fn lag([gain, logarithm]: [f64; 2], delay: f64) -> impl Fn(f64) -> (f64, [f64; 2]) {
+    let time_constant = logarithm.exp();
+    move |time| {
+        // In time constants.
+        let since = ((time - delay) / time_constant).max(0.0);
+        (-gain * (-since).exp_m1(), [-(-since).exp_m1(), -gain * since * (-since).exp()])
+    }
 }
 
-/// Gain and time constant for a delay. The parameters are the gain and the logarithm of the time constant,
-/// which keeps it above zero.
-struct ResponseFit<'a> {
-    response: &'a [f64],
-    interval: f64,
+/// The parameters for a delay (s), with the sum of squares of the residuals.
+struct Solution {
+    gain: f64,
+    logarithm: f64,
     delay: f64,
-    parameters: Vector2<f64>,
+    squares: f64,
 }
 
-impl<'a> ResponseFit<'a> {
-    fn solve(response: &'a [f64], interval: f64, delay: f64, guess: Vector2<f64>) -> Option<Self> {
-        let problem = Self { response, interval, delay, parameters: guess };
-        let (problem, report) = LevenbergMarquardt::new().minimize(problem);
-        report.termination.was_successful().then_some(problem)
-    }
+fn best_of(solutions: impl Iterator<Item = Solution>) -> Option<Solution> {
+    solutions.min_by(|a, b| a.squares.total_cmp(&b.squares))
+}
 
-    /// Times since the delay, in time constants; below zero before it.
-    fn times(&self) -> impl Iterator<Item = f64> {
-        let (delay, time_constant) = (self.delay, self.parameters[1].exp());
-        (1..=self.response.len()).map(move |sample| (sample as f64 * self.interval - delay) / time_constant)
-    }
-
-    fn residuals(&self) -> impl Iterator<Item = f64> {
-        let values = self.times().map(|time| -self.parameters[0] * (-time.max(0.0)).exp_m1());
-        values.zip(self.response).map(|(value, measured)| value - measured)
-    }
-
-    fn sum_of_squares(&self) -> f64 {
-        self.residuals().map(|residual| residual * residual).sum()
-    }
-
-    fn model(&self) -> Option<FirstOrder> {
-        let (gain, time_constant) = (self.parameters[0], self.parameters[1].exp());
-        let count = self.response.len() as f64;
-        let left = self.sum_of_squares();
+impl Solution {
+    fn model(&self, response: &[f64], interval: f64) -> Option<FirstOrder> {
+        let (gain, time_constant) = (self.gain, self.logarithm.exp());
+        let count = response.len() as f64;
         // The derivatives by gain, time constant and delay.
         let mut information = Matrix3::zeros();
-        for time in self.times().filter(|time| *time > 0.0) {
+        let times =
+            (1..=response.len()).map(|sample| (sample as f64 * interval - self.delay) / time_constant);
+        for time in times.filter(|time| *time > 0.0) {
             let slope = gain / time_constant * (-time).exp();
             let row = RowVector3::new(-(-time).exp_m1(), -slope * time, -slope);
             information += row.transpose() * row;
         }
-        let covariance = information.try_inverse()? * (left / (count - 3.0));
+        let covariance = information.try_inverse()? * (self.squares / (count - 3.0));
         let estimate =
             |value, index| Estimate { value, standard_error: covariance[(index, index)].max(0.0).sqrt() };
-        let mean = self.response.iter().sum::<f64>() / count;
-        let total: f64 = self.response.iter().map(|value| (value - mean).powi(2)).sum();
+        let mean = response.iter().sum::<f64>() / count;
+        let total: f64 = response.iter().map(|value| (value - mean).powi(2)).sum();
         Some(FirstOrder {
             gain: estimate(gain, 0),
             time_constant: estimate(time_constant, 1),
             delay: estimate(self.delay, 2),
-            determination: 1.0 - left / total,
-            residual: (left / count).sqrt(),
+            determination: 1.0 - self.squares / total,
+            residual: (self.squares / count).sqrt(),
         })
-    }
-}
-
-impl LeastSquaresProblem<f64, Dyn, U2> for ResponseFit<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, U2>;
-    type ParameterStorage = Owned<f64, U2>;
-
-    fn set_params(&mut self, parameters: &Vector2<f64>) {
-        self.parameters = *parameters;
-    }
-
-    fn params(&self) -> Vector2<f64> {
-        self.parameters
-    }
-
-    fn residuals(&self) -> Option<OVector<f64, Dyn>> {
-        Some(OVector::<f64, Dyn>::from_iterator(self.response.len(), self.residuals()))
-    }
-
-    fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U2>> {
-        let gain = self.parameters[0];
-        let by_gain = self.times().map(|time| -(-time.max(0.0)).exp_m1());
-        let by_logarithm = self.times().map(|time| -gain * time.max(0.0) * (-time.max(0.0)).exp());
-        Some(OMatrix::<f64, Dyn, U2>::from_iterator(self.response.len(), by_gain.chain(by_logarithm)))
     }
 }
 

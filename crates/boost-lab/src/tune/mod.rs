@@ -12,6 +12,7 @@ mod journal;
 mod monotone;
 mod procedure;
 mod report;
+mod response_fit;
 mod schedule;
 mod speed_fit;
 
@@ -66,6 +67,18 @@ pub enum CellOrigin {
     OutsideFittedDuty,
     /// No model that the controller accepts fits the responses.
     NoModel,
+}
+
+impl CellOrigin {
+    /// Why a point is not identified.
+    fn reason(self) -> &'static str {
+        match self {
+            Self::AboveReach => "the reference is above the reachable range",
+            Self::BelowReach => "the reference is below the reachable range",
+            Self::OutsideFittedDuty => "its feedforward is outside the stepped duties",
+            Self::NoModel | Self::Identified => "no model fits",
+        }
+    }
 }
 
 /// A point of the tuned schedule.
@@ -383,17 +396,22 @@ impl Cell {
         }
     }
 
+    /// Whether a value was raised to its minimum magnitude.
+    pub fn is_raised(&self, map: ScheduleTable) -> bool {
+        match map {
+            ScheduleTable::Gain => self.gain_is_raised,
+            ScheduleTable::Delay => self.delay_is_raised,
+            _ => false,
+        }
+    }
+
     /// Whether a value of the cell was identified, and not filled or raised.
     pub fn is_found(&self, map: ScheduleTable) -> bool {
         match map {
             ScheduleTable::Feedforward => {
                 !matches!(self.basis, CellOrigin::AboveReach | CellOrigin::BelowReach)
             }
-            ScheduleTable::Gain => self.basis == CellOrigin::Identified && !self.gain_is_raised,
-            ScheduleTable::TimeConstant | ScheduleTable::SpeedSensitivity => {
-                self.basis == CellOrigin::Identified
-            }
-            ScheduleTable::Delay => self.basis == CellOrigin::Identified && !self.delay_is_raised,
+            _ => self.basis == CellOrigin::Identified && !self.is_raised(map),
         }
     }
 }
@@ -430,8 +448,7 @@ impl Tuning<'_> {
         let procedure = &self.task.procedure;
         if map == ScheduleTable::Feedforward {
             return match cell.basis {
-                CellOrigin::AboveReach => "filled: the reference is above the reachable range".to_owned(),
-                CellOrigin::BelowReach => "filled: the reference is below the reachable range".to_owned(),
+                CellOrigin::AboveReach | CellOrigin::BelowReach => format!("filled: {}", cell.basis.reason()),
                 _ => "inverse of the sweep".to_owned(),
             };
         }
@@ -449,15 +466,11 @@ impl Tuning<'_> {
             }
         } else {
             let schedule = &self.task.schedule;
-            let why = match cell.basis {
-                CellOrigin::AboveReach => "the reference is above the reachable range",
-                CellOrigin::BelowReach => "the reference is below the reachable range",
-                CellOrigin::OutsideFittedDuty => "its feedforward is outside the stepped duties",
-                CellOrigin::NoModel | CellOrigin::Identified => "no model fits",
-            };
             format!(
-                "filled from {} Pa at {} rpm: {why}",
-                schedule.boost_references[row], schedule.engine_speeds[column]
+                "filled from {} Pa at {} rpm: {}",
+                schedule.boost_references[row],
+                schedule.engine_speeds[column],
+                cell.basis.reason()
             )
         };
         match map {

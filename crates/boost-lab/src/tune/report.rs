@@ -4,7 +4,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
-use super::{Cell, CellOrigin, Point, Procedure, ScheduleTable, Strategy, Sweep, Tuning};
+use super::{Cell, CellOrigin, Point, Procedure, Schedule, ScheduleTable, Sweep, Tuning};
 use fmu_master::measure::greatest;
 use fmu_plot::{Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{estimate, quantity};
@@ -29,15 +29,10 @@ const DRAWN_TIME_CONSTANTS: f64 = 5.0;
 struct TuningReport<'a> {
     plant: &'a str,
     plant_parameters: String,
-    controller: &'a str,
-    engine_speeds: &'a [f64],
-    boost_references: &'a [f64],
-    nominal_voltage: f64,
-    sample_time: f64,
+    #[serde(flatten)]
+    schedule: &'a Schedule,
     procedure: &'a Procedure,
-    lambda: f64,
     least_duty: f64,
-    strategy: Strategy,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     boost_limits: &'a [f64],
     notes: &'a [String],
@@ -65,15 +60,9 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     let report = TuningReport {
         plant: tuning.task.plant.description().attribute("modelName"),
         plant_parameters: tuning.task.plant_parameters_written(),
-        controller: &schedule.controller,
-        engine_speeds: &schedule.engine_speeds,
-        boost_references: &schedule.boost_references,
-        nominal_voltage: schedule.nominal_voltage,
-        sample_time: schedule.sample_time,
+        schedule,
         procedure: &tuning.task.procedure,
-        lambda: tuning.task.schedule.lambda,
         least_duty: tuning.least_duty(),
-        strategy: schedule.strategy,
         boost_limits: &tuning.boost_limits,
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
@@ -138,7 +127,9 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
         table.row([name.into(), value.into()]);
     }
     report.table(&table);
-    report.paragraphs(&tuning.notes);
+    for note in &tuning.notes {
+        report.paragraph(note);
+    }
 }
 
 fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
@@ -146,13 +137,7 @@ fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: factor * cell.value(map),
             is_found: cell.is_found(map),
-            is_raised: match map {
-                ScheduleTable::Gain => cell.gain_is_raised,
-                ScheduleTable::Delay => cell.delay_is_raised,
-                ScheduleTable::Feedforward
-                | ScheduleTable::TimeConstant
-                | ScheduleTable::SpeedSensitivity => false,
-            },
+            is_raised: cell.is_raised(map),
             hint: tuning.provenance(cell, map),
         })
     };
@@ -378,6 +363,7 @@ fn points(report: &mut Report, tuning: &Tuning<'_>) {
 mod tests {
     use super::*;
     use fmu_plot::Color;
+    use fmu_xml::page::STYLE;
 
     /// The relative luminance of WCAG 2.1.
     fn luminance(color: [f64; 3]) -> f64 {
@@ -397,10 +383,14 @@ mod tests {
     #[test]
     fn texts_in_maps_contrast_with_their_cells_by_day_and_by_night() {
         assert!((contrast([0.0; 3], [255.0; 3]) - 21.0).abs() < 1e-9);
-        for of in [Color::day, Color::night] {
+        for scheme in [1, 2] {
+            let rgb = |color: Color| {
+                let digits = &STYLE.split(&format!("{}: #", color.name())).nth(scheme).unwrap()[..6];
+                let number = u32::from_str_radix(digits, 16).unwrap();
+                [16, 8, 0].map(|shift| f64::from(number >> shift & 0xff))
+            };
             let [low, high, ink, faint, shade, paper] =
-                [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER]
-                    .map(|color| of(color).map(f64::from));
+                [color::LOW, color::HIGH, color::INK, color::FAINT, color::SHADE, color::PAPER].map(rgb);
             for percent in 0..=100 {
                 let strength = f64::from(percent) / 100.0;
                 let cell = [0, 1, 2].map(|index| low[index] + strength * (high[index] - low[index]));

@@ -8,6 +8,7 @@ use boost_interface::Role;
 use fmu_io::terminal::number;
 use fmu_package::{FmuDescription, FmuVariable, Value};
 use fmu_terms::like;
+use serde::Serialize;
 
 use super::procedure::Strategy;
 
@@ -63,7 +64,7 @@ impl ScheduleTable {
 }
 
 /// The grid of a controller, with the related start values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Schedule {
     pub controller: String,
     pub strategy: Strategy,
@@ -78,10 +79,13 @@ pub struct Schedule {
     /// The desired closed-loop time constant (s).
     pub lambda: f64,
     /// The allocation of a virtual duty to the three valves; none for the strategy `by_speed`.
+    #[serde(skip)]
     pub allocation: Option<Allocation>,
     /// The ranges of the maps, in the order of [`ScheduleTable::all`].
+    #[serde(skip)]
     ranges: Vec<(f64, f64)>,
     /// The controller's description.
+    #[serde(skip)]
     pub(super) description: FmuDescription,
 }
 

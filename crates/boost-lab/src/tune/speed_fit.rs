@@ -3,9 +3,10 @@
 //! At once the engine swallows more, and boost pressure falls by β with the short time constant of the volumes; then
 //! the turbochargers speed up, and it rises to its new steady state: `−β (1 − exp(−t/τ)) + (K_N + β) (1 − exp(−t/T))`.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{Dyn, OMatrix, OVector, Owned, U4, Vector4};
+use levenberg_marquardt::LevenbergMarquardt;
 use serde::{Deserialize, Serialize};
+
+use super::response_fit::ResponseFit;
 
 /// First guesses of the short time constant (s): the sum of squares has more than one minimum.
 const SHORT: [f64; 3] = [0.03, 0.1, 0.3];
@@ -39,82 +40,32 @@ impl SpeedResponse {
         let fall = -response.iter().copied().fold(0.0, f64::min);
         SHORT
             .into_iter()
-            .flat_map(|short: f64| {
-                LONG.map(|long: f64| Vector4::new(fall, short.ln(), last + fall, long.ln()))
-            })
+            .flat_map(|short: f64| LONG.map(|long: f64| [fall, short.ln(), last + fall, long.ln()]))
             .filter_map(|guess| {
-                let problem = Fit { response, interval, parameters: guess };
+                let problem = ResponseFit::new(response, interval, guess, fall_and_rise);
                 let (fit, report) = LevenbergMarquardt::new().minimize(problem);
-                report.termination.was_successful().then(|| fit.model())
+                let [fall, short, rise, long] = fit.parameters.into();
+                report.termination.was_successful().then(|| Self {
+                    fall,
+                    fall_time: short.exp(),
+                    gain: rise - fall,
+                    rise_time: long.exp(),
+                    residual: (fit.sum_of_squares() / response.len() as f64).sqrt(),
+                })
             })
             .filter(|model| model.fall_time < model.rise_time)
             .min_by(|one, other| one.residual.total_cmp(&other.residual))
     }
 }
 
-/// The parameters: the drop and the logarithm of its time constant, then the same of the rise.
-struct Fit<'a> {
-    response: &'a [f64],
-    interval: f64,
-    parameters: Vector4<f64>,
-}
-
-impl Fit<'_> {
-    fn times(&self) -> impl Iterator<Item = f64> {
-        (1..=self.response.len()).map(|sample| sample as f64 * self.interval)
-    }
-
-    fn residuals(&self) -> impl Iterator<Item = f64> {
-        let [fall, short, rise, long] = self.parameters.into();
-        let (short, long) = (short.exp(), long.exp());
-        let values =
-            self.times().map(move |time| fall * (-time / short).exp_m1() - rise * (-time / long).exp_m1());
-        values.zip(self.response).map(|(value, measured)| value - measured)
-    }
-
-    fn model(&self) -> SpeedResponse {
-        let [fall, short, rise, long] = self.parameters.into();
-        let squares: f64 = self.residuals().map(|residual| residual * residual).sum();
-        SpeedResponse {
-            fall,
-            fall_time: short.exp(),
-            gain: rise - fall,
-            rise_time: long.exp(),
-            residual: (squares / self.response.len() as f64).sqrt(),
-        }
-    }
-}
-
-impl LeastSquaresProblem<f64, Dyn, U4> for Fit<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, U4>;
-    type ParameterStorage = Owned<f64, U4>;
-
-    fn set_params(&mut self, parameters: &Vector4<f64>) {
-        self.parameters = *parameters;
-    }
-
-    fn params(&self) -> Vector4<f64> {
-        self.parameters
-    }
-
-    fn residuals(&self) -> Option<OVector<f64, Dyn>> {
-        Some(OVector::<f64, Dyn>::from_iterator(self.response.len(), self.residuals()))
-    }
-
-    fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U4>> {
-        let [fall, short, rise, long] = self.parameters.into();
-        let (short, long) = (short.exp(), long.exp());
-        let by_amplitude =
-            |sign: f64, constant: f64| self.times().map(move |time| sign * (-time / constant).exp_m1());
-        let by_logarithm = |amplitude: f64, constant: f64| {
-            self.times().map(move |time| amplitude * time / constant * (-time / constant).exp())
-        };
-        let columns = by_amplitude(1.0, short)
-            .chain(by_logarithm(fall, short))
-            .chain(by_amplitude(-1.0, long))
-            .chain(by_logarithm(-rise, long));
-        Some(OMatrix::<f64, Dyn, U4>::from_iterator(self.response.len(), columns))
+/// The value of the response at a time (s), and its derivatives with respect to the parameters: the drop and the
+/// logarithm of its time constant, then the same of the rise.
+fn fall_and_rise([fall, short, rise, long]: [f64; 4]) -> impl Fn(f64) -> (f64, [f64; 4]) {
+    let (short, long) = (short.exp(), long.exp());
+    move |time| {
+        let [of_fall, of_rise] = [short, long].map(|constant| (-time / constant).exp_m1());
+        let slope = |amplitude: f64, constant: f64| amplitude * time / constant * (-time / constant).exp();
+        (fall * of_fall - rise * of_rise, [of_fall, slope(fall, short), -of_rise, slope(-rise, long)])
     }
 }
 

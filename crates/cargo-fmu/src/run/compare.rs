@@ -1,14 +1,14 @@
 //! `compare`: records overlaid, with their differences in numbers.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::comparison::Comparison;
+use super::plot_format::PlotFormat;
+use super::write_file;
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
-use fmu_plot::PlotFormat;
 use fmu_record::Record;
 
 /// Compare records: their differences in numbers, and overlaid in a plot
@@ -47,9 +47,8 @@ impl Compare {
         }
         print(&comparison.text())?;
         if let Some((plot, format)) = plot {
-            let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.html())?;
-            writing::write(plot, |writer| writer.write_all(&drawn))?;
-            print(&format!("{}\n", plot.display()))?;
+            let drawn = format.drawn(&comparison.draw(), "Records compared", &comparison.report())?;
+            write_file(plot, &drawn)?;
         }
         Ok(())
     }

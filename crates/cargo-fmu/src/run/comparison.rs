@@ -140,8 +140,8 @@ impl<'a> Comparison<'a> {
         text
     }
 
-    /// The differences as tables in HTML.
-    pub fn html(&self) -> String {
+    /// The differences as tables.
+    pub fn report(&self) -> Report {
         let mut report = Report::default();
         for (index, (name, _)) in self.records[1..].iter().enumerate() {
             report.section(&format!("{name} minus {}", self.records[0].0));
@@ -152,8 +152,10 @@ impl<'a> Comparison<'a> {
             }
             report.table(&table);
         }
-        report.paragraphs(&self.notes);
-        report.body().to_owned()
+        for note in &self.notes {
+            report.paragraph(note);
+        }
+        report
     }
 
     /// For each variable, a panel with all records next to one with the differences.
@@ -279,7 +281,7 @@ mod tests {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert_eq!(comparison.notes, ["own_a is not in b", "own_b is only in b"]);
-        assert!(comparison.html().contains("<td class=\"number\">\u{2212}30\u{202f}kPa</td>"));
+        assert!(comparison.report().page("").contains("<td class=\"number\">\u{2212}30\u{202f}kPa</td>"));
         let html = comparison.draw().html();
         assert_eq!(html.matches("class=\"panel\"").count(), 2);
         assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");

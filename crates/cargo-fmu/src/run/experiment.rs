@@ -80,12 +80,8 @@ impl Experiment {
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
         let (scenario, folder) = self.scenario(subject, maps, end).map_err(|error| {
-            let message = format!("{error:#}");
-            if message.ends_with(system::NO_STOP_TIME) {
-                anyhow!("{message}: give --{}", end.option)
-            } else {
-                error
-            }
+            let is_endless = error.is::<system::NoStopTime>();
+            if is_endless { anyhow!("{error:#}: give --{}", end.option) } else { error }
         })?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
@@ -197,8 +193,7 @@ fn take_inputs(
             let like = like(&name, known.iter().map(String::as_str));
             return Err(location.error(format!("no FMU has an input {name}{like}")));
         };
-        scenario.inputs.retain(|input| input.name != name);
-        scenario.inputs.push(Input { name, signal, location: location.clone() });
+        drive(&mut scenario.inputs, &name, signal, location);
     }
     Ok(())
 }
@@ -243,12 +238,10 @@ fn set(
     if let (Some(conversion), Some(number)) = (conversion, number) {
         // A plain number is in the signal's own unit.
         let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
-        let input = Input { name: name.to_owned(), signal, location: location.clone() };
         for member in &mut scenario.fmus {
             member.inputs.retain(|input| input.name != name);
         }
-        scenario.inputs.retain(|input| input.name != name);
-        scenario.inputs.push(input);
+        drive(&mut scenario.inputs, name, signal, location);
         return Ok(());
     }
     if !others.is_empty() {
@@ -257,9 +250,7 @@ fn set(
     }
     let member = &mut scenario.fmus[*index];
     if let (true, Some(number)) = (variable.causality == "input", number) {
-        member.inputs.retain(|input| input.name != variable.name);
-        let signal = Signal::Constant(number);
-        member.inputs.push(Input { name: variable.name.clone(), signal, location: location.clone() });
+        drive(&mut member.inputs, &variable.name, Signal::Constant(number), location);
         return Ok(());
     }
     let mut in_run_in = member.run_in.iter().flat_map(|run_in| run_in.during.iter().chain(&run_in.after));
@@ -272,6 +263,12 @@ fn set(
     let (name, value) = (variable.name.clone(), value.clone());
     member.values.push(Assignment { name, value, location: location.clone() });
     Ok(())
+}
+
+/// Gives an input a signal in the place of what drives it.
+fn drive(inputs: &mut Vec<Input>, name: &str, signal: Signal, location: &Location) {
+    inputs.retain(|input| input.name != name);
+    inputs.push(Input { name: name.to_owned(), signal, location: location.clone() });
 }
 
 fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result<String> {

@@ -5,6 +5,7 @@ mod comparison;
 mod experiment;
 pub mod journal;
 mod linearize;
+mod plot_format;
 mod simulate;
 mod sweep;
 
@@ -230,10 +231,14 @@ pub fn refuse_overlap(folder: &Path, results: &[PathBuf], inputs: &[PathBuf]) ->
 /// # Errors
 /// When one cannot be written.
 pub fn write<'a>(folder: &Path, texts: impl IntoIterator<Item = (&'a str, String)>) -> Result<()> {
-    for (name, text) in texts {
-        let path = folder.join(name);
-        writing::write(&path, |writer| writer.write_all(text.as_bytes()))?;
-        print(&format!("{}\n", path.display()))?;
-    }
-    Ok(())
+    texts.into_iter().try_for_each(|(name, text)| write_file(&folder.join(name), text.as_bytes()))
+}
+
+/// Writes a file, and prints its path.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<()> {
+    writing::write(path, |writer| writer.write_all(content))?;
+    Ok(print(&format!("{}\n", path.display()))?)
 }

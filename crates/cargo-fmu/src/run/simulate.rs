@@ -1,19 +1,19 @@
 //! `simulate`: an experiment, to a summary, a record and a plot.
 
 use std::fmt::Write as _;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::experiment::{End, Experiment};
-use super::{Maps, finite, progress_bar};
+use super::plot_format::PlotFormat;
+use super::{Maps, finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
 use fmu_master::scenario::{Location, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master};
-use fmu_plot::{PlotFormat, panels};
+use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
 
 /// Steps between updates of the progress bar.
@@ -80,9 +80,7 @@ impl Simulate {
             if let Some((format, path)) = &plot {
                 let title = scenario.title.as_deref().unwrap_or(&name);
                 let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
-                let drawn = format.drawn(&figure, title, "")?;
-                writing::write(path, |writer| writer.write_all(&drawn))?;
-                print(&format!("{}\n", path.display()))?;
+                write_file(path, &format.drawn(&figure, title, &Report::default())?)?;
             }
             Ok(())
         })

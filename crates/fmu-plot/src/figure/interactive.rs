@@ -35,7 +35,7 @@ pub fn script() -> String {
 }
 
 impl Figure {
-    /// The figure in HTML, for a `<figure>` in the body of a [`page`](crate::page), which draws it. Lines are thinned
+    /// The figure in HTML, for a `<figure>` in the body of a [report](crate::Report), which draws it. Lines are thinned
     /// to what the screen shows.
     #[must_use]
     pub fn html(&self) -> String {
@@ -50,20 +50,19 @@ impl Figure {
             }
             html += "</div>\n";
         }
-        if !self.note.is_empty() {
-            html += &format!("<p class=\"caption\">{}</p>\n", escaped(&self.note));
-        }
-        html
+        html + &paragraph("caption", &self.note)
     }
+}
+
+/// A text, if there is one.
+fn paragraph(class: &str, text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!("<p class=\"{class}\">{}</p>\n", escaped(text)) }
 }
 
 impl Panel {
     fn html(&self, axis: &str, has_x_label: bool, columns: usize) -> String {
         let bottom = BOTTOM[usize::from(has_x_label)];
-        let title = self
-            .title
-            .as_deref()
-            .map_or_else(String::new, |title| format!("<p class=\"title\">{}</p>\n", escaped(title)));
+        let title = paragraph("title", &self.title);
         let entries = self.lines.iter().enumerate().filter_map(|(index, line)| line.entry(index));
         let round = [self.x_extent(), self.y_extent()].map(|(from, to)| rounding(to - from));
         let lines = self.thinned_lines(columns).map(|(line, points)| line.trace(&points, &self.x, round));
@@ -155,7 +154,7 @@ impl Line {
                 Marks::StrokeAndDots => "lines+markers",
                 Marks::Dots => "markers",
             },
-            "name": self.label.as_deref().map_or_else(String::new, escaped),
+            "name": escaped(&self.label),
             "line": { "color": color, "width": self.width },
             "marker": { "size": 5, "color": color },
         });
@@ -174,7 +173,7 @@ impl Line {
 
     /// The legend entry, which toggles the line.
     fn entry(&self, index: usize) -> Option<String> {
-        let label = escaped(self.label.as_deref()?);
+        let label = Some(escaped(&self.label)).filter(|label| !label.is_empty())?;
         let look = match self.marks {
             Marks::Dots => "dotted",
             _ if self.is_dashed => "dashed",

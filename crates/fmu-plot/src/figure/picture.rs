@@ -45,6 +45,11 @@ const MOST_LETTERS: usize = 120;
 /// The share of a range above and below the curves.
 const ROOM: f64 = 0.06;
 
+/// Where a backend draws.
+type Area<B> = DrawingArea<B, Shift>;
+/// Whether it could.
+type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+
 impl Figure {
     /// The figure as the text of an SVG file, in the colours of light mode.
     ///
@@ -94,12 +99,12 @@ impl Figure {
     }
 
     fn row_height(&self, row: usize) -> u32 {
-        let height = |panel: &Panel| panel.height + if panel.title.is_some() { TITLE } else { 0 };
+        let height = |panel: &Panel| panel.height + if panel.title.is_empty() { 0 } else { TITLE };
         let bottom = BOTTOM[usize::from(self.has_x_label(row))];
         TOP + bottom + self.rows[row].iter().map(height).max().unwrap_or(0)
     }
 
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, density: u32) -> Result<()>
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>, density: u32) -> Result<()>
     where
         B::ErrorType: 'static,
     {
@@ -108,22 +113,17 @@ impl Figure {
         self.draw_rows(area, density).context("the figure cannot be drawn")
     }
 
-    fn draw_rows<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        density: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    fn draw_rows<B: DrawingBackend>(&self, area: &Area<B>, density: u32) -> Drawn<B> {
         area.fill(&rgb(color::PAPER))?;
         let mut rest = area.margin(density * TOP, 0, 0, 0);
         if !self.title.is_empty() {
             rest = rest.titled(&self.title, text(FONT_SIZE + 2, density))?;
         }
+        let labels = self.rows.iter().flatten().flat_map(|panel| &panel.lines).map(|line| &line.label);
         let mut legend = 0;
-        for line in self.rows.iter().flatten().flat_map(|panel| &panel.lines) {
-            if let Some(label) = &line.label {
-                let width = area.estimate_text_size(label, &text(FONT_SIZE, density))?.0;
-                legend = legend.max(width + density * (SAMPLE + 2 * GAP));
-            }
+        for label in labels.filter(|label| !label.is_empty()) {
+            let width = area.estimate_text_size(label, &text(FONT_SIZE, density))?.0;
+            legend = legend.max(width + density * (SAMPLE + 2 * GAP));
         }
         for (index, row) in self.rows.iter().enumerate() {
             let (upper, lower) = rest.split_vertically(density * self.row_height(index));
@@ -138,11 +138,8 @@ impl Figure {
         }
         let (note, faint) = (text(FONT_SIZE, density), rgb(color::FAINT));
         for (line, place) in self.note_lines().iter().zip(0_u32..) {
-            rest.draw_text(
-                line,
-                &note.color(&faint),
-                ((density * GAP).cast_signed(), (density * LINE * place).cast_signed()),
-            )?;
+            let place = [GAP, LINE * place].map(|place| (density * place).cast_signed());
+            rest.draw_text(line, &note.color(&faint), place.into())?;
         }
         area.present()
     }
@@ -153,39 +150,28 @@ impl Panel {
         for line in &self.lines {
             let mut values = line.points.iter().flat_map(|&(x, y)| [x, y]);
             if let Some(value) = values.find(|value| value.is_finite() && value.abs() > GREATEST) {
-                let names: Vec<_> = self.title.iter().chain(&line.label).map(String::as_str).collect();
-                bail!(
-                    "{}: {value:e} is beyond {GREATEST:e}, the greatest number in a picture",
-                    names.join(", ")
-                );
+                let names = [self.title.as_str(), &line.label].into_iter().filter(|name| !name.is_empty());
+                let names = names.collect::<Vec<_>>().join(", ");
+                bail!("{names}: {value:e} is beyond {GREATEST:e}, the greatest number in a picture");
             }
         }
         Ok(())
     }
 
-    fn draw<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        density: u32,
-        has_x_label: bool,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>, density: u32, has_x_label: bool) -> Drawn<B> {
         let ([x, y], (width, _)) = ([self.x_extent(), self.y_drawn()], area.dim_in_pixel());
         let frame = [width.saturating_sub(density * (LEFT + GAP + RIGHT)), density * self.height];
         let [x, y] = if self.has_equal_scales { equalized([x, y], frame) } else { [x, y] };
         let mut chart = ChartBuilder::on(area);
         chart.margin_top(density * TOP).margin_left(density * GAP).margin_right(density * RIGHT);
         chart.y_label_area_size(density * LEFT).x_label_area_size(density * BOTTOM[usize::from(has_x_label)]);
-        if let Some(title) = &self.title {
-            chart.caption(title, text(FONT_SIZE, density));
+        if !self.title.is_empty() {
+            chart.caption(&self.title, text(FONT_SIZE, density));
         }
         let mut chart = chart.build_cartesian_2d(x.0..x.1, y.0..y.1)?;
         for band in &self.bands {
-            let corners = if band.is_of_x {
-                [(band.from, y.0), (band.to, y.1)]
-            } else {
-                [(x.0, band.from), (x.1, band.to)]
-            };
-            chart.draw_series([Rectangle::new(corners, rgb(color::SHADE).filled())])?;
+            let (x, y) = if band.is_of_x { ((band.from, band.to), y) } else { (x, (band.from, band.to)) };
+            chart.draw_series([Rectangle::new([(x.0, y.0), (x.1, y.1)], rgb(color::SHADE).filled())])?;
         }
         let mut mesh = chart.configure_mesh();
         let thin = |color| rgb(color).stroke_width(density);
@@ -203,10 +189,9 @@ impl Panel {
         }
         mesh.draw()?;
         for (lane, place) in self.lanes.iter().rev().zip(0_u32..) {
-            let place = f64::from(place);
-            let [base, top] = STATE.map(|height| place + height);
+            let [base, top, above] = [STATE[0], STATE[1], 0.95].map(|height| f64::from(place) + height);
             let name = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Top));
-            chart.draw_series([Text::new(format!(" {}", lane.name), (x.0, place + 0.95), name)])?;
+            chart.draw_series([Text::new(format!(" {}", lane.name), (x.0, above), name)])?;
             for state in &lane.states {
                 let top = if state.is_low { base } else { top };
                 let corners = [(state.from, base), (state.to, top)];
@@ -250,15 +235,10 @@ impl Panel {
     }
 
     /// Next to the frame, where it hides no line.
-    fn draw_legend<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        density: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>, density: u32) -> Drawn<B> {
         let [sample, gap, row] = [SAMPLE, GAP, LINE].map(|size| (density * size).cast_signed());
         let mut middle = (density * TOP).cast_signed() + row / 2;
-        for line in &self.lines {
-            let Some(label) = &line.label else { continue };
+        for line in self.lines.iter().filter(|line| !line.label.is_empty()) {
             let style = line.style(density);
             if line.marks == Marks::Dots {
                 area.draw(&Circle::new((sample / 2, middle), 2 * density, style.filled()))?;
@@ -268,7 +248,7 @@ impl Panel {
                 area.draw(&DashedPathElement::new(ends, density * dash, density * space, style))?;
             }
             let font = text(FONT_SIZE, density).pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(label.as_str(), (sample + gap / 2, middle), font))?;
+            area.draw(&Text::new(line.label.as_str(), (sample + gap / 2, middle), font))?;
             middle += row;
         }
         Ok(())

@@ -6,13 +6,11 @@ mod report;
 mod response;
 
 use std::fmt::Write as _;
-use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
-use fmu_io::writing;
 use fmu_master::scenario::{Recorded, Scenario};
 use fmu_master::{Instance, Interface, Linearization, LoadedFmus, Master, column_of};
 use fmu_package::{FmuVariable, ValueType};
@@ -25,7 +23,7 @@ use serde_json::{Value, json};
 use self::loop_gain::{Margins, Point, margins, measure, periods};
 use self::response::{StateSpace, frequencies};
 use super::experiment::{End, Experiment};
-use super::{Maps, finite, number_in, positive, progress_bar};
+use super::{Maps, finite, number_in, positive, progress_bar, write_file};
 
 /// The sine added to a loop, relative to what the connection brings: far above the tolerances of integrators, and below
 /// what moves most loops from their operating points.
@@ -132,12 +130,10 @@ impl Linearize {
         print(&found.text())?;
         if let Some(out) = &self.out {
             let text = serde_json::to_string_pretty(&found.json())? + "\n";
-            writing::write(out, |writer| writer.write_all(text.as_bytes()))?;
-            print(&format!("{}\n", out.display()))?;
+            write_file(out, text.as_bytes())?;
         }
         if let Some(plot) = &self.plot {
-            writing::write(plot, |writer| writer.write_all(report::html(&found).as_bytes()))?;
-            print(&format!("{}\n", plot.display()))?;
+            write_file(plot, report::html(&found).as_bytes())?;
         }
         Ok(())
     }

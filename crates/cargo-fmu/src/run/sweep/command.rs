@@ -48,7 +48,7 @@ impl Sweep {
         if taken_up > 0 {
             print(&format!("{taken_up} of {} runs are in the journal\n", study.runs()))?;
         }
-        let threads = threads(*wanted, study.fmus())?;
+        let threads = threads(*wanted, study.fmus.iter())?;
         let bar = progress_bar(study.runs() as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
         let outcomes = study.run(out, &journal, &threads, |outcome| {
             if let Some(error) = &outcome.error {

@@ -1,6 +1,7 @@
 //! The measures of each run of a study.
 
 use anyhow::{Context, Result};
+use clap::ValueEnum;
 use fmu_io::terminal::number;
 
 use fmu_master::measure::{Following, between, greatest, least};
@@ -26,7 +27,8 @@ enum Kind {
     Step { quality: Quality, reference: String },
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum Statistic {
     Final,
     Mean,
@@ -34,27 +36,14 @@ enum Statistic {
     Maximum,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum Quality {
     OvershootUp,
     OvershootDown,
     RiseTime,
     EndError,
 }
-
-const STATISTICS: [(&str, Statistic); 4] = [
-    ("final", Statistic::Final),
-    ("mean", Statistic::Mean),
-    ("minimum", Statistic::Minimum),
-    ("maximum", Statistic::Maximum),
-];
-
-const QUALITIES: [(&str, Quality); 4] = [
-    ("overshoot_up", Quality::OvershootUp),
-    ("overshoot_down", Quality::OvershootDown),
-    ("rise_time", Quality::RiseTime),
-    ("end_error", Quality::EndError),
-];
 
 const EXPECTED: &str = "a table with the name of a variable under one of final, mean, minimum, maximum, \
                         overshoot_up, overshoot_down, rise_time and end_error";
@@ -69,21 +58,29 @@ pub fn read(node: &Node<'_>, scenario: &Scenario) -> Result<Vec<Measure>> {
 fn read_one(name: &str, node: &Node<'_>, scenario: &Scenario) -> Result<Measure> {
     let table = node.table(EXPECTED)?;
     let mut found = vec![];
-    for (key, statistic) in STATISTICS {
-        if let Some(variable) = table.optional(key) {
+    for statistic in Statistic::value_variants() {
+        if let Some(variable) = chosen(&table, statistic) {
             let (from, to) = read_times(&table, scenario)?;
-            found.push((variable, Kind::Statistic { statistic, from, to }));
+            found.push((variable, Kind::Statistic { statistic: *statistic, from, to }));
         }
     }
-    for (key, quality) in QUALITIES {
-        if let Some(variable) = table.optional(key) {
-            found.push((variable, Kind::Step { quality, reference: read_reference(&table, scenario)? }));
+    for quality in Quality::value_variants() {
+        if let Some(variable) = chosen(&table, quality) {
+            found.push((
+                variable,
+                Kind::Step { quality: *quality, reference: read_reference(&table, scenario)? },
+            ));
         }
     }
     let Ok([(variable, kind)]) = <[_; 1]>::try_from(found) else { return Err(node.unexpected(EXPECTED)) };
     let variable = variable.string("the name of a variable")?.to_owned();
     table.finish()?;
     Ok(Measure { name: name.to_owned(), variable, location: node.location().clone(), kind })
+}
+
+/// The value under a measure's key, if the table has it.
+fn chosen<'a>(table: &TomlTable<'a>, measure: &impl ValueEnum) -> Option<Node<'a>> {
+    table.optional(measure.to_possible_value()?.get_name())
 }
 
 /// The time interval; by default the whole scenario.

@@ -29,7 +29,7 @@ use crate::run::journal::{Journal, digest};
 use crate::run::{Maps, make_folder};
 use fmu_master::scenario::document::Document;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
-use fmu_master::{Fmu, LoadedFmus, Master, column_of};
+use fmu_master::{LoadedFmus, Master, column_of};
 use fmu_record::{Column, TableFormat};
 
 /// The journal in the folder of the results.
@@ -188,16 +188,8 @@ pub fn written(value: &Value) -> String {
 }
 
 impl Loaded {
-    pub fn study(&self) -> &Study {
-        &self.study
-    }
-
     pub fn runs(&self) -> usize {
         self.study.points.len()
-    }
-
-    pub fn fmus(&self) -> impl Iterator<Item = &Fmu> {
-        self.fmus.iter()
     }
 
     /// Everything the results depend on, by name.

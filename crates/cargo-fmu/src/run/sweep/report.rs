@@ -17,7 +17,7 @@ const MOST_IN_ROW: usize = 3;
 const MOST_FAILURES: usize = 20;
 
 pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
-    let study = loaded.study();
+    let study = &loaded.study;
     let title = study.title.as_deref().unwrap_or("Parameter study");
     let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
     let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
@@ -84,7 +84,7 @@ fn summary(measure: &Column, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
 
 /// A measure over each numeric parameter. Of two parameters, the other one's values have colours.
 fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize) -> Figure {
-    let study = loaded.study();
+    let study = &loaded.study;
     let size =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
     let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
@@ -138,7 +138,7 @@ fn groups<'a>(
     drawn: &[&'a Outcome],
     parameter: usize,
 ) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
-    let study = loaded.study();
+    let study = &loaded.study;
     let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
     let column = &loaded.parameter_columns[parameter];
     let name = |outcome: &Outcome| match value(outcome) {

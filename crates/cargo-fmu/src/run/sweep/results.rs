@@ -34,7 +34,7 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
 /// The results of a study; `outcomes` are those of all runs, in their order.
 pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
     let plain = |name, cells| TableColumn::new(&(name, "").into(), cells);
-    let study = loaded.study();
+    let study = &loaded.study;
     let whole = |value| i32::try_from(value).ok();
     let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
     let mut columns = vec![plain(RUN, Cells::Whole(runs))];

@@ -1,12 +1,11 @@
-//! Plots as files.
+//! Plots as files, by the endings of their names.
 
 use std::ffi::OsStr;
 use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::figure::Figure;
-use crate::report::Report;
+use fmu_plot::{Figure, Report};
 
 /// What a plot is written as.
 #[derive(Clone, Copy, Debug)]
@@ -33,18 +32,18 @@ impl PlotFormat {
         }
     }
 
-    /// The file's content; a page has further HTML below the figure.
+    /// The file's content; a page has a report below the figure.
     ///
     /// # Errors
     /// When the figure cannot be drawn.
-    pub fn drawn(self, figure: &Figure, title: &str, below: &str) -> Result<Vec<u8>> {
+    pub fn drawn(self, figure: &Figure, title: &str, below: &Report) -> Result<Vec<u8>> {
         match self {
             Self::Svg => Ok(figure.svg()?.into_bytes()),
             Self::Png => figure.png(),
             Self::Html => {
                 let mut report = Report::new(title);
                 report.figure(figure, "");
-                report.html(below);
+                report.append(below);
                 Ok(report.page("").into_bytes())
             }
         }
