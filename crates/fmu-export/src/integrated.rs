@@ -476,10 +476,12 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
                         crossed = self.find_event(variables, step, reached, states, &mut trials)?;
                         self.integrator.end_step(&Equated::new(&self.equations, variables, step));
                     }
-                    Err(failure) if trials <= most_trials => {
-                        return Err(self.not_integrable(failure, tolerance));
+                    Err(failure) => {
+                        self.time = step.start + failure.time;
+                        if trials <= most_trials {
+                            return Err(self.not_integrable(failure, tolerance));
+                        }
                     }
-                    Err(_) => {}
                 }
                 if STOPS && stops.internal_steps && !crossed && self.elapsed < step.size {
                     return Ok(Some(Stop::InternalStep(self.time)));

@@ -215,7 +215,7 @@ impl Integrator {
                 return Ok(to);
             }
             if steps.next <= SHORTEST_STEP * time.abs().max(end.abs()) || steps.next < f64::MIN_POSITIVE {
-                return Err(StepFailure { state: error.state });
+                return Err(StepFailure { time, state: error.state });
             }
             if !jacobian.is_fresh() {
                 jacobian.discard();

@@ -306,7 +306,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             Self::slow(self.system, time, &fast, states)
         });
         let settled = slow.settle(trial, length, to, is_last);
-        if settled.map_err(|failure| StepFailure { state: FAST + failure.state })?.is_some() {
+        if settled.map_err(|failure| StepFailure { state: FAST + failure.state, ..failure })?.is_some() {
             if to < self.end {
                 slow.slopes = Self::slow(self.system, to, &self.fast_at(to), &slow.states);
             }
@@ -546,7 +546,8 @@ impl<const N: usize> Course<N> {
         // The fourth root instead of the third damps the changes of the length.
         let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
         if is_last || !is_accepted && self.steps.next < SHORTEST_STEP {
-            return Err(StepFailure { state: trial.map_or(0, |trial| self.decisive(&trial)) });
+            let state = trial.map_or(0, |trial| self.decisive(&trial));
+            return Err(StepFailure { time: self.time, state });
         }
         let trial = trial.filter(|_| is_accepted);
         if let Some(trial) = &trial {

@@ -57,8 +57,10 @@ pub trait System {
 }
 
 /// Even the shortest step misses the tolerance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepFailure {
+    /// The time reached.
+    pub time: f64,
     /// The position of the state whose error is largest relative to its tolerance, or NaN.
     pub state: usize,
 }

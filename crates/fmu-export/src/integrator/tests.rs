@@ -273,7 +273,7 @@ fn a_failure_names_the_state_without_a_linearization() {
     }
     let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
     let result = Integrator::new(2).step(&mut Broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
-    assert_eq!(result, Err(StepFailure { state: 1 }));
+    assert_eq!(result, Err(StepFailure { time: 0.0, state: 1 }));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Two parts with steps of their own, against closed forms.
 
-use fmu_export::{Integrated, Simulation, TwoRates};
-use fmu_export_equations::furnace::Variables;
+use fmu_export::{Equations, Integrated, Number, Persistent, Simulation, TwoRates};
+use fmu_export_equations::furnace::{Evaluation, Variables};
 use fmu_export_equations::{EVALUATIONS, Furnace};
 
 type Model = Integrated<Furnace, TwoRates<1, 1>>;
@@ -96,4 +96,31 @@ fn a_copy_continues_bit_for_bit() {
         (0..5).for_each(|_| simulation.step(0.07).unwrap());
     }
     assert!(simulation.variables == copy.variables);
+}
+
+/// A mass that heats itself: its temperature grows beyond all bounds.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Runaway {}
+
+impl Equations for Runaway {
+    type Variables = Variables;
+
+    fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
+        let Evaluation { states, derivatives, .. } = variables;
+        derivatives.opening = -states.opening;
+        derivatives.temperature = states.temperature * states.temperature;
+    }
+}
+
+#[test]
+fn a_failure_names_the_time_that_was_reached() {
+    let mut simulation = Simulation::<Integrated<Runaway, TwoRates<1, 1>>>::default();
+    simulation.variables.start.temperature = 1.0;
+    simulation.initialize().unwrap();
+    let error = simulation.step(2.0).unwrap_err().to_string();
+    let (_, rest) = error.split_once("cannot be integrated beyond ").expect("the error names the time");
+    let (time, rest) = rest.split_once(" s: the error of ").expect("the error names the state");
+    // The solution is 1/(1 − t).
+    assert!((time.parse::<f64>().unwrap() - 1.0).abs() < 1e-3, "{error}");
+    assert!(rest.starts_with("temperature "), "{error}");
 }
