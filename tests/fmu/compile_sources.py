@@ -57,5 +57,6 @@ if __name__ == "__main__":
     source, target = map(Path, sys.argv[1:3])
     fmus = sorted(source.rglob("*.fmu"))
     assert fmus, f"{source} has no FMUs"
+    copies = [target / fmu.relative_to(source) for fmu in fmus]
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        list(threads.map(lambda fmu: compile_sources(fmu, target / fmu.relative_to(source), *sys.argv[3:]), fmus))
+        list(threads.map(lambda fmu, copy: compile_sources(fmu, copy, *sys.argv[3:]), fmus, copies))
