@@ -3,7 +3,8 @@
 import tomllib
 from pathlib import Path
 
-SCENARIO = tomllib.loads(Path("crates/boost-lab/scenarios/figure_13.toml").read_text())
+ROOT = Path(__file__).resolve().parents[2]
+SCENARIO = tomllib.loads((ROOT / "crates/boost-lab/scenarios/figure_13.toml").read_text())
 STEP = SCENARIO["step"]
 """The communication step (s): the controller's sample time."""
 
