@@ -4,25 +4,20 @@ use super::*;
 use crate::number::{Dual, Number};
 use crate::tape::Tape;
 
-/// Sets products with a Jacobian given by its rows.
-fn set(directions: &impl Directions, products: &mut [f64], rows: &[f64]) {
-    let count = directions.count();
-    for (row, elements) in rows.chunks_exact(rows.len().isqrt()).enumerate() {
-        for direction in 0..count {
-            let terms =
-                elements.iter().enumerate().map(|(state, x)| x * directions.component(direction, state));
-            products[row * count + direction] = terms.sum();
-        }
+/// A system given by its derivatives over time and states.
+#[derive(Clone, Copy)]
+struct Given<const N: usize>(fn(Dual, [Dual; N]) -> [Dual; N]);
+
+impl<const N: usize> Given<N> {
+    /// The derivatives at a time and states, along a direction of both.
+    fn along(self, time: Dual, states: &[f64], component: impl Fn(usize) -> f64) -> [Dual; N] {
+        self.0(time, core::array::from_fn(|state| Dual::new(states[state], component(state))))
     }
 }
 
-/// x' = x·cos t, y' = −y², from 1 at t = 1.
-struct Nonlinear;
-
-impl System for Nonlinear {
+impl<const N: usize> System for Given<N> {
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
-        derivatives[0] = states[0] * time.cos();
-        derivatives[1] = -states[1] * states[1];
+        derivatives.copy_from_slice(&self.along(time.into(), states, |_| 0.0).map(|rate| rate.value));
     }
 
     fn linearize(
@@ -33,10 +28,20 @@ impl System for Nonlinear {
         products: &mut [f64],
         by_time: &mut [f64],
     ) {
-        set(directions, products, &[time.cos(), 0.0, 0.0, -2.0 * states[1]]);
-        by_time.copy_from_slice(&[-states[0] * time.sin(), 0.0]);
+        let count = directions.count();
+        for direction in 0..count {
+            let rates = self.along(time.into(), states, |state| directions.component(direction, state));
+            for (row, rate) in rates.into_iter().enumerate() {
+                products[row * count + direction] = rate.derivative;
+            }
+        }
+        by_time
+            .copy_from_slice(&self.along(Dual::new(time, 1.0), states, |_| 0.0).map(|rate| rate.derivative));
     }
 }
+
+/// x' = x·cos t, y' = −y², from 1 at t = 1.
+const NONLINEAR: Given<2> = Given(|time, [x, y]| [x * time.cos(), -(y * y)]);
 
 fn exact(time: f64) -> [f64; 2] {
     [(time.sin() - 1.0_f64.sin()).exp(), time.recip()]
@@ -111,8 +116,8 @@ fn errors_fall_with_their_orders() {
             }
         }
     }
-    check(|| Nonlinear, [6.0, 5.0, 5.0]);
-    check(|| Kept(Nonlinear), [4.0, 3.0, 4.0]);
+    check(|| NONLINEAR, [6.0, 5.0, 5.0]);
+    check(|| Kept(NONLINEAR), [4.0, 3.0, 4.0]);
 }
 
 /// Another trial of the last step, of another length.
@@ -130,7 +135,7 @@ fn trial<S: System>(
 fn step_from(integrator: &mut Integrator, length: f64, tolerance: &Tolerance<'_>) -> u32 {
     let mut trials = 0;
     integrator.steps.next = length;
-    integrator.step(&mut Nonlinear, (1.0, 1e4), &exact(1.0), tolerance, &mut trials).unwrap();
+    integrator.step(&mut { NONLINEAR }, (1.0, 1e4), &exact(1.0), tolerance, &mut trials).unwrap();
     trials
 }
 
@@ -141,7 +146,7 @@ fn the_next_step_just_meets_the_tolerance() {
     assert_eq!(step_from(&mut integrator, 0.03, &tolerance), 1);
     let proposed = integrator.steps.next;
     // Its error is the fifth power of the safety factor, up to terms of higher order.
-    let error = trial(&mut integrator, &mut Nonlinear, proposed, &tolerance).largest;
+    let error = trial(&mut integrator, &mut { NONLINEAR }, proposed, &tolerance).largest;
     assert!(error > 0.4 && error < 0.8, "{error}");
     // The error of a step half as long again is about 4 tolerances: it is rejected.
     assert_eq!(step_from(&mut integrator, 1.5 * proposed, &tolerance), 2);
@@ -149,30 +154,14 @@ fn the_next_step_just_meets_the_tolerance() {
 
 #[test]
 fn the_next_step_does_not_grow_at_once_after_a_rejection() {
-    /// x' = 1, until t = 1.
-    struct Wall;
-    impl System for Wall {
-        fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
-            derivatives[0] = if time <= 1.0 { 1.0 } else { f64::NAN };
-        }
-
-        fn linearize(
-            &mut self,
-            _time: f64,
-            _states: &[f64],
-            directions: &impl Directions,
-            products: &mut [f64],
-            by_time: &mut [f64],
-        ) {
-            set(directions, products, &[0.0]);
-            by_time[0] = 0.0;
-        }
-    }
+    // x' = 1, until t = 1.
+    let mut wall =
+        Given(|time, [_]| [if time.value <= 1.0 { Dual::from(1.0) } else { Dual::from(f64::NAN) }]);
     let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0] };
     let mut integrator = Integrator::new(1);
     let mut trials = 0;
     integrator.steps.next = 2.0;
-    integrator.step(&mut Wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
+    integrator.step(&mut wall, (0.0, 1e4), &[0.0], &tolerance, &mut trials).unwrap();
     assert_eq!(trials, 2);
     // A fifth of 2, up to the division of the time to the end into equal steps.
     assert!((integrator.steps.next - 0.4).abs() < 1e-3, "{}", integrator.steps.next);
@@ -200,7 +189,7 @@ fn a_step_that_the_end_cuts_short_leaves_the_length_of_the_next() {
     let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
     let mut integrator = Integrator::new(2);
     integrator.steps.next = 0.1;
-    let end = integrator.step(&mut Nonlinear, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
+    let end = integrator.step(&mut { NONLINEAR }, (1.0, 1.001), &exact(1.0), &tolerance, &mut 0).unwrap();
     assert_eq!([end, integrator.steps.next].map(f64::to_bits), [1.001, 0.1].map(f64::to_bits));
 }
 
@@ -211,39 +200,20 @@ fn a_step_to_the_end_ends_there() {
     let tolerance = Tolerance { relative: 1e6, nominals: &[1.0; 2] };
     let mut integrator = Integrator::new(2);
     integrator.steps.next = 10.0;
-    let reached = integrator.step(&mut Nonlinear, (begin, end), &exact(begin), &tolerance, &mut 0).unwrap();
+    let reached =
+        integrator.step(&mut { NONLINEAR }, (begin, end), &exact(begin), &tolerance, &mut 0).unwrap();
     assert_eq!(reached.to_bits(), end.to_bits());
-}
-
-/// x' = 1000, y' = cos t.
-struct Rising;
-
-impl System for Rising {
-    fn derivatives(&mut self, time: f64, _states: &[f64], derivatives: &mut [f64]) {
-        derivatives.copy_from_slice(&[1000.0, time.cos()]);
-    }
-
-    fn linearize(
-        &mut self,
-        time: f64,
-        _states: &[f64],
-        directions: &impl Directions,
-        products: &mut [f64],
-        by_time: &mut [f64],
-    ) {
-        set(directions, products, &[0.0; 4]);
-        by_time.copy_from_slice(&[0.0, -time.sin()]);
-    }
 }
 
 #[test]
 fn the_error_is_relative_to_the_larger_of_both_ends_and_the_nominal_value() {
+    let mut rising = Given(|time, [_, _]| [Dual::from(1000.0), time.cos()]);
     let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0, 0.25] };
     let mut integrator = Integrator::new(2);
     integrator.steps.next = 0.5;
     for (from, larger) in [(0.0, 0.5_f64.sin()), (2.0, 2.0 + 0.5_f64.sin()), (-2.0, 2.0)] {
-        integrator.step(&mut Rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
-        let error = trial(&mut integrator, &mut Rising, 0.5, &tolerance);
+        integrator.step(&mut rising, (0.0, 0.5), &[0.0, from], &tolerance, &mut 0).unwrap();
+        let error = trial(&mut integrator, &mut rising, 0.5, &tolerance);
         let expected = integrator.work.as_ref().unwrap().stages[7][1].abs() / (1e-3 * (larger + 0.25));
         assert_eq!(error.state, 1);
         // The error of the step is far less than a thousandth.
@@ -253,26 +223,9 @@ fn the_error_is_relative_to_the_larger_of_both_ends_and_the_nominal_value() {
 
 #[test]
 fn a_failure_names_the_state_without_a_linearization() {
-    struct Broken;
-    impl System for Broken {
-        fn derivatives(&mut self, _time: f64, _states: &[f64], derivatives: &mut [f64]) {
-            derivatives.fill(1.0);
-        }
-
-        fn linearize(
-            &mut self,
-            _time: f64,
-            _states: &[f64],
-            directions: &impl Directions,
-            products: &mut [f64],
-            by_time: &mut [f64],
-        ) {
-            set(directions, products, &[0.0, 0.0, 0.0, f64::NAN]);
-            by_time.fill(0.0);
-        }
-    }
+    let mut broken = Given(|_, [_, y]| [Dual::from(1.0), y.mapped(1.0, f64::NAN)]);
     let tolerance = Tolerance { relative: 1e-3, nominals: &[1.0; 2] };
-    let result = Integrator::new(2).step(&mut Broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
+    let result = Integrator::new(2).step(&mut broken, (0.0, 1.0), &[0.0; 2], &tolerance, &mut 0);
     assert_eq!(result, Err(StepFailure { time: 0.0, state: 1 }));
 }
 
@@ -282,11 +235,11 @@ fn within_a_step_the_error_is_less_than_at_its_end() {
     let mut integrator = Integrator::new(2);
     integrator.steps.next = length;
     let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
-    integrator.step(&mut Nonlinear, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
+    integrator.step(&mut { NONLINEAR }, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
     for eighth in 1..8 {
         let time = 1.0 + f64::from(eighth) / 8.0 * length;
         let mut states = [0.0; 2];
-        integrator.states_at(&mut Nonlinear, time, &mut states);
+        integrator.states_at(&mut { NONLINEAR }, time, &mut states);
         for (i, (state, exact)) in states.iter().zip(exact(time)).enumerate() {
             // The largest is a third.
             let error = ((state - exact) / integrator.work.as_ref().unwrap().stages[7][i]).abs();
@@ -297,28 +250,11 @@ fn within_a_step_the_error_is_less_than_at_its_end() {
 
 #[test]
 fn a_mode_a_million_times_as_fast_as_the_step_is_damped() {
-    struct Stiff;
-    impl System for Stiff {
-        fn derivatives(&mut self, _time: f64, states: &[f64], derivatives: &mut [f64]) {
-            derivatives[0] = -1e6 * states[0];
-        }
-
-        fn linearize(
-            &mut self,
-            _time: f64,
-            _states: &[f64],
-            directions: &impl Directions,
-            products: &mut [f64],
-            by_time: &mut [f64],
-        ) {
-            set(directions, products, &[-1e6]);
-            by_time[0] = 0.0;
-        }
-    }
+    let mut stiff = Given(|_, [x]| [x * -1e6]);
     let mut integrator = Integrator::new(1);
     integrator.steps.next = 1.0;
     let tolerance = Tolerance { relative: 1.0, nominals: &[1.0] };
-    integrator.step(&mut Stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
+    integrator.step(&mut stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
     // An L-stable method with a few stages leaves a multiple of 1e-6; an explicit one would have 1e48.
     assert!(
         integrator.work.as_ref().unwrap().to[0].abs() < 1e-4,
