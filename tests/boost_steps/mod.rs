@@ -1,24 +1,16 @@
-//! Signals of the laboratory's scenarios, for tests and benchmarks in Rust.
+//! The steps of the paper's Fig. 13, for tests and benchmarks in Rust: those of the laboratory's scenario.
 
 use std::sync::LazyLock;
 
-/// The steps of the boost reference in the paper's Fig. 13: times (s) and values (Pa).
+/// Steps of the boost reference: times (s) and values (Pa).
 pub static BOOST_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
     pairs(include_str!("../../crates/boost-lab/scenarios/figure_13.toml"), |inputs| {
         &inputs["boost_reference"]["steps"]
     })
 });
 
-/// Ramps of engine speed at constant boost: times (s) and speeds (rpm) between them.
-#[allow(dead_code, reason = "the benchmarks use the steps alone")]
-pub static RAMPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
-    pairs(
-        include_str!("../../crates/boost-lab/scenarios/ramps.toml"),
-        |inputs| &inputs["engine_speed"]["points"],
-    )
-});
-
-fn pairs(scenario: &str, list: impl Fn(&toml::Value) -> &toml::Value) -> Vec<(f64, f64)> {
+/// The pairs of numbers in a list among a scenario's inputs.
+pub fn pairs(scenario: &str, list: impl Fn(&toml::Value) -> &toml::Value) -> Vec<(f64, f64)> {
     let scenario: toml::Table = scenario.parse().expect("the scenario is TOML");
     let number = |value: &toml::Value| {
         value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)).expect("a number")

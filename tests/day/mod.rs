@@ -3,7 +3,7 @@
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
 
-use crate::boost_steps::{BOOST_STEPS, RAMPS};
+use crate::boost_steps::{BOOST_STEPS, pairs};
 use crate::{Answer, END_OF_FIGURE_13, Loop, Order, STEP, follow};
 
 /// The optional measurements that a loop connects.
@@ -346,7 +346,9 @@ fn boost_over_steps_and_ramps(ambient: (f64, f64)) -> [Vec<f64>; 2] {
         boost[0].push(control.boost_pressure());
     });
     let mut control = start(145e3, 2500.0);
-    for ((begin, from), (end, to)) in RAMPS.iter().copied().zip(RAMPS[1..].iter().copied()) {
+    let scenario = include_str!("../../crates/boost-lab/scenarios/ramps.toml");
+    let ramps = pairs(scenario, |inputs| &inputs["engine_speed"]["points"]);
+    for ((begin, from), (end, to)) in ramps.iter().copied().zip(ramps[1..].iter().copied()) {
         while control.time() < end {
             let share = (control.time() - begin) / (end - begin);
             let speed = from + share * (to - from);
