@@ -18,7 +18,7 @@ field.addEventListener("input", () => {
     count ? `${count} of ${rows.length}` : `None of the ${rows.length} variables matches “${field.value}”.`;
 });
 filter.hidden = false;
-// What a link leads to must not hide under the filter.
-new ResizeObserver(() => {
-  document.documentElement.style.setProperty("--filter", `${filter.offsetHeight}px`);
-}).observe(filter);
+// What a link leads to must not hide under the filter, the page's own fragment included.
+const clear = () => document.documentElement.style.setProperty("--filter", `${filter.offsetHeight}px`);
+clear();
+new ResizeObserver(clear).observe(filter);
