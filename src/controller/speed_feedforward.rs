@@ -66,14 +66,7 @@ pub fn holding_duty(
     let (least, most) = PRESSURES;
     let shifted = smaller(larger(shifted, least), most);
     let here = day.operating_point(parameters, boost_pressure, engine_speed);
-    let asked = here.extrapolated_feedforward(shifted);
-    // With the low-pressure wastegate held shut, duty beyond its opening only slows the high-pressure shaft, whose
-    // speed is missing when a deceleration ends. At reference conditions the identified sensitivity holds and is not
-    // reduced.
-    let allocation = &parameters.allocation;
-    let start = larger(allocation.low_pressure_start, here.feedforward());
-    let beyond = larger(asked - start, 0.0);
-    Some(asked - day.off_reference * (1.0 - allocation.low_pressure_share(engine_speed)) * beyond)
+    Some(here.extrapolated_feedforward(shifted))
 }
 
 #[cfg(test)]

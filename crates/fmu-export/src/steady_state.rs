@@ -65,12 +65,12 @@ pub fn find<const N: usize>(
 ) -> Result<[f64; N], NoSteadyState> {
     let system = Scaled { rates, scales };
     let mut y: [f64; N] = array::from_fn(|i| guess[i] / scales[i]);
-    let mut slopes = system.rates(&y);
+    let (mut slopes, mut jacobian) = (system.rates(&y), system.jacobian(&y));
     let mut step = FIRST_STEP;
     for _ in 0..MOST_ITERATIONS {
         let newton = step >= NEWTON_STEP;
         let damping = if newton { 0.0 } else { 1.0 / step };
-        let change = match system.factors(&y, damping).and_then(|factors| factors.solve(slopes)) {
+        let change = match Factors::of(&jacobian, damping).and_then(|factors| factors.solve(slopes)) {
             Some(change) => change,
             None if newton => return Err(NoSteadyState::NotIsolated),
             None => return Err(NoSteadyState::NotConverged),
@@ -86,7 +86,7 @@ pub fn find<const N: usize>(
         let left: [f64; N] = array::from_fn(|i| next_slopes[i] - damping * share * change[i]);
         let contraction = magnitude(&left) / magnitude(&slopes);
         if settled || share >= 1.0 && contraction < LARGEST_CONTRACTION {
-            (y, slopes) = (next, next_slopes);
+            (y, slopes, jacobian) = (next, next_slopes, system.jacobian(&next));
             // At convergence, `contraction` is a quotient of rounding errors.
             let growth = if settled { 10.0 } else { (0.3 / contraction).clamp(0.5, 10.0) };
             step = (step * growth).min(NEWTON_STEP);
@@ -113,7 +113,7 @@ pub fn follow<T: Number, const N: usize>(
         return unknowns;
     }
     let system = Scaled { rates: still, scales };
-    let factors = system.factors(&array::from_fn(|i| found[i] / scales[i]), 0.0);
+    let factors = Factors::of(&system.jacobian(&array::from_fn(|i| found[i] / scales[i])), 0.0);
     for (position, rate) in along.into_iter().enumerate() {
         let right = array::from_fn(|i| if i == position { 1.0 / scales[i] } else { 0.0 });
         // A steady state that was found is isolated.
@@ -141,19 +141,17 @@ impl<F: Fn([Dual; N]) -> [Dual; N], const N: usize> Scaled<'_, F, N> {
         array::from_fn(|i| slopes[i].value / self.scales[i])
     }
 
-    /// The factors of 1/Δt − J, with `damping` = 1/Δt, unless it is singular.
-    fn factors(&self, y: &[f64; N], damping: f64) -> Option<Factors<N>> {
-        let mut matrix = [[0.0; N]; N];
+    /// The Jacobian, by rows.
+    fn jacobian(&self, y: &[f64; N]) -> [[f64; N]; N] {
+        let mut jacobian = [[0.0; N]; N];
         for column in 0..N {
             let mut unknowns = self.unscaled(y).map(Dual::from);
             unknowns[column].derivative = 1.0;
             for (row, slope) in (self.rates)(unknowns).into_iter().enumerate() {
-                matrix[row][column] = -slope.derivative / self.scales[row] * self.scales[column];
+                jacobian[row][column] = slope.derivative / self.scales[row] * self.scales[column];
             }
-            matrix[column][column] += damping;
         }
-        let mut pivots = [0; N];
-        dense::factor(matrix.as_flattened_mut(), &mut pivots).then_some(Factors { matrix, pivots })
+        jacobian
     }
 
     /// Takes a few more Newton steps and returns the unknowns with the smallest residual, since rounding dominates at
@@ -166,7 +164,7 @@ impl<F: Fn([Dual; N]) -> [Dual; N], const N: usize> Scaled<'_, F, N> {
             if residual < best.0 {
                 best = (residual, y);
             }
-            let change = self.factors(&y, 0.0).and_then(|factors| factors.solve(slopes));
+            let change = Factors::of(&self.jacobian(&y), 0.0).and_then(|factors| factors.solve(slopes));
             let change = change.ok_or(NoSteadyState::NotIsolated)?;
             y = array::from_fn(|i| y[i] + change[i]);
         }
@@ -181,6 +179,16 @@ struct Factors<const N: usize> {
 }
 
 impl<const N: usize> Factors<N> {
+    /// Those of 1/Δt − J, with `damping` = 1/Δt, unless it is singular.
+    fn of(jacobian: &[[f64; N]; N], damping: f64) -> Option<Self> {
+        let mut matrix = jacobian.map(|row| row.map(|element| -element));
+        for (diagonal, row) in matrix.iter_mut().enumerate() {
+            row[diagonal] += damping;
+        }
+        let mut pivots = [0; N];
+        dense::factor(matrix.as_flattened_mut(), &mut pivots).then_some(Self { matrix, pivots })
+    }
+
     /// The solution for a right-hand side, if it is finite.
     fn solve(&self, mut vector: [f64; N]) -> Option<[f64; N]> {
         dense::solve(self.matrix.as_flattened(), &self.pivots, &mut vector);
