@@ -44,9 +44,6 @@ pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, T
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
 
-/// The shortest step, in roundings of the time.
-const SHORTEST_STEP: f64 = 16.0 * f64::EPSILON;
-
 /// The integrator with its last step.
 #[derive(Debug)]
 pub struct Integrator {
@@ -193,11 +190,14 @@ impl Integrator {
         work.from.copy_from_slice(states);
         work.begin = time;
         system.derivatives(time, states, &mut work.slopes);
-        work.linearize(system, jacobian);
-        if steps.next <= 0.0 {
-            steps.next = work.first_step::<S>(tolerance);
-        }
         *steps = StepSize::new(steps.next, S::LONGEST_STEP);
+        if steps.next <= 0.0 {
+            let norm = |values| work.norm::<S>(values, tolerance);
+            steps.begin(norm(&work.from), norm(&work.slopes));
+        }
+        jacobian.expect::<S>(steps.within(time, end).0);
+        work.linearize(system, jacobian);
+        let mut has_rejected = false;
         loop {
             *trials += 1;
             let (length, to) = steps.within(time, end);
@@ -211,10 +211,11 @@ impl Integrator {
             if steps.judge(length, error.largest, factor) {
                 work.length = length;
                 work.has_dense = false;
-                jacobian.count_step::<S>(error.largest);
+                jacobian.count_step::<S>(error.largest, has_rejected);
                 return Ok(to);
             }
-            if steps.next <= SHORTEST_STEP * time.abs().max(end.abs()) || steps.next < f64::MIN_POSITIVE {
+            has_rejected = true;
+            if steps.is_too_short(time, end) {
                 return Err(StepFailure { time, state: error.state });
             }
             if !jacobian.is_fresh() {
@@ -312,20 +313,10 @@ impl Work {
         }
     }
 
-    /// The length of a first step: that in which the states change by a hundredth at their present derivatives
-    /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The end does not limit it: it
-    /// would limit the steps after it, too.
-    fn first_step<S: System>(&self, tolerance: &Tolerance<'_>) -> f64 {
-        let norm = |values: &[f64]| {
-            let scaled = values
-                .iter()
-                .enumerate()
-                .map(|(i, value)| (value / tolerance.scale::<S>(i, self.from[i])).abs());
-            scaled.fold(0.0, f64::max)
-        };
-        let (states, slopes) = (norm(&self.from), norm(&self.slopes));
-        let length = 0.01 * states.max(1.0) / slopes;
-        if length > 0.0 { length } else { f64::INFINITY }
+    /// The largest magnitude of values of the states relative to their allowed errors.
+    fn norm<S: System>(&self, values: &[f64], tolerance: &Tolerance<'_>) -> f64 {
+        let relative = |(i, value): (usize, &f64)| (value / tolerance.scale::<S>(i, self.from[i])).abs();
+        values.iter().enumerate().map(relative).fold(0.0, f64::max)
     }
 
     /// Renews the Jacobian, unless it still serves, and the derivatives with respect to time.

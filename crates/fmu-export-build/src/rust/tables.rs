@@ -99,8 +99,7 @@ impl Generator<'_, '_> {
             Some(knowns) => knowns.iter().any(is_time),
             None => true,
         };
-        let depends_on_time = self.reals(in_steps()).any(may_depend);
-        if depends_on_time && self.model.declaration.capabilities.directional_derivatives {
+        if self.reals(in_steps()).any(may_depend) {
             text.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
         }
         text

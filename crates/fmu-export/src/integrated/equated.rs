@@ -86,8 +86,8 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
         self.equations.is_coupled(self.variables)
     }
 
-    fn is_constant(&self) -> bool {
-        self.inputs.is_constant()
+    fn is_autonomous(&self) -> bool {
+        !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant()
     }
 
     fn range(state: usize) -> [f64; 2] {
@@ -122,7 +122,7 @@ impl<E: Equations> System for Equated<'_, E> {
     ) {
         self.set(elapsed, |state| states[state]);
         let time = self.start + elapsed;
-        let is_autonomous = !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant();
+        let is_autonomous = self.is_autonomous();
         if is_autonomous {
             by_time.fill(0.0);
             if directions.count() == 0 {

@@ -14,6 +14,9 @@ use crate::persistence::{Archive, Persistent};
 const MISSED: f64 = 1e-9;
 /// The most steps that a Jacobian serves: about as many as in CVODE.
 const SERVES: u32 = 20;
+/// Under a method whose order rests on the Jacobian: the largest growth of the step with which one is kept. The error
+/// of a step of fifth order, the sixth power of the length, then grows threefold.
+const GROWTH: f64 = 1.2;
 /// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
 /// step with an older one then has two decades to err more, and ends its service if it does.
 const SMALL_ERROR: f64 = 0.01;
@@ -83,9 +86,16 @@ impl Jacobian {
         self.is_fresh
     }
 
-    /// Counts a completed step with an error relative to the tolerance.
-    pub(super) fn count_step<S: System>(&mut self, error: f64) {
-        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR;
+    /// Discards it if it does not serve a step of this length.
+    pub(super) fn expect<S: System>(&mut self, length: f64) {
+        if !S::METHOD.takes_any_jacobian && length > GROWTH * self.factored_for {
+            self.discard();
+        }
+    }
+
+    /// Counts a completed step with an error relative to the tolerance, and whether trials of it were rejected.
+    pub(super) fn count_step<S: System>(&mut self, error: f64, has_rejected: bool) {
+        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR && !has_rejected;
         (self.serves, self.is_fresh) = (if serves { self.serves.saturating_sub(1) } else { 0 }, false);
     }
 

@@ -31,12 +31,10 @@ const JUMP_RENEWS: f64 = 300.0;
 /// A larger jump than this many tolerances shortens the step: a long one would damp the fast modes that the jump excites
 /// without showing in its error estimate.
 const JUMP_SHORTENS: f64 = 30.0;
+/// The largest value of the cubic with the slope 1 at one end, relative to its length.
+const BULGE: f64 = 4.0 / 27.0;
 /// The maximum lead of the fast part, in steps.
 const MOST_AHEAD: usize = 16;
-/// The first step in s.
-const FIRST_STEP: f64 = 1e-3;
-/// The shortest step in s; the integration fails if it is rejected.
-const SHORTEST_STEP: f64 = 1e-9;
 
 /// Integrates the first states, `FAST` in number, ahead of the other ones, `SLOW` in number.
 #[derive(Clone, Debug)]
@@ -169,6 +167,40 @@ struct FastStep<const N: usize> {
 }
 
 impl<const N: usize> FastStep<N> {
+    /// Replaces the derivatives of a stiff part, which are mostly those of the states' errors, by those of the smooth
+    /// solution: with its derivative p as predicted, and A for the Jacobian J, it follows from x″ = J·x′ + ∂f/∂t that
+    ///
+    /// ```text
+    /// (1 − γ·h·A)·x′ = f + γ·h·(J·p + ∂f/∂t − A·p − x″)
+    /// ```
+    ///
+    /// but for the product of the small J − A and p − x′. The states' errors are damped as in a step.
+    fn smoothen(&mut self, course: &Course<N>, mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N]) {
+        let length = self.end - self.begin;
+        let weight = METHOD.gamma * course.inverse_of;
+        let mean: [f64; N] = array::from_fn(|i| (self.states[1][i] - self.states[0][i]) / length);
+        let [first, last] = self.slopes;
+        let mut smooth = |end: usize, predicted: &[f64; N]| -> [f64; N] {
+            // Within the step.
+            let (time, difference) =
+                [(self.begin, TIME_DIFFERENCE * length), (self.end, -TIME_DIFFERENCE * length)][end];
+            let moved = array::from_fn(|i| self.states[end][i] + difference * predicted[i]);
+            let (there, here) = (derivatives(time + difference, &moved), [first, last][end]);
+            let by_jacobian = product(&course.jacobian, predicted);
+            let right = array::from_fn(|i| {
+                let curvature = match end {
+                    0 => 6.0 * mean[i] - 4.0 * first[i] - 2.0 * last[i],
+                    _ => 2.0 * first[i] + 4.0 * last[i] - 6.0 * mean[i],
+                };
+                here[i] + weight * ((there[i] - here[i]) / difference - by_jacobian[i] - curvature / length)
+            });
+            product(&course.inverse, &right)
+        };
+        let begin = smooth(0, &mean);
+        let end = smooth(1, &array::from_fn(|i| 2.0 * mean[i] - begin[i]));
+        self.slopes = [begin, end];
+    }
+
     /// The states at a time, by the cubic through states and derivatives at both ends.
     fn at(&self, time: f64) -> [f64; N] {
         let length = self.end - self.begin;
@@ -249,23 +281,24 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             }
             let (length, to) = fast.steps.within(begin, *end);
             let mut drift = [0.0; FAST];
-            if !system.is_constant() {
+            if !system.is_autonomous() {
                 let difference = TIME_DIFFERENCE * length;
                 let later = Self::fast(system, begin + difference, &states, slow);
                 drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
             }
             let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
-            if let Some(trial) = fast.settle(trial, length, to, is_last)? {
-                ahead.push(FastStep {
+            if let Some(trial) = fast.settle(trial, length, (to, *end), is_last)? {
+                fast.slopes = Self::fast(system, to, &trial.states, slow);
+                let mut step = FastStep {
                     begin,
                     end: to,
                     states: [states, trial.states],
-                    // The last stage is at the end.
-                    slopes: [slopes, trial.slopes],
-                });
-                if to < *end {
-                    fast.slopes = Self::fast(system, to, &trial.states, slow);
+                    slopes: [slopes, fast.slopes],
+                };
+                if fast.is_stiff(length) {
+                    step.smoothen(fast, |time, states| Self::fast(system, time, states, slow));
                 }
+                ahead.push(step);
             }
         }
         Ok(())
@@ -292,7 +325,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
         let difference = TIME_DIFFERENCE * length;
         let (now, later) = (self.fast_at(begin), self.fast_at(begin + difference));
         let mut drift = [0.0; SLOW];
-        if self.system.is_constant() {
+        if self.system.is_autonomous() {
             for state in (0..FAST).filter(|&state| self.drives[state]) {
                 let rate = (later[state] - now[state]) / difference;
                 drift = array::from_fn(|i| drift[i] + coupling[state][i] * rate);
@@ -305,7 +338,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             let fast = self.fast_at(time);
             Self::slow(self.system, time, &fast, states)
         });
-        let settled = slow.settle(trial, length, to, is_last);
+        let settled = slow.settle(trial, length, (to, self.end), is_last);
         if settled.map_err(|failure| StepFailure { state: FAST + failure.state, ..failure })?.is_some() {
             if to < self.end {
                 slow.slopes = Self::slow(self.system, to, &self.fast_at(to), &slow.states);
@@ -362,8 +395,6 @@ struct Trial<const N: usize> {
     states: [f64; N],
     /// Their estimated error.
     error: [f64; N],
-    /// The derivatives of the last stage.
-    slopes: [f64; N],
 }
 
 impl<const N: usize> Persistent for Course<N> {
@@ -388,7 +419,7 @@ impl<const N: usize> Course<N> {
             states: [0.0; N],
             slopes: [f64::NAN; N],
             weights: [0.0; N],
-            steps: StepSize::new(FIRST_STEP, f64::INFINITY),
+            steps: StepSize::new(0.0, f64::INFINITY),
             jacobian: [[0.0; N]; N],
             serves: 0,
             is_fresh: false,
@@ -409,8 +440,8 @@ impl<const N: usize> Course<N> {
         self.weights = array::from_fn(|i| allowed(i).recip());
         self.steps = StepSize::new(self.steps.next, S::LONGEST_STEP);
         let before = mem::replace(&mut self.slopes, slopes);
-        if before.iter().any(|slope| slope.is_nan()) {
-            return;
+        if self.steps.next <= 0.0 {
+            return self.steps.begin(self.relative(&states, &states), self.relative(&states, &slopes));
         }
         let (length, _) = self.steps.within(time, end);
         let jump = self.relative(&states, &array::from_fn(|i| length * (slopes[i] - before[i])));
@@ -453,6 +484,16 @@ impl<const N: usize> Course<N> {
             self.jacobian[column] = array::from_fn(|row| (slopes[row] - self.slopes[row]) * reciprocal);
         }
         (self.serves, self.is_fresh, self.inverse_of) = (SERVES, true, 0.0);
+    }
+
+    /// Whether the states' allowed errors change the derivatives by so much that the cubic through a step of a length
+    /// bulges by more than what is allowed.
+    fn is_stiff(&self, length: f64) -> bool {
+        let changes = |row: usize| -> f64 {
+            let change = |(column, weight): (&[f64; N], &f64)| (column[row] / weight).abs();
+            self.jacobian.iter().zip(&self.weights).map(change).sum()
+        };
+        (0..N).any(|row| BULGE * length * changes(row) * self.weights[row] > 1.0)
     }
 
     /// Prepares a step of a length. Returns whether its linear equations have a solution.
@@ -498,7 +539,7 @@ impl<const N: usize> Course<N> {
         for (weight, stage) in METHOD.error.iter().zip(&stages) {
             error = array::from_fn(|i| error[i] + weight * stage[i]);
         }
-        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error, slopes })
+        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error })
     }
 
     /// The states at which a stage is evaluated.
@@ -531,12 +572,12 @@ impl<const N: usize> Course<N> {
         stages[STAGE] = product(&self.inverse, &right);
     }
 
-    /// Accepts or rejects a step to a time, after which there may be none. Returns it if accepted.
+    /// Accepts or rejects a step to a time on the way to an end, after which there may be none. Returns it if accepted.
     fn settle(
         &mut self,
         trial: Option<Trial<N>>,
         length: f64,
-        to: f64,
+        (to, end): (f64, f64),
         is_last: bool,
     ) -> Result<Option<Trial<N>>, StepFailure> {
         let error = match &trial {
@@ -545,7 +586,7 @@ impl<const N: usize> Course<N> {
         };
         // The fourth root instead of the third damps the changes of the length.
         let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
-        if is_last || !is_accepted && self.steps.next < SHORTEST_STEP {
+        if is_last || self.steps.is_too_short(self.time, end) {
             let state = trial.map_or(0, |trial| self.decisive(&trial));
             return Err(StepFailure { time: self.time, state });
         }

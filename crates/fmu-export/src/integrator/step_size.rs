@@ -7,6 +7,8 @@ const GROWTH: f64 = 6.0;
 const REDUCTION: f64 = 0.2;
 /// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
 const ROUNDING: f64 = 1e-6;
+/// The shortest step, in roundings of the time.
+const SHORTEST: f64 = 16.0 * f64::EPSILON;
 /// With a method that takes any matrix, steps share one whose lengths differ by no more than this, relatively.
 pub(super) const SIMILAR: f64 = 0.4;
 
@@ -24,6 +26,20 @@ pub(super) struct StepSize {
 impl StepSize {
     pub(super) fn new(next: f64, longest: f64) -> Self {
         Self { next: if next < longest { next } else { longest }, longest, was_rejected: false }
+    }
+
+    /// Estimates the length of a first step: that in which the states change by a hundredth at their present derivatives
+    /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4), from the norms of both
+    /// relative to the allowed errors. The end does not limit it: it would limit the steps after it, too.
+    pub(super) fn begin(&mut self, states: f64, slopes: f64) {
+        let length = 0.01 * states.max(1.0) / slopes;
+        self.next = if length > 0.0 && length < self.longest { length } else { self.longest };
+    }
+
+    /// Whether the next step, after a rejected one, is too short for times up to an end.
+    pub(super) fn is_too_short(&self, time: f64, end: f64) -> bool {
+        self.was_rejected
+            && (self.next <= SHORTEST * time.abs().max(end.abs()) || self.next < f64::MIN_POSITIVE)
     }
 
     /// The length of the next step from a time to an end or before, and when it ends: the longest that reaches the end in

@@ -90,8 +90,8 @@ pub trait TwoParts: System {
     fn drives(state: usize, slow: Range<usize>) -> bool;
     /// Whether the fast part depends on the slow one, so that both must take the same steps.
     fn is_coupled(&self) -> bool;
-    /// Whether the inputs are constant.
-    fn is_constant(&self) -> bool;
+    /// Whether the derivatives depend on the states alone.
+    fn is_autonomous(&self) -> bool;
     /// The range of a state.
     fn range(state: usize) -> [f64; 2];
 }

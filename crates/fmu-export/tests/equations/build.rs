@@ -1,7 +1,7 @@
-//! Generates the variables of all models, with both interfaces.
+//! Generates the variables of all models, with both interfaces; of those that depend on time also without capabilities.
 
-use std::env;
 use std::path::Path;
+use std::{env, fs};
 
 use fmu_export_build::{Interfaces, Package, generate_into};
 
@@ -21,12 +21,25 @@ fn main() {
         "rod",
         "field",
         "furnace",
+        "two_parts",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
-        let package = Package::of_build_script();
-        generate_into(Path::new(&declaration), Path::new(&out_dir), &package, Interfaces::Both)
-            .unwrap_or_else(|error| panic!("{error}"));
+        generate(Path::new(&declaration), &out_dir);
     }
+    let text = fs::read_to_string("two_parts.json").expect("it is beside this file");
+    let of_capabilities = |line: &&str| line.contains("\"capabilities\"");
+    assert_eq!(text.lines().filter(of_capabilities).count(), 1, "the line of the capabilities");
+    let lines: Vec<_> = text.lines().filter(|line| !of_capabilities(line)).collect();
+    let bare = Path::new(&out_dir).join("without_capabilities.json");
+    fs::write(&bare, lines.join("\n").replace("\"two_parts\"", "\"without_capabilities\""))
+        .expect("OUT_DIR is writable");
+    generate(&bare, &out_dir);
+}
+
+fn generate(declaration: &Path, out_dir: &str) {
+    let package = Package::of_build_script();
+    generate_into(declaration, Path::new(out_dir), &package, Interfaces::Both)
+        .unwrap_or_else(|error| panic!("{error}"));
 }

@@ -1,7 +1,9 @@
 //! Models of equations, by which the built-in integrator is tested.
 
+use std::array::from_fn;
 use std::cell::Cell;
 
+use fmu_export::integrator::{Method, RODAS5P, ROS34PW2};
 use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Step};
 
 macro_rules! variables {
@@ -14,7 +16,8 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", rod: "rod", field: "field", furnace: "furnace", vessels: "Vessels");
+    falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
+    without_capabilities: "without_capabilities", vessels: "Vessels");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -97,7 +100,7 @@ impl Equations for Field {
         for (i, row) in outputs.row.iter_mut().enumerate() {
             *row = parameters.weight[i].iter().fold(grid[i][1], |sum, &weight| sum + weight);
         }
-        outputs.warm = std::array::from_fn(|i| x[i] > 5.0);
+        outputs.warm = from_fn(|i| x[i] > 5.0);
     }
 }
 
@@ -376,4 +379,38 @@ impl Equations for Furnace {
         }
         Ok(())
     }
+}
+
+thread_local! {
+    /// The evaluations of the models of two parts.
+    pub static PARTS_EVALUATIONS: Cell<u32> = const { Cell::new(0) };
+}
+
+macro_rules! two_parts {
+    ($($model:ident: $variables:ident, $method:expr;)*) => {$(
+        /// Two linear systems, of which the first drives the second, forced by time and an input.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $model {}
+
+        impl Equations for $model {
+            type Variables = $variables::Variables;
+            const METHOD: &'static Method = &$method;
+
+            fn evaluate<T: Number>(&self, time: T, variables: $variables::Evaluation<'_, T>) {
+                PARTS_EVALUATIONS.with(|count| count.update(|count| count + 1));
+                let $variables::Evaluation { parameters: p, inputs, states, derivatives, .. } = variables;
+                let product = |row: &[T; 2], states: &[T; 2]| row[0] * states[0] + row[1] * states[1];
+                let force = p.swing * time.cos() + inputs.u;
+                derivatives.fast = from_fn(|i| product(&p.fast_rates[i], &states.fast) + p.forcing[i] * force);
+                derivatives.slow =
+                    from_fn(|i| product(&p.slow_rates[i], &states.slow) + product(&p.drive[i], &states.fast));
+            }
+        }
+    )*};
+}
+two_parts! {
+    TwoParts: two_parts, RODAS5P;
+    TwoPartsWithoutCapabilities: without_capabilities, RODAS5P;
+    KeptTwoParts: two_parts, ROS34PW2;
+    KeptTwoPartsWithoutCapabilities: without_capabilities, ROS34PW2;
 }
