@@ -197,24 +197,32 @@ impl Integrator {
         }
         jacobian.expect::<S>(steps.within(time, end).0);
         work.linearize(system, jacobian);
-        let mut has_rejected = false;
         loop {
             *trials += 1;
             let (length, to) = steps.within(time, end);
             let error = work.trial(system, jacobian, length, tolerance);
             work.decisive = error.state;
+            // The error with an older Jacobian says nothing about the length, if the method's order rests on it.
+            let is_stale = !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
+            if is_stale && error.largest > 1.0 {
+                jacobian.distrust();
+                work.linearize(system, jacobian);
+                continue;
+            }
             let factor = if error.largest > 0.0 {
                 error.largest.powf(-S::METHOD.estimate_order.recip())
             } else {
                 f64::INFINITY
             };
             if steps.judge(length, error.largest, factor) {
+                if is_stale && steps.next < length {
+                    steps.next = length;
+                }
                 work.length = length;
                 work.has_dense = false;
-                jacobian.count_step::<S>(error.largest, has_rejected);
+                jacobian.count_step::<S>(error.largest);
                 return Ok(to);
             }
-            has_rejected = true;
             if steps.is_too_short(time, end) {
                 return Err(StepFailure { time, state: error.state });
             }

@@ -12,7 +12,9 @@ use crate::persistence::{Archive, Persistent};
 /// An element that the pattern lacks is noticed from this share of its row on. Below, it is of no consequence: it changes
 /// an error as little as the Jacobian. Rounding is far less.
 const MISSED: f64 = 1e-9;
-/// The most steps that a Jacobian serves: about as many as in CVODE.
+/// The most steps that a Jacobian serves: about as many as in CVODE. Where an older one caused a rejection, the next ones
+/// serve no longer than it did, and each time that this many steps are accepted, twice as long again: rejections then
+/// cost a trial in twenty steps at most.
 const SERVES: u32 = 20;
 /// Under a method whose order rests on the Jacobian: the largest growth of the step with which one is kept. The error
 /// of a step of fifth order, the sixth power of the length, then grows threefold.
@@ -22,7 +24,7 @@ const GROWTH: f64 = 1.2;
 const SMALL_ERROR: f64 = 0.01;
 
 /// A Jacobian.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Jacobian {
     /// Where its elements are, once found; not for few states.
     pattern: Option<Arc<Pattern>>,
@@ -30,10 +32,27 @@ pub(super) struct Jacobian {
     elements: Vec<f64>,
     /// The number of steps that it still serves; 0 if it must be renewed.
     serves: u32,
-    /// Whether no step was completed with it.
-    is_fresh: bool,
+    /// The number of steps completed with it.
+    served: u32,
     /// The length of the step for which it was factored; 0 if none.
     factored_for: f64,
+    /// The most steps that the next one serves, and the number of steps accepted since this changed.
+    most: u32,
+    accepted: u32,
+}
+
+impl Default for Jacobian {
+    fn default() -> Self {
+        Self {
+            pattern: None,
+            elements: vec![],
+            serves: 0,
+            served: 0,
+            factored_for: 0.0,
+            most: SERVES,
+            accepted: 0,
+        }
+    }
 }
 
 /// Without elements that serve no longer.
@@ -49,10 +68,12 @@ impl Persistent for Jacobian {
         let mut pattern = self.pattern.take().map(Arc::unwrap_or_clone);
         pattern.persist(archive)?;
         self.pattern = pattern.map(Arc::new);
+        self.most.persist(archive)?;
+        self.accepted.persist(archive)?;
         self.serves.persist(archive)?;
         if self.serves > 0 {
             self.elements.persist(archive)?;
-            self.is_fresh.persist(archive)?;
+            self.served.persist(archive)?;
             self.factored_for.persist(archive)?;
         }
         Ok(())
@@ -69,7 +90,8 @@ impl Jacobian {
             }
             None => size.saturating_mul(size),
         };
-        if self.serves == 0 || self.elements.len() == count {
+        let is_counted = (1..=SERVES).contains(&self.most) && self.accepted.max(self.served) <= SERVES;
+        if is_counted && (self.serves == 0 || self.elements.len() == count) {
             Ok(())
         } else {
             Err(Error::new("the Jacobian in the serialized state is not one of this model"))
@@ -83,7 +105,7 @@ impl Jacobian {
 
     /// Whether no step was completed with it.
     pub(super) fn is_fresh(&self) -> bool {
-        self.is_fresh
+        self.served == 0
     }
 
     /// Discards it if it does not serve a step of this length.
@@ -93,10 +115,21 @@ impl Jacobian {
         }
     }
 
-    /// Counts a completed step with an error relative to the tolerance, and whether trials of it were rejected.
-    pub(super) fn count_step<S: System>(&mut self, error: f64, has_rejected: bool) {
-        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR && !has_rejected;
-        (self.serves, self.is_fresh) = (if serves { self.serves.saturating_sub(1) } else { 0 }, false);
+    /// Counts a completed step with an error relative to the tolerance.
+    pub(super) fn count_step<S: System>(&mut self, error: f64) {
+        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR;
+        self.serves = if serves { self.serves.saturating_sub(1) } else { 0 };
+        self.served += 1;
+        self.accepted += 1;
+        if self.accepted >= SERVES {
+            (self.most, self.accepted) = ((2 * self.most).min(SERVES), 0);
+        }
+    }
+
+    /// Has the next ones serve no longer than it did.
+    pub(super) fn distrust(&mut self) {
+        (self.most, self.accepted) = (self.served.max(1), 0);
+        self.discard();
     }
 
     /// Has it renewed before the next step.
@@ -130,14 +163,14 @@ impl Jacobian {
         by_time: &mut [f64],
     ) {
         let size = states.len();
-        (self.serves, self.is_fresh, self.factored_for) =
-            (if S::METHOD.takes_any_jacobian { SERVES } else { 1 }, true, 0.0);
+        (self.serves, self.served, self.factored_for) =
+            (if S::METHOD.takes_any_jacobian { SERVES } else { 1 }, 0, 0.0);
         if S::MAY_BE_SPARSE && size > MOST_DENSE {
             let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
             loop {
                 matrix.follow(pattern);
                 let Some(groups) = &matrix.groups else { break };
-                self.serves = SERVES;
+                self.serves = self.most;
                 self.elements.resize(pattern.count(size), 0.0);
                 matrix.products.resize(size * groups.count(), 0.0);
                 if !groups.long_rows.is_empty() {
