@@ -31,6 +31,8 @@ const JUMP_RENEWS: f64 = 300.0;
 /// A larger jump than this many tolerances shortens the step: a long one would damp the fast modes that the jump excites
 /// without showing in its error estimate.
 const JUMP_SHORTENS: f64 = 30.0;
+/// The weights of the stages' values in the slopes at both ends of the polynomial through them, relative to the step.
+const STAGE_SLOPES: [[f64; STAGES]; 2] = [slope_weights(0.0), slope_weights(1.0)];
 /// The largest value of the cubic with the slope 1 at one end, relative to its length.
 const BULGE: f64 = 4.0 / 27.0;
 /// The maximum lead of the fast part, in steps.
@@ -168,37 +170,41 @@ struct FastStep<const N: usize> {
 
 impl<const N: usize> FastStep<N> {
     /// Replaces the derivatives of a stiff part, which are mostly those of the states' errors, by those of the smooth
-    /// solution: with its derivative p as predicted, and A for the Jacobian J, it follows from x″ = J·x′ + ∂f/∂t that
+    /// solution: with A for the Jacobian J, it follows from x″ = J·x′ + ∂f/∂t that
     ///
     /// ```text
-    /// (1 − γ·h·A)·x′ = f + γ·h·(J·p + ∂f/∂t − A·p − x″)
+    /// (1 − γ·h·A)·x′ = f + γ·h·(d(f − A·x)/dt − x″),
     /// ```
     ///
-    /// but for the product of the small J − A and p − x′. The states' errors are damped as in a step.
-    fn smoothen(&mut self, course: &Course<N>, mut derivatives: impl FnMut(f64, &[f64; N]) -> [f64; N]) {
+    /// which damps the states' errors as in a step. The derivative on the right-hand side is that of the polynomial
+    /// through the stages, x″ that of the cubic.
+    fn smoothen(&mut self, course: &Course<N>, trial: &Trial<N>) {
         let length = self.end - self.begin;
-        let weight = METHOD.gamma * course.inverse_of;
-        let mean: [f64; N] = array::from_fn(|i| (self.states[1][i] - self.states[0][i]) / length);
+        let weight = METHOD.gamma * course.inverse_of / length;
+        let rise: [f64; N] = array::from_fn(|i| (self.states[1][i] - self.states[0][i]) / length);
         let [first, last] = self.slopes;
-        let mut smooth = |end: usize, predicted: &[f64; N]| -> [f64; N] {
-            // Within the step.
-            let (time, difference) =
-                [(self.begin, TIME_DIFFERENCE * length), (self.end, -TIME_DIFFERENCE * length)][end];
-            let moved = array::from_fn(|i| self.states[end][i] + difference * predicted[i]);
-            let (there, here) = (derivatives(time + difference, &moved), [first, last][end]);
-            let by_jacobian = product(&course.jacobian, predicted);
-            let right = array::from_fn(|i| {
-                let curvature = match end {
-                    0 => 6.0 * mean[i] - 4.0 * first[i] - 2.0 * last[i],
-                    _ => 2.0 * first[i] + 4.0 * last[i] - 6.0 * mean[i],
-                };
-                here[i] + weight * ((there[i] - here[i]) / difference - by_jacobian[i] - curvature / length)
-            });
-            product(&course.inverse, &right)
-        };
-        let begin = smooth(0, &mean);
-        let end = smooth(1, &array::from_fn(|i| 2.0 * mean[i] - begin[i]));
-        self.slopes = [begin, end];
+        let [[from, slopes], others @ ..] =
+            [[self.states[0], first], trial.evaluated[0], trial.evaluated[1], trial.evaluated[2]];
+        self.slopes = array::from_fn(|end| {
+            let weights = &STAGE_SLOPES[end];
+            let (mut states, mut slopes) = (from.map(|x| weights[0] * x), slopes.map(|x| weights[0] * x));
+            for (weight, [x, f]) in weights[1..].iter().zip(&others) {
+                states = array::from_fn(|i| states[i] + weight * x[i]);
+                slopes = array::from_fn(|i| slopes[i] + weight * f[i]);
+            }
+            let by_states = product(&course.jacobian, &states);
+            let here = [first, last][end];
+            product(
+                &course.inverse,
+                &array::from_fn(|i| {
+                    let curvature = match end {
+                        0 => 6.0 * rise[i] - 4.0 * first[i] - 2.0 * last[i],
+                        _ => 2.0 * first[i] + 4.0 * last[i] - 6.0 * rise[i],
+                    };
+                    here[i] + weight * (slopes[i] - by_states[i] - curvature)
+                }),
+            )
+        });
     }
 
     /// The states at a time, by the cubic through states and derivatives at both ends.
@@ -288,15 +294,16 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
             }
             let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
             if let Some(trial) = fast.settle(trial, length, (to, *end), is_last)? {
-                fast.slopes = Self::fast(system, to, &trial.states, slow);
-                let mut step = FastStep {
-                    begin,
-                    end: to,
-                    states: [states, trial.states],
-                    slopes: [slopes, fast.slopes],
-                };
+                let mut step =
+                    FastStep { begin, end: to, states: [states, trial.states], slopes: [slopes; 2] };
+                if to < *end {
+                    fast.slopes = Self::fast(system, to, &trial.states, slow);
+                    step.slopes[1] = fast.slopes;
+                } else {
+                    step.slopes[1] = fast.last_slopes(&trial);
+                }
                 if fast.is_stiff(length) {
-                    step.smoothen(fast, |time, states| Self::fast(system, time, states, slow));
+                    step.smoothen(fast, &trial);
                 }
                 ahead.push(step);
             }
@@ -395,6 +402,9 @@ struct Trial<const N: usize> {
     states: [f64; N],
     /// Their estimated error.
     error: [f64; N],
+    /// The states and derivatives of the stages after the first, and the last stage.
+    evaluated: [[[f64; N]; 2]; STAGES - 1],
+    last: [f64; N],
 }
 
 impl<const N: usize> Persistent for Course<N> {
@@ -486,6 +496,12 @@ impl<const N: usize> Course<N> {
         (self.serves, self.is_fresh, self.inverse_of) = (SERVES, true, 0.0);
     }
 
+    /// The derivatives at the end of a step: those of the last stage, which is little from it.
+    fn last_slopes(&self, trial: &Trial<N>) -> [f64; N] {
+        let (change, [_, slopes]) = (product(&self.jacobian, &trial.last), trial.evaluated[STAGES - 2]);
+        array::from_fn(|i| slopes[i] + change[i])
+    }
+
     /// Whether the states' allowed errors change the derivatives by so much that the cubic through a step of a length
     /// bulges by more than what is allowed.
     fn is_stiff(&self, length: f64) -> bool {
@@ -528,18 +544,25 @@ impl<const N: usize> Course<N> {
         let mut stages = [[0.0; N]; STAGES];
         self.solve::<0>(&mut stages, length, &self.slopes, drift);
         let mut evaluated = |time: f64, states: &[f64; N]| derivatives(self.time + time * length, states);
-        let slopes = evaluated(METHOD.times[1], &self.moved::<1>(&stages));
+        let mut at_stages = [[[0.0; N]; 2]; STAGES - 1];
+        let mut stage = |number: usize, states: [f64; N]| {
+            let slopes = evaluated(METHOD.times[number], &states);
+            at_stages[number - 1] = [states, slopes];
+            slopes
+        };
+        let slopes = stage(1, self.moved::<1>(&stages));
         self.solve::<1>(&mut stages, length, &slopes, drift);
-        let slopes = evaluated(METHOD.times[2], &self.moved::<2>(&stages));
+        let slopes = stage(2, self.moved::<2>(&stages));
         self.solve::<2>(&mut stages, length, &slopes, drift);
         let moved = self.moved::<3>(&stages);
-        let slopes = evaluated(METHOD.times[3], &moved);
+        let slopes = stage(3, moved);
         self.solve::<3>(&mut stages, length, &slopes, drift);
         let mut error = [0.0; N];
         for (weight, stage) in METHOD.error.iter().zip(&stages) {
             error = array::from_fn(|i| error[i] + weight * stage[i]);
         }
-        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error })
+        let states = array::from_fn(|i| moved[i] + stages[3][i]);
+        Some(Trial { states, error, evaluated: at_stages, last: stages[3] })
     }
 
     /// The states at which a stage is evaluated.
@@ -623,4 +646,29 @@ fn product<const N: usize>(matrix: &[[f64; N]; N], vector: &[f64; N]) -> [f64; N
         }
     }
     product
+}
+
+/// The derivatives, at one of the stages' times, of Lagrange's polynomials through them.
+const fn slope_weights(at: f64) -> [f64; STAGES] {
+    let (times, mut weights, mut i) = (METHOD.times, [0.0; STAGES], 0);
+    while i < STAGES {
+        let mut left_out = 0;
+        while left_out < STAGES {
+            let (mut product, mut j) = (1.0, 0);
+            while j < STAGES {
+                if j == left_out && j != i {
+                    product /= times[i] - times[j];
+                } else if j != i && left_out != i {
+                    product *= (at - times[j]) / (times[i] - times[j]);
+                }
+                j += 1;
+            }
+            if left_out != i {
+                weights[i] += product;
+            }
+            left_out += 1;
+        }
+        i += 1;
+    }
+    weights
 }

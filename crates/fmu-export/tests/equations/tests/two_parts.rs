@@ -17,7 +17,7 @@ struct Case {
     forcing: [f64; 2],
     /// The amplitude of the forcing over time.
     swing: f64,
-    /// The input and its slope.
+    /// The input and its slope, up in one communication step and down in the next.
     input: [f64; 2],
 }
 
@@ -93,8 +93,9 @@ fn run_from<E: Equations, I: Integrate>(
             between(simulation);
         }
         let [value, slope] = case.input;
+        let [rise, slope] = if number % 2 == 0 { [0.0, slope] } else { [0.1 * slope, -slope] };
         let mut inputs = simulation.inputs.clone();
-        inputs.set_real(0, value + slope * 0.1 * f64::from(number));
+        inputs.set_real(0, value + rise);
         let mut inputs = InputSignal::constant(inputs);
         inputs.set_derivative(0, 1, slope);
         simulation.step_with(0.1, &inputs).unwrap();
