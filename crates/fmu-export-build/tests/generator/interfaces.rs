@@ -502,3 +502,38 @@ fn too_many_dependencies_are_refused() {
     let reason = "arrays.json:3: variables[1].reads: y[1335]: following all reads up to here takes more than";
     assert!(refused.contains(reason), "{refused}");
 }
+
+/// Whether the generated tables say that the equations depend on time, of a state with an equation that reads it.
+fn depends_on_time(read: &str, capability: Option<(&str, bool)>) -> bool {
+    let folder = folder("depends on time");
+    let capabilities = capability.map(|(name, value)| format!("\"capabilities\": {{\"{name}\": {value}}},"));
+    let declaration = format!(
+        "{{\"model_identifier\": \"forced\", {} \"variables\": [
+             {{\"name\": \"x\", \"causality\": \"output\", \"unit\": \"1\", \"start\": 0, \"derivative\": {{\"reads\": [\"{read}\"]}}}}]}}",
+        capabilities.unwrap_or_default()
+    );
+    let file = folder.join("forced.json");
+    fs::write(&file, declaration).expect("the folder for tests is writable");
+    let generated =
+        generate_into(&file, &folder, &package(), Interfaces::Both).unwrap_or_else(|error| panic!("{error}"));
+    crate::read(&generated.variables).contains("const DEPENDS_ON_TIME: bool = true;")
+}
+
+/// What integrates the equations must know, whatever the importer is told.
+#[test]
+fn equations_depend_on_time_whatever_the_capabilities() {
+    let names = [
+        "variable_communication_step_size",
+        "interpolate_inputs",
+        "get_and_set_state",
+        "serialize_state",
+        "directional_derivatives",
+        "adjoint_derivatives",
+        "event_mode",
+    ];
+    let each = names.iter().flat_map(|&name| [Some((name, false)), Some((name, true))]);
+    for capability in each.chain([None]) {
+        assert!(depends_on_time("time", capability), "{capability:?}");
+        assert!(!depends_on_time("x", capability), "{capability:?}");
+    }
+}
