@@ -268,7 +268,16 @@ pub(crate) struct EnumerationDeclaration {
     /// In the form `TypeName`.
     pub(crate) name: String,
     pub(crate) description: String,
-    pub(crate) items: Vec<Described>,
+    pub(crate) items: Vec<ItemDeclaration>,
+}
+
+/// A value of an enumeration.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ItemDeclaration {
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
 }
 
 /// Variables shared by several components.

@@ -396,6 +396,15 @@ fn edited(name: &str, version: Version, edits: &[(&str, &str)]) -> Result<Genera
     generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
 }
 
+#[test]
+fn an_item_needs_no_description() {
+    let description = r#", "description": "Half \"full\"""#;
+    let generated = edited("item", Version::Three, &[(description, "")]).expect("it is optional");
+    let [xml, page] = [&generated.model_description, &generated.documentation].map(|file| read(file));
+    assert!(xml.contains(r#"<Item name="half_full" value="2"/>"#), "{xml}");
+    assert!(page.contains("<code>half_full</code></th><td></td>"), "{page}");
+}
+
 /// FMI 2.0.5, section 4.3.1: who can serialize a state can get and set it.
 #[test]
 fn a_state_that_cannot_be_saved_is_not_serialized() {
