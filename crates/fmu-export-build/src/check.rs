@@ -123,15 +123,17 @@ fn texts(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, component) in declaration.components.iter().enumerate() {
         check(format!("components[{number}].description"), component.description.as_ref());
     }
-    let mut lists = vec![
-        ("log_categories".to_owned(), &declaration.log_categories),
-        ("state_groups".to_owned(), &declaration.state_groups),
-    ];
     for (number, enumeration) in declaration.enumerations.iter().enumerate() {
         check(format!("enumerations[{number}].description"), Some(&enumeration.description));
-        lists.push((format!("enumerations[{number}].items"), &enumeration.items));
+        for (item_number, item) in enumeration.items.iter().enumerate() {
+            let key = format!("enumerations[{number}].items[{item_number}]");
+            check(format!("{key}.name"), Some(&item.name));
+            check(format!("{key}.description"), item.description.as_ref());
+        }
     }
-    for (list, described) in lists {
+    for (list, described) in
+        [("log_categories", &declaration.log_categories), ("state_groups", &declaration.state_groups)]
+    {
         for (number, item) in described.iter().enumerate() {
             check(format!("{list}[{number}].name"), Some(&item.name));
             check(format!("{list}[{number}].description"), Some(&item.description));

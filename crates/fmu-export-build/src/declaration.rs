@@ -156,6 +156,18 @@ impl Declaration {
     pub(crate) fn has_clocks(&self) -> bool {
         self.types().any(|data_type| data_type == DataType::Clock)
     }
+
+    /// Whether importers may exchange values within a communication step. With clocks the model computes in Event Mode
+    /// only.
+    pub(crate) fn has_intermediate_updates(&self) -> bool {
+        self.capabilities.event_mode && !self.has_clocks()
+    }
+
+    /// Whether a communication step may end before its point (FMI 3.0.2, section 4.1.3): at an event or intermediate
+    /// update, or when the model requests the end.
+    pub(crate) fn returns_early(&self) -> bool {
+        self.has_intermediate_updates() || self.capabilities.termination
+    }
 }
 
 impl ClockDeclaration {
@@ -228,6 +240,9 @@ pub(crate) struct Capabilities {
     pub(crate) adjoint_derivatives: bool,
     /// In FMI 3.0 co-simulation, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
+    /// The model may end the simulation within a communication step: `Context::terminate`. FMI 3.0 co-simulation refuses
+    /// it otherwise, unless the importer may handle events.
+    pub(crate) termination: bool,
 }
 
 impl Capabilities {
@@ -247,6 +262,7 @@ impl Default for Capabilities {
             directional_derivatives: false,
             adjoint_derivatives: false,
             event_mode: false,
+            termination: false,
         }
     }
 }
@@ -268,7 +284,16 @@ pub(crate) struct EnumerationDeclaration {
     /// In the form `TypeName`.
     pub(crate) name: String,
     pub(crate) description: String,
-    pub(crate) items: Vec<Described>,
+    pub(crate) items: Vec<ItemDeclaration>,
+}
+
+/// A value of an enumeration.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ItemDeclaration {
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
 }
 
 /// Variables shared by several components.

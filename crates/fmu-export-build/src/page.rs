@@ -254,7 +254,7 @@ impl<'m, 'a> Page<'m, 'a> {
         }
         let tables = lines(enumerations.iter().map(|enumeration| {
             let items = lines(enumeration.items.iter().zip(1..).map(|(item, value): (_, i32)| {
-                let (name, meaning) = (&item.name, escape(&item.description));
+                let (name, meaning) = (&item.name, escape(item.description.as_deref().unwrap_or_default()));
                 format!("<tr><td>{value}</td><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
             }));
             let (name, meaning) = (&enumeration.name, escape(&enumeration.description));

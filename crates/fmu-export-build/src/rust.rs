@@ -91,7 +91,8 @@ fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     for (item, value) in enumeration.items.iter().zip(1..) {
         let value: i32 = value;
         let variant = pascal_case(&item.name);
-        let _ = writeln!(items, "    /// {}\n    {variant} = {value},", markdown(&item.description));
+        let description = item.description.as_ref().unwrap_or(&item.name);
+        let _ = writeln!(items, "    /// {}\n    {variant} = {value},", markdown(description));
         values.push(format!("{variant} = {value}"));
     }
     format!(

@@ -59,22 +59,20 @@ impl Source {
 
     /// All the parser's rejections, of which it reports only the first: rereads the file without the rejected parts.
     fn all<T: DeserializeOwned>(&self, first: Refusal) -> Vec<Refusal> {
-        let mut refusals = vec![first];
-        let Ok(mut content) = serde_json::from_str::<Value>(&self.text) else { return refusals };
-        let mut refused = refusals[0].key.clone();
+        let Ok(written) = serde_json::from_str::<Value>(&self.text) else { return vec![first] };
+        let (mut content, mut refusals, mut next) = (written.clone(), Vec::new(), first);
         for _ in 0..MOST_READINGS {
-            if !mend(&mut content, &refused) {
+            let missing = next.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
+            let place = missing.map_or(next.key.clone(), |missing| format!("{}.{missing}", next.key));
+            // What is written is missing only because it was rejected and removed.
+            if missing.is_none() || written.pointer(&pointer(&place)).is_none() {
+                refusals.push(next);
+            }
+            if !mend(&mut content, &place) {
                 break;
             }
             let Err(error) = serde_path_to_error::deserialize::<_, T>(&content) else { break };
-            let refusal = refusal(&error.path().to_string(), error.inner());
-            let missing = refusal.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
-            let key = missing.map_or(refusal.key.clone(), |missing| format!("{}.{missing}", refusal.key));
-            key.trim_start_matches('.').clone_into(&mut refused);
-            // A removed part is missing now.
-            if refusals.iter().all(|known| known.key != refused) {
-                refusals.push(refusal);
-            }
+            next = refusal(&error.path().to_string(), error.inner());
         }
         refusals
     }
@@ -100,18 +98,24 @@ impl Source {
 
 /// Removes the value at a path, its innermost one with a key, or inserts one if there is none. Returns whether the
 /// place exists.
-fn mend(content: &mut Value, path: &str) -> bool {
-    let path =
-        path.trim_end_matches(|character: char| character.is_ascii_digit() || "[]".contains(character));
+fn mend(content: &mut Value, mut path: &str) -> bool {
+    while let Some((list, _)) = path.strip_suffix(']').and_then(|path| path.rsplit_once('[')) {
+        path = list;
+    }
     let (around, key) = path.rsplit_once('.').unwrap_or(("", path));
-    let pointer = format!("/{}", around.replace(['.', '['], "/").replace(']', ""));
-    let around = content.pointer_mut(pointer.trim_end_matches('/')).and_then(Value::as_object_mut);
-    let Some(around) = around else { return false };
+    let around = content.pointer_mut(&pointer(around)).and_then(Value::as_object_mut);
+    let Some(around) = around.filter(|_| !key.is_empty()) else { return false };
     if around.remove(key).is_none() {
         let is_list = matches!(key, "items" | "variables");
         around.insert(key.to_owned(), if is_list { Value::Array(vec![]) } else { key.into() });
     }
     true
+}
+
+/// The JSON pointer of a path.
+fn pointer(path: &str) -> String {
+    let segments = path.split(['.', '[']).filter(|segment| !segment.is_empty());
+    segments.fold(String::new(), |pointer, segment| pointer + "/" + segment.trim_end_matches(']'))
 }
 
 /// The parser's rejection.

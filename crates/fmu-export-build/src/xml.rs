@@ -108,8 +108,11 @@ fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
         enumerations.iter().try_for_each(|enumeration| {
             let items = |writer: &mut XmlWriter| {
                 enumeration.items.iter().zip(1_i32..).try_for_each(|(item, value)| {
-                    let mut attributes = described(&item.name, &item.description);
-                    attributes.insert(1, ("value", value.to_string()));
+                    let attributes = given([
+                        ("name", Some(item.name.clone())),
+                        ("value", Some(value.to_string())),
+                        ("description", item.description.clone()),
+                    ]);
                     empty(writer, "Item", attributes)
                 })
             };

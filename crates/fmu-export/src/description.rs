@@ -56,6 +56,8 @@ pub struct Capabilities {
     pub adjoint_derivatives: bool,
     /// `hasEventMode` of FMI 3.0.
     pub event_mode: bool,
+    /// `mightReturnEarlyFromDoStep` of FMI 3.0.
+    pub early_return: bool,
     /// `providesPerElementDependencies` of FMI 3.0.
     pub per_element_dependencies: bool,
 }

@@ -44,7 +44,7 @@ impl Document<'_> {
     }
 }
 
-/// A unit's markup, with superscript exponents: `mm2` becomes mm², `Pa/%3` Pa/%³.
+/// A unit's markup, with superscript exponents: `mm2` becomes mm², `s-1` s⁻¹.
 #[must_use]
 pub fn unit(name: &str) -> String {
     let mut markup = String::new();
@@ -97,7 +97,8 @@ mod tests {
         let cases = [
             ("Pa", "Pa"),
             ("mm2", "mm<sup>2</sup>"),
-            ("Pa/%3", "Pa/%<sup>3</sup>"),
+            ("V/%3", "V/%<sup>3</sup>"),
+            ("Pa/(%.%)", "Pa/(%.%)"),
             ("kg.m2/s2", "kg.m<sup>2</sup>/s<sup>2</sup>"),
             ("m3.s-1", "m<sup>3</sup>.s<sup>\u{2212}1</sup>"),
             ("kg.K0.5/(s.Pa)", "kg.K<sup>0.5</sup>/(s.Pa)"),

@@ -154,13 +154,12 @@ def test_axes_of_a_sweep_have_display_units(files: dict[str, Path]) -> None:
 
 
 def test_exponents_of_units_are_raised(opened: Callable[..., Page]) -> None:
-    """`Pa/%3` and `mm2`, on the page and in a report."""
+    """`N/m7` and `mm2`, on the page and in a report."""
     page = opened("BoostPlant", 1280)
-    coefficients = page.locator("[id='valve.pressure_coefficient'] .unit sup")
-    assert coefficients.all_text_contents() == ["3", "2"]
+    assert page.locator("[id='actuator.spring_hardening'] .unit sup").text_content() == "7"
     assert page.locator("[id='valve.tank_area'] .start sup").text_content() == "2"
-    raised = opened("identification", 1280).locator("td:has-text('Pa/%') sup")
-    assert raised.all_text_contents() == ["3", "2"]
+    raised = opened("identification", 1280).locator("td:has-text('N/m7') sup")
+    assert raised.all_text_contents() == ["7"]
 
 
 def test_figures_are_served_by_keyboard(opened: Callable[..., Page]) -> None:

@@ -181,6 +181,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
         directional_derivatives: {},
         adjoint_derivatives: {},
         event_mode: {},
+        early_return: {},
         per_element_dependencies: {},
     }},
 }};
@@ -197,6 +198,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             capabilities.directional_derivatives,
             capabilities.adjoint_derivatives,
             capabilities.event_mode,
+            model.declaration.returns_early(),
             model.has_element_dependencies(),
             categories = categories.join(", "),
         )

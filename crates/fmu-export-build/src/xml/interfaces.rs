@@ -65,15 +65,16 @@ fn fmi3(model: &Model<'_>) -> [Attributes; 3] {
         ("providesAdjointDerivatives", has.adjoint_derivatives),
         ("providesPerElementDependencies", model.has_element_dependencies()),
     ]);
+    let has_intermediate_updates = model.declaration.has_intermediate_updates();
     // The runtime does nothing when a step is completed.
     let of_model_exchange = flags([("needsCompletedIntegratorStep", false)]);
     let of_co_simulation = [
         flags([("canHandleVariableCommunicationStepSize", has.variable_communication_step_size)]),
         vec![output_derivatives(model)],
         flags([
-            ("mightReturnEarlyFromDoStep", true),
-            ("providesIntermediateUpdate", has.event_mode),
-            ("canReturnEarlyAfterIntermediateUpdate", has.event_mode),
+            ("mightReturnEarlyFromDoStep", model.declaration.returns_early()),
+            ("providesIntermediateUpdate", has_intermediate_updates),
+            ("canReturnEarlyAfterIntermediateUpdate", has_intermediate_updates),
             ("hasEventMode", has.event_mode),
         ]),
     ];

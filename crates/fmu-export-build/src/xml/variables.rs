@@ -153,7 +153,10 @@ impl<'m, 'a> Variables<'m, 'a> {
                 let name = self.model.declaration.enumerations[enumeration].name.clone();
                 vec![("declaredType", name)]
             }
-            DataType::Clock => clock_attributes(self.model.field(position).declaration),
+            DataType::Clock => {
+                let has_priority = self.model.fmi.interfaces.scheduled_execution();
+                clock_attributes(self.model.field(position).declaration, has_priority)
+            }
             data_type => {
                 // Of an integer the checks allow only integers, and `Display` prints them without a fraction.
                 let bound = |bound: f64| if data_type.is_float() { float(bound) } else { bound.to_string() };
@@ -171,7 +174,7 @@ impl<'m, 'a> Variables<'m, 'a> {
     /// Whether a variable can be exchanged between two internal steps of co-simulation, as in `fmu_export`'s runtime.
     fn has_intermediate_update(&self, scalar: &Scalar) -> bool {
         self.is_fmi3()
-            && self.model.declaration.capabilities.event_mode
+            && self.model.declaration.has_intermediate_updates()
             && self.model.fmi.interfaces.co_simulation()
             && scalar.data_type == DataType::Real
             && scalar.variability == Variability::Continuous
@@ -235,12 +238,12 @@ impl<'m, 'a> Variables<'m, 'a> {
 }
 
 /// The attributes of clocks only. An interval declared in one form is also written in the other: importers read the
-/// decimal number.
-fn clock_attributes(clock: &VariableDeclaration) -> Attributes {
+/// decimal number. Priorities are those of Scheduled Execution (FMI 3.0.2, section 2.4.4).
+fn clock_attributes(clock: &VariableDeclaration, has_priority: bool) -> Attributes {
     let [interval, shift] = clock.timing().map_or([None; 2], |timing| timing.map(Some));
     given([
         ("canBeDeactivated", clock.can_be_deactivated.then(|| true.to_string())),
-        ("priority", clock.priority.map(|priority| priority.to_string())),
+        ("priority", clock.priority.filter(|_| has_priority).map(|priority| priority.to_string())),
         ("intervalVariability", Some(word(clock.ticks()).to_string())),
         ("intervalDecimal", interval.map(float)),
         ("shiftDecimal", shift.filter(|shift| *shift > 0.0).map(float)),

@@ -109,6 +109,29 @@ fn event_mode_is_declared_where_the_model_has_it() {
     }
 }
 
+/// FMI 3.0.2, section 4.4: elsewhere importers rely on whole steps. Event Mode brings intermediate updates, too.
+#[test]
+fn early_return_is_announced_where_a_step_can_end_early() {
+    for (capabilities, [early_return, has_updates]) in [
+        ("", [false, false]),
+        ("\"termination\": true, ", [true, false]),
+        ("\"event_mode\": true, ", [true, true]),
+        ("\"termination\": true, \"event_mode\": true, ", [true, true]),
+    ] {
+        let declared = format!("\"capabilities\": {{{capabilities}");
+        let edit = ("\"capabilities\": {", &declared[..]);
+        let generated =
+            edited("early return", Version::Three, &[edit]).unwrap_or_else(|error| panic!("{error}"));
+        let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+        let expected = format!(
+            "mightReturnEarlyFromDoStep=\"{early_return}\" providesIntermediateUpdate=\"{has_updates}\" \
+             canReturnEarlyAfterIntermediateUpdate=\"{has_updates}\" hasEventMode=\"{has_updates}\""
+        );
+        assert!(xml.contains(&expected), "{expected} in {xml}");
+        assert!(rust.contains(&format!("early_return: {early_return},")));
+    }
+}
+
 /// FMI 2.0.5, sections 2.2.1, 2.2.7, 3.3.1 and the schemas' order of elements and attributes.
 #[test]
 fn model_exchange_is_declared_with_what_belongs_to_it_and_nothing_else_changes() {
@@ -247,18 +270,28 @@ fn clocks_are_described_and_typed() {
     let generated = generate("", Interfaces::Both).unwrap_or_else(|error| panic!("{error}"));
     let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
     for text in [
-        r#"priority="1" intervalVariability="constant" intervalDecimal="0.75" shiftDecimal="0.25" supportsFraction="true" resolution="4" intervalCounter="3" shiftCounter="1"/>"#,
-        r#"canBeDeactivated="true" priority="0" intervalVariability="triggered"/>"#,
+        r#"causality="input" variability="discrete" intervalVariability="constant" intervalDecimal="0.75" shiftDecimal="0.25" supportsFraction="true" resolution="4" intervalCounter="3" shiftCounter="1"/>"#,
+        r#"canBeDeactivated="true" intervalVariability="triggered"/>"#,
         r#"causality="output" variability="discrete" intervalVariability="triggered"/>"#,
         r#"initial="calculated" clocks="1 2"/>"#,
         r#"<Output valueReference="3" dependencies="1 2"/>"#,
         r#"<Output valueReference="4" dependencies="1"/>"#,
         r#"clocks="1" previous="5"/>"#,
         "<ClockedState valueReference=\"6\" dependencies=\"1 5\"/>\n    <InitialUnknown valueReference=\"4\" dependencies=\"\"/>\n  </ModelStructure>",
-        r#"hasEventMode="true""#,
+        r#"mightReturnEarlyFromDoStep="false" providesIntermediateUpdate="false" canReturnEarlyAfterIntermediateUpdate="false" hasEventMode="true""#,
     ] {
         assert!(xml.contains(text), "{text} in {xml}");
     }
+    // Section 2.4.4: priorities are for Scheduled Execution, and ignored elsewhere.
+    let scheduled = generate("", Interfaces::ScheduledExecution).unwrap_or_else(|error| panic!("{error}"));
+    let scheduled = read(&scheduled.model_description);
+    for text in [
+        r#"priority="1" intervalVariability="constant""#,
+        r#"canBeDeactivated="true" priority="0" intervalVariability="triggered"/>"#,
+    ] {
+        assert!(scheduled.contains(text), "{text} in {scheduled}");
+    }
+    assert!(!xml.contains("priority="), "{xml}");
     // Inputs come first, by their priority.
     for text in [
         "slow: ::fmu_export::Clock::periodic(0.75, 0.25)",
@@ -394,6 +427,15 @@ fn edited(name: &str, version: Version, edits: &[(&str, &str)]) -> Result<Genera
     fs::write(&file, text).expect("the folder for tests is writable");
     let fmi = Fmi { version, interfaces: Interfaces::Both };
     generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+}
+
+#[test]
+fn an_item_needs_no_description() {
+    let description = r#", "description": "Half \"full\"""#;
+    let generated = edited("item", Version::Three, &[(description, "")]).expect("it is optional");
+    let [xml, page] = [&generated.model_description, &generated.documentation].map(|file| read(file));
+    assert!(xml.contains(r#"<Item name="half_full" value="2"/>"#), "{xml}");
+    assert!(page.contains("<code>half_full</code></th><td></td>"), "{page}");
 }
 
 /// FMI 2.0.5, section 4.3.1: who can serialize a state can get and set it.

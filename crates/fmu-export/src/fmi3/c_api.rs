@@ -120,8 +120,9 @@ c_functions! {
         let orders = elements("orders", orders, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
             instance.check_registered(scalars)?;
+            // An unknown variable keeps its order, with which it is rejected.
             let of_elements = |(&reference, &order): (&ValueReference, &i32)| {
-                iter::repeat_n(order, Instance::<M>::elements(reference).map_or(0, Iterator::count))
+                iter::repeat_n(order, Instance::<M>::elements(reference).map_or(1, Iterator::count))
             };
             let orders = references.iter().zip(orders.iter()).flat_map(of_elements);
             write_elements("values", values, value_count, |values| {

@@ -3,6 +3,7 @@
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::context::Context;
+use crate::description::{Capabilities, Version};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::events::Events;
@@ -40,7 +41,7 @@ impl<M: Model> Instance<M> {
         }
         let memory = &mut self.memory;
         if memory.end.is_some() {
-            return Ok(self.discard_for_end());
+            return self.discard_for_end(end);
         }
         memory.inputs.update();
         if memory.accept_parameters()? {
@@ -61,7 +62,7 @@ impl<M: Model> Instance<M> {
         check_finite(&memory.variables, event.unwrap_or(end))?;
         memory.stale = false;
         if let Some(asked) = asked {
-            return Ok(self.end_step_early(asked, end));
+            return self.end_step_early(asked, end);
         }
         memory.phase = Phase::StepComplete;
         memory.time = event.unwrap_or(end);
@@ -71,22 +72,33 @@ impl<M: Model> Instance<M> {
 
     /// The model requests the end at a time (s) within the step.
     #[cold]
-    fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Answer {
         // It may be off by rounding.
-        self.memory.time = asked.max(self.memory.time).min(end);
+        let is_at_end = asked >= end - time_rounding(end);
+        self.memory.time = if is_at_end { end } else { asked.max(self.memory.time) };
         self.memory.end = Some(asked);
-        self.discard_for_end()
+        self.discard_for_end(end)
     }
 
-    /// The model requests the end: the step is not completed (section 4.2.1).
+    /// The model requests the end: the step to `end` (s) is not completed (section 4.2.1).
     #[cold]
-    fn discard_for_end(&mut self) -> Status {
+    fn discard_for_end(&mut self, end: f64) -> Answer {
+        let Capabilities { early_return, .. } = Self::DESCRIPTION.capabilities;
+        // FMI 3.0.2, section 4.4: without `mightReturnEarlyFromDoStep` importers rely on whole steps.
+        if Self::DESCRIPTION.version == Version::Three && !early_return && self.memory.time < end {
+            return Err(Error::new(format!(
+                "the model requests the end of the simulation at {} s, within the step to {} s; its JSON must declare \
+                 that: \"capabilities\": {{\"termination\": true}}",
+                Shown(self.memory.time),
+                Shown(end)
+            )));
+        }
         self.memory.phase = Phase::StepFailed;
         self.log_discarded(format_args!(
             "the model requests the end of the simulation at {} s",
             Shown(self.memory.time)
         ));
-        Status::Discard
+        Ok(Status::Discard)
     }
 
     /// Whether the model has requested the end.

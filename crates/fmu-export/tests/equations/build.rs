@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::{env, fs};
 
-use fmu_export_build::{Interfaces, Package, generate_into};
+use fmu_export_build::{Fmi, Interfaces, Package, Version, generate_into};
 
 fn main() {
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts");
@@ -21,12 +21,25 @@ fn main() {
         "rod",
         "field",
         "furnace",
+<<<<<<< HEAD
         "two_parts",
+=======
+        "ending",
+>>>>>>> w-descriptions
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
+<<<<<<< HEAD
         generate(Path::new(&declaration), &out_dir);
+=======
+        let package = Package::of_build_script();
+        // What FMI 3.0 alone demands.
+        let version = if model == "ending" { Version::Three } else { Version::Two };
+        let fmi = Fmi { version, interfaces: Interfaces::Both };
+        generate_into(Path::new(&declaration), Path::new(&out_dir), &package, fmi)
+            .unwrap_or_else(|error| panic!("{error}"));
+>>>>>>> w-descriptions
     }
     let text = fs::read_to_string("two_parts.json").expect("it is beside this file");
     let of_capabilities = |line: &&str| line.contains("\"capabilities\"");

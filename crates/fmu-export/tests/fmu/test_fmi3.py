@@ -324,6 +324,48 @@ def test_a_step_tells_where_it_ended(make: Callable[..., Instance3]) -> None:
     assert instance.step(0.125, -1.0) == (Status.ERROR, (False, False, False, 0.125))
 
 
+EARLY: dict[str, dict[str, bool]] = {
+    "TestModel": {"event": False, "update": False, "end": True},
+    SAMPLED: {"event": True, "update": True, "end": True},
+    CLOCKED: {"event": False, "update": False, "end": False},
+}
+"""Whether a step ends early at an event, at an intermediate update, and where the model asks for the end."""
+
+
+@pytest.mark.parametrize("model", EARLY)
+def test_steps_end_early_in_models_that_say_so(make: Callable[..., Instance3], model: str) -> None:
+    """Section 4.4, `mightReturnEarlyFromDoStep`: without it, importers rely on whole steps."""
+    _, description = described(model)
+    has_event_mode = description.coSimulation.hasEventMode
+    updates = []
+
+    def update(_environment: int, time: float, *flags: object) -> None:
+        updates.append(time)
+        *_, can_return, asked, at = flags
+        asked[0], at[0] = can_return, time
+
+    for cause, expected in EARLY[model].items():
+        # With clocks there is no Co-Simulation without Event Mode.
+        has_events = has_event_mode and (cause == "event" or model == CLOCKED)
+        arguments = {"earlyReturnAllowed": True, "model": model}
+        if cause == "update":
+            arguments["intermediateUpdate"] = fmi3IntermediateUpdateCallback(update)
+        instance = make(EVENT_MODE if has_events else CO_SIMULATION, **arguments)
+        for variable in description.modelVariables:
+            if cause == "end" and variable.name in ("events.end", "end"):
+                assert instance.set("Float64", [variable.valueReference], [0.25]) == Status.OK
+        instance.initialize()
+        if has_events:
+            instance.update()
+            instance.ok("fmi3EnterStepMode")
+        assert instance.step(0.0, 0.125) == (Status.OK, (False, False, False, 0.125))
+        status, (_, ends, is_early, reached) = instance.step(0.125, 0.25)
+        assert (status, is_early, reached) == (Status.OK, expected, 0.25 if expected else 0.375), cause
+        assert ends == (expected and cause == "end")
+    assert (updates != []) == description.coSimulation.providesIntermediateUpdate
+    assert any(EARLY[model].values()) == description.coSimulation.mightReturnEarlyFromDoStep
+
+
 @pytest.mark.parametrize("early", [False, True])
 def test_the_model_asks_for_the_end(
     make: Callable[..., Instance3], description: ModelDescription, early: bool

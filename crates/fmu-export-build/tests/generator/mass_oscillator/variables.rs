@@ -430,6 +430,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         directional_derivatives: true,
         adjoint_derivatives: false,
         event_mode: false,
+        early_return: false,
         per_element_dependencies: false,
     },
 };

@@ -172,7 +172,10 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
     let mut scalars = Vec::with_capacity(references.len());
     for &reference in references {
         let variable = M::Variables::description(reference).filter(|variable| {
-            M::Variables::DESCRIPTION.capabilities.event_mode && has_intermediate_update(variable)
+            let description = M::Variables::DESCRIPTION;
+            // With clocks the model computes in Event Mode only.
+            let has_updates = description.capabilities.event_mode && M::Variables::CLOCKS.is_empty();
+            has_updates && has_intermediate_update(variable)
         });
         if variable.is_none() {
             let name = name_of::<M>(reference);

@@ -16,8 +16,12 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
+<<<<<<< HEAD
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
     without_capabilities: "without_capabilities", vessels: "Vessels");
+=======
+    falling: "falling", rod: "rod", field: "field", furnace: "furnace", ending: "ending", vessels: "Vessels");
+>>>>>>> w-descriptions
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -311,6 +315,34 @@ impl Equations for Stairs {
         if event.indicators[0] {
             self.switches += 1;
             variables.outputs.last_switch = event.time;
+        }
+        Ok(())
+    }
+}
+
+/// Asks for the end at 0.25 s.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct Ending {}
+
+impl Equations for Ending {
+    type Variables = ending::Variables;
+
+    fn evaluate<T: Number>(&self, time: T, variables: ending::Evaluation<'_, T>) {
+        variables.outputs.seconds = time;
+    }
+
+    fn next_event(&self, time: f64, _variables: &ending::Variables) -> Option<f64> {
+        Some(if time < 0.25 { 0.25 } else { f64::INFINITY })
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        _variables: &mut ending::Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        if event.is_due {
+            context.terminate(event.time);
         }
         Ok(())
     }

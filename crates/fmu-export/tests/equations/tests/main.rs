@@ -7,6 +7,7 @@ mod intermediate_update;
 mod rod;
 mod samples;
 mod solutions;
+mod termination;
 mod two_parts;
 mod two_rates;
 mod vessels;

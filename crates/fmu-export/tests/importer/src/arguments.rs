@@ -225,35 +225,32 @@ impl Whim {
     }
 }
 
-impl Instance<'_> {
+impl<'f> Instance<'f> {
     /// The variables for a function's value references, of which derivative functions have two lists.
-    fn selected(&self, function: &Function, whim: &mut Whim) -> [Vec<&FmuVariable>; 2] {
+    pub fn selected(&self, function: &Function, whim: &mut Whim) -> [Vec<&'f FmuVariable>; 2] {
         let name = &function.name[4..];
-        let (kind, gets) = match (name.strip_prefix("Get"), name.strip_prefix("Set")) {
-            (Some(kind), _) => (kind, true),
-            (_, Some(kind)) => (kind, false),
-            _ => return [vec![], vec![]],
-        };
-        let real = if self.fmu.description.is_fmi3() { "Float64" } else { "Real" };
+        let Some(data_type) = function.data_type() else { return [vec![], vec![]] };
+        let variables = || self.fmu.variables(data_type);
         let is_continuous = |variable: &&FmuVariable, of: &str| {
             variable.causality == of && variable.variability == "continuous"
         };
-        let of = |causality| self.fmu.variables(real).filter(move |v| is_continuous(v, causality)).collect();
-        let [mut first, mut second]: [Vec<_>; 2] = if kind.contains("OutputDerivatives") {
+        let of = |causality| variables().filter(move |v| is_continuous(v, causality)).collect();
+        let [mut first, mut second]: [Vec<_>; 2] = if name.contains("OutputDerivatives") {
             [of("output"), vec![]]
-        } else if kind.contains("InputDerivatives") {
+        } else if name.contains("InputDerivatives") {
             [of("input"), vec![]]
-        } else if kind == "DirectionalDerivative" || kind == "AdjointDerivative" {
+        } else if name.contains("Derivative") {
             [of("output"), of("input")]
-        } else if kind.starts_with("Interval") || kind.starts_with("Shift") || kind == "Clock" {
+        } else if data_type == "Clock" {
             if whim.state.is_none() {
                 return [vec![], vec![]];
             }
-            [self.fmu.variables("Clock").collect(), vec![]]
+            [variables().collect(), vec![]]
         } else {
-            let reads = gets && (self.at.state != State::Instantiated || !self.fmu.description.is_fmi3());
+            let is_readable = self.at.state != State::Instantiated || !self.fmu.description.is_fmi3();
+            let reads = name.starts_with("Get") && is_readable;
             let fits = |variable: &&FmuVariable| reads || self.is_settable(variable);
-            [self.fmu.variables(kind).filter(fits).collect(), vec![]]
+            [variables().filter(fits).collect(), vec![]]
         };
         if whim.state.is_none() {
             first.retain(|variable| !self.fmu.clocked.contains(&variable.name));
@@ -280,12 +277,23 @@ impl Instance<'_> {
     }
 
     /// The arguments of a function: valid ones, but for a whim.
+    pub fn arguments(&mut self, function: &'static Function, whim: &mut Whim) -> Vec<Argument> {
+        let selected = self.selected(function, whim);
+        self.arguments_of(function, selected, whim)
+    }
+
+    /// Likewise with the value references of these variables.
     #[allow(
         clippy::too_many_lines,
         clippy::cast_possible_truncation,
         reason = "one case a kind; any value will do"
     )]
-    pub fn arguments(&mut self, function: &'static Function, whim: &mut Whim) -> Vec<Argument> {
+    pub fn arguments_of(
+        &mut self,
+        function: &'static Function,
+        [first, second]: [Vec<&FmuVariable>; 2],
+        whim: &mut Whim,
+    ) -> Vec<Argument> {
         let name = &function.name[4..];
         let takes_state = function
             .parameters
@@ -312,7 +320,6 @@ impl Instance<'_> {
             vec![]
         };
 
-        let [first, second] = self.selected(function, whim);
         let size = |list: &[&FmuVariable]| list.iter().map(|variable| self.fmu.size(variable)).sum();
         let (of_states, of_indicators) = self.fmu.counts;
         let mut counts: Vec<_> = function
@@ -400,6 +407,7 @@ impl Instance<'_> {
                                 if whim.has(0.03) { whim.of(&ODD_NUMBERS) } else { moved }
                             }
                             "order" | "orders" => whim.of(&[1.0, 1.0, 1.0, 2.0, 0.0, 9.0, -1.0]),
+                            "resolutions" => whim.of(&[8.0, 80.0, 1.0, 0.0]),
                             "valueSizes" => sizes_of_binaries[position] as f64,
                             _ => scalar.map_or(0.5, |(variable, start)| value(variable, start, whim)),
                         };

@@ -194,6 +194,30 @@ pub struct Function {
     pub call: unsafe fn(*const c_void, *mut c_void, &[Raw]) -> c_int,
 }
 
+impl Function {
+    /// Whether a parameter holds value references.
+    pub fn has_references(kind: Kind) -> bool {
+        matches!(kind, Kind::Reference | Kind::In(Element::Reference))
+    }
+
+    /// The type of the variables whose value references it takes, if of one type.
+    pub fn data_type(&self) -> Option<&'static str> {
+        let (version, name) = self.name.split_at(4);
+        let kind = name.strip_prefix("Get").or(name.strip_prefix("Set")).unwrap_or(name);
+        let is_of_clocks = ["Clock", "Interval", "Shift", "Activate"].iter().any(|of| kind.starts_with(of));
+        let takes_some = self.parameters.iter().any(|&(_, kind)| Self::has_references(kind));
+        if !takes_some || kind.ends_with("Dependencies") {
+            None
+        } else if is_of_clocks {
+            Some("Clock")
+        } else if kind.contains("Derivative") {
+            Some(if version == "fmi3" { "Float64" } else { "Real" })
+        } else {
+            Some(kind)
+        }
+    }
+}
+
 macro_rules! functions {
     ($table:ident: $($interface:expr => {
         $($name:ident($($parameter:ident: $type:ty),*), $states:literal;)*

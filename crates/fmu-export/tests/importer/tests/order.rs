@@ -2,7 +2,7 @@
 //! sections 2.3, 3.2, 4.2 and 5.2).
 
 use fmu_importer::instance::instances;
-use fmu_importer::{Fmu, Instance, Interface, State, Status, Whim};
+use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
 
 const STATES: [State; 9] = [
     State::Instantiated,
@@ -144,4 +144,20 @@ fn which_variables_can_be_set() {
         }
     }
     assert!(tried > 500, "{tried}");
+}
+
+/// FMI 3.0.2, section 4.4: an FMU without `mightReturnEarlyFromDoStep` completes its steps, those with events, too.
+#[test]
+#[ignore = "of exported FMUs"]
+fn steps_of_equations_are_whole_unless_the_fmu_says_otherwise() {
+    let fmu = Fmu::open(&Fmu::folder(), "ladder/fmu/fmi3/BouncingBall.fmu");
+    assert!(!fmu.description.has_capability("CoSimulation", "mightReturnEarlyFromDoStep"));
+    let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
+    let function = fmu.function("DoStep");
+    for step in 1..=24 {
+        let arguments = instance.arguments(function, &mut Whim::none());
+        assert_eq!(instance.call(function, &arguments).0, Status::Ok);
+        let [.., Argument::Memory(early), Argument::Memory(reached)] = &arguments[..] else { panic!() };
+        assert_eq!((early.content(), reached.numbers()), (vec![0], vec![0.125 * f64::from(step)]));
+    }
 }

@@ -262,7 +262,7 @@ fn the_controller_survives_calls_in_any_order() {
 #[test]
 #[ignore = "of exported FMUs"]
 fn models_of_equations_survive_calls_in_any_order() {
-    let paths = ["ladder/fmu/BouncingBall.fmu", "ladder/fmu/Stair.fmu"];
+    let paths = ["ladder/fmu/BouncingBall.fmu", "ladder/fmu/fmi3/BouncingBall.fmu", "ladder/fmu/Stair.fmu"];
     let fmus: Vec<_> = paths.into_iter().map(|path| Fmu::open(&Fmu::folder(), path)).collect();
     for (fmu, interface) in instances(&fmus) {
         any_order(fmu, interface, 200, &|_| {});
