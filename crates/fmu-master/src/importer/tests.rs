@@ -727,3 +727,20 @@ fn wrong_derivatives_of_stiff_and_badly_scaled_systems_are_found() {
         assert!(warnings.len() == 1 && warnings[0].contains(&by), "{system}, {column}: {warnings:?}");
     }
 }
+
+/// Some FMUs keep the callbacks of their last instance for all.
+#[test]
+fn a_message_is_from_the_instance_that_is_called() {
+    for version in [2, 3] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("misbehaving.fmu");
+        let description = careless::misbehaving(version, 1, "log_other");
+        careless::write(&path, &description, careless::misbehaving_library());
+        let fmu = Fmu::open(&path).unwrap();
+        let [mut first, mut second] = [started(&fmu).unwrap(), started(&fmu).unwrap()];
+        first.step(0.0, 0.5).unwrap();
+        let warnings: Vec<_> = first.take_warnings().into_iter().map(|message| message.text).collect();
+        assert_eq!(warnings, ["said with another's"]);
+        assert!(second.take_warnings().is_empty());
+    }
+}

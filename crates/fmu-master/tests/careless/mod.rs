@@ -33,9 +33,14 @@ pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 /// What `misbehaving.c` does, in the order of its enumerations.
 const MISDEEDS: &str = "none exit_in_load exit_in_instantiate exit_in_step exit_in_thread exit_in_terminate exit_in_free \
                         quick_exit_in_step fail_in_step log_one log_null log_own log_in_instantiate log_in_thread \
-                        log_in_free log_after_free log_nothing log_latin log_unknown_status huge_derivative \
+                        log_in_free log_after_free log_nothing log_latin log_unknown_status log_other huge_derivative \
                         opposite_derivative no_derivative nan_derivative";
 const SYSTEMS: &str = "lags stiff scaled robertson van_der_pol kink rounded noisy diode";
+
+/// The number of a misdeed.
+pub fn number_of(misdeed: &str) -> usize {
+    MISDEEDS.split_whitespace().position(|known| known == misdeed).expect("a misdeed")
+}
 
 /// The modelDescription.xml of the FMU of `misbehaving.c`, of a version of FMI, with a number of states and the misdeed that
 /// it begins with.
@@ -82,6 +87,7 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
         variables += &variable(&name.to_lowercase(), 204 + position, parameter, "Enumeration", &declared);
     }
     variables += &variable("y", 206, "causality=\"output\"", "Float64", "");
+    let misdeed = number_of(misdeed);
     let (guid, capability) = if is_fmi3 {
         ("instantiationToken", "providesDirectionalDerivatives")
     } else {

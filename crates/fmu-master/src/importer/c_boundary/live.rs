@@ -122,8 +122,9 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes a message with an environment, under the name of an instance if the FMU gives one. With an unknown environment it is
-/// from the FMU that this thread calls, else from the only instance of its name; else it is printed.
+/// Takes a message with an environment, under the name of an instance if the FMU gives one. It is from the FMU that this
+/// thread calls. In a thread of an FMU's own it is from the one of the environment, else from the only one of the name; else
+/// it is printed.
 pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
     let live = locked(&LIVE);
     let named = || {
@@ -131,7 +132,7 @@ pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
         named.next().filter(|_| named.next().is_none())
     };
     let called = || live.get(&CALLED.get()?);
-    let Some(life) = live.get(&environment).or_else(called).or_else(named) else {
+    let Some(life) = called().or_else(|| live.get(&environment)).or_else(named) else {
         drop(live);
         return print(name.unwrap_or("an FMU"), &message);
     };
@@ -175,7 +176,7 @@ extern "C" fn end() {
 
 /// Which FMU ends the process; none if none lives, as at the program's own end.
 fn culprit() -> Option<String> {
-    const ENDED: &str = "the FMU ended the process, by exit,";
+    const ENDED: &str = "the FMU ended the process by `exit`";
     let live = locked(&LIVE);
     if let Some(life) = CALLED.get().and_then(|called| live.get(&called)) {
         return Some(format!("{}: {ENDED} in {}", life.name, locked(&life.call)));
@@ -186,5 +187,5 @@ fn culprit() -> Option<String> {
     let suspects: Vec<_> =
         if instances.is_empty() { libraries } else { instances }.into_iter().map(of).collect();
     (!suspects.is_empty())
-        .then(|| format!("an FMU ended the process, by exit, outside of a call: {}", suspects.join(", ")))
+        .then(|| format!("an FMU ended the process by `exit` outside of a call: {}", suspects.join(", ")))
 }
