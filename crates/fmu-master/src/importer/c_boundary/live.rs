@@ -34,6 +34,8 @@ static STATUS_OF_EXIT: OnceLock<c_int> = OnceLock::new();
 thread_local! {
     /// The environment of the FMU that this thread is calling.
     static CALLED: Cell<Option<Environment>> = const { Cell::new(None) };
+    /// Whether an end of the process by this thread is noticed.
+    static IS_WATCHED: Cell<bool> = const { Cell::new(false) };
 }
 
 unsafe extern "C" {
@@ -78,7 +80,9 @@ pub struct Live {
 }
 
 impl Live {
+    /// An FMU that this thread will call.
     pub fn new(name: String) -> Self {
+        watch();
         let environment = NEXT.fetch_add(1, Ordering::Relaxed);
         let life = Arc::new(Life { name, messages: Mutex::default(), call: Mutex::new(Call::Load) });
         locked(&LIVE).insert(environment, Arc::clone(&life));
@@ -153,7 +157,14 @@ fn print(name: &str, message: &Message) {
 ///
 /// An FMU that ends the process by `_exit`, or by a C library of its own, is not noticed.
 pub fn fail_if_an_fmu_exits(status: i32) {
-    if STATUS_OF_EXIT.set(status).is_ok() {
+    // A second call keeps the first one's status.
+    let _ = STATUS_OF_EXIT.set(status);
+}
+
+/// Has an end of the process by this thread noticed. The handler serves one thread: while it runs, a second that ends the
+/// process would find none and end it with its own status.
+fn watch() {
+    if STATUS_OF_EXIT.get().is_some() && !IS_WATCHED.replace(true) {
         // SAFETY: the handler is a function of this program, which does not unwind.
         unsafe {
             atexit(end);
@@ -167,6 +178,7 @@ pub fn fail_if_an_fmu_exits(status: i32) {
 extern "C" fn end() {
     let culprit = if temporary::is_interrupted() { None } else { culprit() };
     let (Some(culprit), Some(status)) = (culprit, STATUS_OF_EXIT.get()) else { return };
+    // A second thread waits here.
     temporary::remove_all();
     terminal::complain(&format!("error: {culprit}"));
     // SAFETY: it ends the process at once. To return would end it with the FMU's status, and `exit` must not be called
