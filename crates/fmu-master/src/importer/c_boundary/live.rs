@@ -196,8 +196,9 @@ fn culprit() -> Option<String> {
     let of = |life: &Arc<Life>| format!("{} after {}", life.name, locked(&life.call));
     let (instances, libraries): (Vec<_>, Vec<_>) =
         live.values().partition(|life| matches!(*locked(&life.call), Call::Of(..)));
-    let suspects: Vec<_> =
+    let mut suspects: Vec<_> =
         if instances.is_empty() { libraries } else { instances }.into_iter().map(of).collect();
+    suspects.dedup();
     (!suspects.is_empty())
         .then(|| format!("an FMU ended the process by `exit` outside of a call: {}", suspects.join(", ")))
 }
