@@ -109,7 +109,7 @@ impl DerivativeCheck {
             self.direction[column] = scale(at, column);
             if let Some(row) = self.contradiction(calls, jacobian, column..column + 1, at)? {
                 let [low, high] = self.quotients[row];
-                let quotient = (low + high) / 2.0 / self.direction[column];
+                let quotient = f64::midpoint(low, high) / self.direction[column];
                 return Ok(Some(WrongElement { row, column, quotient }));
             }
         }

@@ -308,8 +308,8 @@ impl Handle {
     pub fn update_discrete_states(&self) -> (Called, Discrete) {
         let (mut info, mut flags, mut next) = (EventInfo::default(), [0_u8; 5], 0.0);
         let [again, ends, nominals, values, defined] = &mut flags;
-        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
         let name = if self.functions.is_fmi3() { "UpdateDiscreteStates" } else { "NewDiscreteStates" };
+        // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
         let called = self.call(name, |component| unsafe {
             match (&self.functions.exchange2, &self.functions.events3) {
                 (Some(of), _) => (of.new_discrete_states)(component, &raw mut info),
