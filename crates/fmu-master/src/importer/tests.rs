@@ -592,7 +592,9 @@ fn integrated(version: u8, states: usize, values: &[(&str, Value)]) -> Instance 
     let fmu = Fmu::open_with(&path, Some(Interface::ModelExchange), None).unwrap();
     let mut instance = fmu.instantiate("misbehaving").unwrap();
     instance.set_up(0.0, None).unwrap();
-    values.iter().for_each(|(name, value)| instance.set(name, value.clone()).unwrap());
+    for (name, value) in values {
+        instance.set(name, value.clone()).unwrap();
+    }
     instance.enter_initialization().unwrap();
     instance.exit_initialization().unwrap();
     instance

@@ -75,9 +75,9 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
     }
     let mut types = String::new();
     for (position, (name, items)) in [("Misdeed", MISDEEDS), ("System", SYSTEMS)].into_iter().enumerate() {
-        let items = items.split_whitespace().enumerate();
-        let items: String =
-            items.map(|(number, item)| format!("<Item name=\"{item}\" value=\"{number}\"/>")).collect();
+        let numbered = items.split_whitespace().enumerate();
+        let items = numbered.map(|(number, item)| format!("<Item name=\"{item}\" value=\"{number}\"/>"));
+        let items = items.collect::<Vec<_>>().concat();
         types += &if is_fmi3 {
             format!("<EnumerationType name=\"{name}\">{items}</EnumerationType>")
         } else {
