@@ -185,9 +185,11 @@ pub fn main() -> ExitCode {
 }
 
 /// Runs a command and returns the process's exit status: 0 and 1 for yes and no, 2 for an error, which is printed.
-/// Removes temporary files when the process is interrupted.
+/// Removes temporary files when the process is interrupted. An FMU that ends the process ends it with an error.
 pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
     temporary::remove_when_interrupted();
+    #[cfg(feature = "simulate")]
+    fmu_master::fail_if_an_fmu_exits(FAILED.into());
     match command() {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,

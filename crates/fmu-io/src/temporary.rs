@@ -4,8 +4,10 @@ use std::collections::BTreeSet;
 use std::env;
 use std::fs::{self, DirEntry, File};
 use std::io;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::process;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -18,6 +20,8 @@ const UNFINISHED: &str = ".unfinished-";
 /// A folder is locked within this time of its creation.
 const UNLOCKED: Duration = Duration::from_secs(60);
 
+/// Whether the user has interrupted the program.
+static IS_INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Everything to be removed.
 static PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -28,17 +32,30 @@ fn paths() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 /// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes them, and ends the process with
 /// [`INTERRUPTED`]. No effect if one of these signals is ignored, as under `nohup`.
 pub fn remove_when_interrupted() {
-    let remove = || {
-        // Locked until the process ends, so that nothing else is created or moved.
-        let paths = paths();
-        for path in paths.iter() {
-            // Windows cannot remove a loaded library.
-            let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-        }
+    let end = || {
+        IS_INTERRUPTED.store(true, Ordering::Relaxed);
+        remove_all();
         process::exit(INTERRUPTED);
     };
     // It fails if a signal is ignored.
-    let _ = ctrlc::try_set_handler(remove);
+    let _ = ctrlc::try_set_handler(end);
+}
+
+/// Whether an interruption is ending the process.
+#[must_use]
+pub fn is_interrupted() -> bool {
+    IS_INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Removes them, before the process ends at once.
+pub fn remove_all() {
+    let paths = paths();
+    for path in paths.iter() {
+        // Windows cannot remove a loaded library.
+        let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    }
+    // Locked until the process ends, so that nothing else is created or moved.
+    mem::forget(paths);
 }
 
 /// A folder in the system's temporary folder, locked while its process lives.

@@ -52,7 +52,8 @@
 //! is a [`CallFailed`]: the C function, the time, the status and the FMU's own messages. It downcasts to that, except
 //! where a scenario's [`Location`](scenario::Location) precedes it.
 //!
-//! FMUs are native code in this process: one that crashes ends it.
+//! FMUs are native code in this process: one that crashes ends it. [`fail_if_an_fmu_exits`] tells an end that an FMU brings
+//! about by `exit` from success.
 
 mod importer;
 mod master;

@@ -1,6 +1,5 @@
 //! Calls to an instance, whose statuses become results.
 
-use std::fmt;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -8,27 +7,40 @@ use anyhow::{Result, bail};
 
 use super::c_boundary::{Handle, Vector};
 use super::fmu::Fmu;
-use super::messages::{self, CallFailed, Ended, Message, Status};
+use super::messages::{self, CallFailed, Called, Ended, Message, Status};
 
 /// Calls an instance, and keeps what it says.
 pub struct Calls {
     pub fmu: Arc<Fmu>,
     pub name: String,
     pub handle: Rc<Handle>,
-    /// The time reached (s); none before the experiment is set up.
-    pub time: Option<f64>,
+    /// Whether the FMU has directional derivatives, which were not found wrong.
+    pub has_directional_derivatives: bool,
     warnings: Vec<Message>,
 }
 
 impl Calls {
     pub fn new(fmu: Arc<Fmu>, name: &str, handle: Handle) -> Self {
-        Self { fmu, name: name.to_owned(), handle: Rc::new(handle), time: None, warnings: vec![] }
+        let has_directional_derivatives = fmu.has_directional_derivatives();
+        Self {
+            fmu,
+            name: name.to_owned(),
+            handle: Rc::new(handle),
+            has_directional_derivatives,
+            warnings: vec![],
+        }
     }
 
     /// The FMU's warnings since the last call of this function, the oldest first.
     pub fn take_warnings(&mut self) -> Vec<Message> {
         self.collect();
         std::mem::take(&mut self.warnings)
+    }
+
+    /// Warns of the FMU.
+    pub fn warn(&mut self, text: String) {
+        self.collect();
+        self.warnings.push(Message { status: Status::WARNING, text });
     }
 
     /// Keeps the warnings among messages.
@@ -38,13 +50,8 @@ impl Calls {
         self.warnings.extend(warnings.map(|message| messages::with_names(message, self.fmu.description())));
     }
 
-    /// Turns a call's status into a result; the function name is without its version.
-    pub fn check(
-        &mut self,
-        function: fmt::Arguments<'_>,
-        variables: &[String],
-        status: Status,
-    ) -> Result<()> {
+    /// Turns a call's status into a result.
+    pub fn check(&mut self, variables: &[String], Called { function, status }: Called) -> Result<()> {
         if status == Status::OK {
             return Ok(());
         }
@@ -52,13 +59,13 @@ impl Calls {
             self.collect();
             return Ok(());
         }
-        let function = format!("{}{function}", self.fmu.functions.prefix());
+        let function = function.to_string();
         let is_discarded_step = status == Status::DISCARD && function.ends_with("DoStep");
         bail!(CallFailed {
             instance: self.name.clone(),
             function,
             variables: variables.to_owned(),
-            time: self.time,
+            time: self.handle.time.get(),
             status: Some(status),
             messages: messages::telling(self.handle.take_messages(), self.fmu.description()),
             last_successful_time: if is_discarded_step { self.handle.last_successful_time() } else { None },
@@ -76,28 +83,28 @@ impl Calls {
 
     /// Lets an FMU for co-simulation step, from a time (s) by a size (s).
     pub fn do_step(&mut self, time: f64, size: f64) -> Result<()> {
-        let status = self.handle.do_step(time, size);
+        let called = self.handle.do_step(time, size);
         // In FMI 2.0 the step is then discarded; in FMI 3.0 it succeeds.
-        let may_end =
-            if self.fmu.description().is_fmi3() { status.succeeded() } else { status == Status::DISCARD };
+        let may_end = if self.fmu.description().is_fmi3() {
+            called.status.succeeded()
+        } else {
+            called.status == Status::DISCARD
+        };
         if may_end && self.handle.terminates() {
             return self.end(self.handle.last_successful_time().unwrap_or(time + size));
         }
-        self.check(format_args!("DoStep"), &[], status)?;
-        self.time = Some(time + size);
+        self.check(&[], called)?;
+        self.handle.time.set(Some(time + size));
         Ok(())
     }
 
     /// Sets time (s) and continuous states.
     pub fn go_to(&mut self, time: f64, states: &[f64]) -> Result<()> {
-        self.time = Some(time);
-        let status = self.handle.set_time(time);
-        self.check(format_args!("SetTime"), &[], status)?;
+        self.check(&[], self.handle.set_time(time))?;
         if states.is_empty() {
             return Ok(());
         }
-        let status = self.handle.set_states(states);
-        self.check(format_args!("SetContinuousStates"), &[], status)
+        self.check(&[], self.handle.set_states(states))
     }
 
     /// Gets all numbers of a kind, if there are any.
@@ -105,15 +112,6 @@ impl Calls {
         if values.is_empty() {
             return Ok(());
         }
-        let status = self.handle.get_vector(vector, values);
-        let is_fmi3 = self.fmu.functions.is_fmi3();
-        let function = match vector {
-            Vector::States => "GetContinuousStates",
-            Vector::Nominals => "GetNominalsOfContinuousStates",
-            Vector::Derivatives if is_fmi3 => "GetContinuousStateDerivatives",
-            Vector::Derivatives => "GetDerivatives",
-            Vector::Indicators => "GetEventIndicators",
-        };
-        self.check(format_args!("{function}"), &[], status)
+        self.check(&[], self.handle.get_vector(vector, values))
     }
 }

@@ -8,7 +8,7 @@ use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 
 use super::calls::Calls;
-use super::fmu::{Interface, input_clocks, reference};
+use super::fmu::{input_clocks, reference};
 
 /// The most updates of discrete states at one time.
 const MOST_ITERATIONS: u32 = 1000;
@@ -79,10 +79,10 @@ impl EventMode {
     /// Learns when periodic clocks tick; in Initialization Mode, at its time (s).
     pub fn initialize(&mut self, calls: &mut Calls, time: f64) -> Result<()> {
         for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Countdown) {
-            let (status, interval, _) = calls.handle.interval(clock.reference);
-            calls.check(format_args!("GetIntervalDecimal"), &[], status)?;
-            let (status, shift) = calls.handle.shift(clock.reference);
-            calls.check(format_args!("GetShiftDecimal"), &[], status)?;
+            let (called, interval, _) = calls.handle.interval(clock.reference);
+            calls.check(&[], called)?;
+            let (called, shift) = calls.handle.shift(clock.reference);
+            calls.check(&[], called)?;
             let is_positive = interval > 0.0 && interval.is_finite();
             if clock.timing == Timing::Periodic && !is_positive {
                 bail!("{}: a periodic clock has the interval {} s", calls.name, number(interval));
@@ -108,8 +108,8 @@ impl EventMode {
         if self.phase != Phase::BetweenEvents {
             return Ok(());
         }
-        let status = calls.handle.enter_event_mode();
-        calls.check(format_args!("EnterEventMode"), &[], status)?;
+        let called = calls.handle.enter_event_mode();
+        calls.check(&[], called)?;
         self.phase = Phase::EventMode;
         Ok(())
     }
@@ -119,14 +119,12 @@ impl EventMode {
         self.enter(calls)?;
         for _ in 0..MOST_ITERATIONS {
             for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
-                let status = calls.handle.tick(clock.reference);
-                calls.check(format_args!("SetClock"), &[], status)?;
+                let called = calls.handle.tick(clock.reference);
+                calls.check(&[], called)?;
                 clock.has_ticked(time);
             }
-            let (status, discrete) = calls.handle.update_discrete_states();
-            let function =
-                if calls.fmu.functions.is_fmi3() { "UpdateDiscreteStates" } else { "NewDiscreteStates" };
-            calls.check(format_args!("{function}"), &[], status)?;
+            let (called, discrete) = calls.handle.update_discrete_states();
+            calls.check(&[], called)?;
             if discrete.terminates {
                 return calls.end(time);
             }
@@ -135,8 +133,8 @@ impl EventMode {
                 continue;
             }
             for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Periodic) {
-                let (status, interval, qualifier) = calls.handle.interval(clock.reference);
-                calls.check(format_args!("GetIntervalDecimal"), &[], status)?;
+                let (called, interval, qualifier) = calls.handle.interval(clock.reference);
+                calls.check(&[], called)?;
                 if qualifier == CHANGED {
                     clock.interval = interval;
                     clock.next = match clock.timing {
@@ -147,12 +145,8 @@ impl EventMode {
                 }
             }
             if !self.clocks.iter().any(|clock| clock.is_due(time + late)) {
-                let status = calls.handle.leave_event_mode();
-                let function = match calls.fmu.interface() {
-                    Interface::ModelExchange => "EnterContinuousTimeMode",
-                    Interface::CoSimulation => "EnterStepMode",
-                };
-                calls.check(format_args!("{function}"), &[], status)?;
+                let called = calls.handle.leave_event_mode();
+                calls.check(&[], called)?;
                 self.phase = Phase::BetweenEvents;
                 return Ok(());
             }

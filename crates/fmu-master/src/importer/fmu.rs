@@ -81,6 +81,10 @@ pub struct State {
     pub name: String,
     pub reference: ValueReference,
     pub derivative: ValueReference,
+    /// The derivative's name.
+    pub derivative_name: String,
+    /// Its least and greatest value.
+    pub range: (f64, f64),
 }
 
 impl Fmu {
@@ -247,8 +251,13 @@ pub(super) fn input_clocks(description: &FmuDescription) -> impl Iterator<Item =
 fn states(description: &FmuDescription) -> Result<Vec<State>> {
     let states = description.continuous_states().context("its modelDescription.xml is broken")?;
     let named = |[state, derivative]: [&FmuVariable; 2]| {
-        let [reference, derivative] = [reference(state)?, reference(derivative)?];
-        Ok(State { name: state.name.clone(), reference, derivative })
+        Ok(State {
+            name: state.name.clone(),
+            reference: reference(state)?,
+            derivative: reference(derivative)?,
+            derivative_name: derivative.name.clone(),
+            range: state.range()?,
+        })
     };
     states.into_iter().map(named).collect()
 }

@@ -25,28 +25,24 @@ impl Fmu {
     /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
         let resources = self.functions.folder.path().join("resources");
-        let instantiate = match self.interface() {
-            Interface::CoSimulation => "fmi3InstantiateCoSimulation",
-            Interface::ModelExchange => "fmi3InstantiateModelExchange",
-        };
-        let (function, resources) = if self.description().is_fmi3() {
-            (instantiate, format!("{}{MAIN_SEPARATOR}", resources.display()))
+        let resources = if self.description().is_fmi3() {
+            format!("{}{MAIN_SEPARATOR}", resources.display())
         } else {
-            ("fmi2Instantiate", folder::uri(&resources))
+            folder::uri(&resources)
         };
         let texts = [name, self.description().guid(), &resources].map(CString::new);
         let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
             bail!("the name {name:?} holds a zero byte")
         };
-        match Handle::new(&self.functions, [name_text, guid, resources]) {
+        match Handle::new(&self.functions, name, [name_text, guid, resources]) {
             Ok(handle) => {
                 let calls = Calls::new(Arc::clone(self), name, handle);
                 let events = self.has_event_mode.then(|| EventMode::new(&calls)).transpose()?;
                 Ok(Instance { calls, events, integration: None })
             }
-            Err(messages) => bail!(CallFailed {
+            Err((function, messages)) => bail!(CallFailed {
                 instance: name.to_owned(),
-                function: function.to_owned(),
+                function: function.to_string(),
                 variables: vec![],
                 time: None,
                 status: None,
@@ -120,9 +116,9 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
-        let status = self.calls.handle.setup_experiment(start_time, stop_time);
-        self.calls.check(format_args!("SetupExperiment"), &[], status)?;
-        self.calls.time = Some(start_time);
+        let called = self.calls.handle.setup_experiment(start_time, stop_time);
+        self.calls.check(&[], called)?;
+        self.calls.handle.time.set(Some(start_time));
         Ok(())
     }
 
@@ -131,8 +127,8 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn enter_initialization(&mut self) -> Result<()> {
-        let status = self.calls.handle.enter_initialization_mode();
-        self.calls.check(format_args!("EnterInitializationMode"), &[], status)
+        let called = self.calls.handle.enter_initialization_mode();
+        self.calls.check(&[], called)
     }
 
     /// Ends the initialization; steps follow.
@@ -141,12 +137,12 @@ impl Instance {
     /// When the call fails.
     pub fn exit_initialization(&mut self) -> Result<()> {
         let Self { calls, events, integration } = self;
-        let time = calls.time.unwrap_or(0.0);
+        let time = calls.handle.time.get().unwrap_or(0.0);
         if let Some(events) = &mut *events {
             events.initialize(calls, time)?;
         }
-        let status = calls.handle.exit_initialization_mode();
-        calls.check(format_args!("ExitInitializationMode"), &[], status)?;
+        let called = calls.handle.exit_initialization_mode();
+        calls.check(&[], called)?;
         match (&mut *events, calls.fmu.interface()) {
             (Some(events), Interface::ModelExchange) => {
                 *integration = Some(Integration::begin(calls, events, time)?);
@@ -216,8 +212,8 @@ impl Instance {
     }
 
     fn read_group(&mut self, group: &mut Group, names: &[String]) -> Result<()> {
-        let status = self.calls.handle.get(group.number_type, &group.references, &mut group.values);
-        self.calls.check(format_args!("Get{}", group.function), names, status)
+        let called = self.calls.handle.get(group.number_type, &group.references, &mut group.values);
+        self.calls.check(names, called)
     }
 
     /// Sets variables, one value for each name of the selection. An Integer becomes the nearest whole number, a Boolean
@@ -242,8 +238,8 @@ impl Instance {
                 self.read_group(group, &selection.names)?;
             }
             group.gather(values);
-            let status = self.calls.handle.set(group.number_type, &group.references, &group.values);
-            self.calls.check(format_args!("Set{}", group.function), &selection.names, status)?;
+            let called = self.calls.handle.set(group.number_type, &group.references, &group.values);
+            self.calls.check(&selection.names, called)?;
         }
         Ok(())
     }
@@ -302,8 +298,8 @@ impl Instance {
                 let text =
                     CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
                 self.prepare_to_set()?;
-                let status = self.calls.handle.set_string(reference(variable)?, &text);
-                return self.calls.check(format_args!("SetString"), std::slice::from_ref(name), status);
+                let called = self.calls.handle.set_string(reference(variable)?, &text);
+                return self.calls.check(std::slice::from_ref(name), called);
             }
             value => value.number().with_context(|| format!("{name} is no number"))?,
         };
@@ -316,16 +312,15 @@ impl Instance {
     /// # Errors
     /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
     pub fn save(&mut self) -> Result<SavedState> {
-        let Some((status, state, steps)) = self.calls.handle.get_state() else {
+        let Some((called, state, steps)) = self.calls.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.calls.name);
         };
-        let word = self.calls.fmu.functions.state();
-        self.calls.check(format_args!("Get{word}"), &[], status)?;
+        self.calls.check(&[], called)?;
         Ok(SavedState {
             state,
             steps,
             handle: Rc::clone(&self.calls.handle),
-            time: self.calls.time,
+            time: self.calls.handle.time.get(),
             events: self.events.clone(),
             integration: self.integration.clone(),
         })
@@ -339,12 +334,11 @@ impl Instance {
         if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
             bail!("{}: the state is another instance's", self.calls.name);
         }
-        let Some(status) = self.calls.handle.set_state(saved.state, saved.steps) else {
+        let Some(called) = self.calls.handle.set_state(saved.state, saved.steps) else {
             bail!("{}: the FMU cannot restore its state", self.calls.name);
         };
-        let word = self.calls.fmu.functions.state();
-        self.calls.check(format_args!("Set{word}"), &[], status)?;
-        self.calls.time = saved.time;
+        self.calls.check(&[], called)?;
+        self.calls.handle.time.set(saved.time);
         self.events.clone_from(&saved.events);
         self.integration.clone_from(&saved.integration);
         Ok(())

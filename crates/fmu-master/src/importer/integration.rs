@@ -6,11 +6,13 @@ use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::{Directions, Integrator, System, Tolerance};
 use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events};
+use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
+use super::derivative_check::{DerivativeCheck, Use};
 use super::event_mode::{EventMode, TIME_TOLERANCE};
-use super::messages::{CallFailed, Status};
+use super::messages::is_discarded;
 
 /// The most trials and events in a communication step, which must end.
 const MOST_TRIALS: u32 = 100_000;
@@ -33,8 +35,7 @@ pub struct Integration {
 /// What evaluates an FMU's equations.
 #[derive(Clone)]
 struct Equations {
-    /// The references of the derivatives and of the states, arrays as a whole; empty where the FMU has no directional
-    /// derivatives.
+    /// The references of the derivatives and of the states, arrays as a whole.
     derivatives: Vec<ValueReference>,
     states: Vec<ValueReference>,
     /// A direction of the states, or states beside those of interest.
@@ -44,6 +45,47 @@ struct Equations {
     /// Derivatives at the states of interest.
     here: Vec<f64>,
     indicators: Vec<f64>,
+    check: DerivativeCheck,
+}
+
+impl Equations {
+    /// The Jacobian by the FMU's directional derivatives, by rows.
+    fn direct(&mut self, calls: &mut Calls, jacobian: &mut [f64]) -> Result<()> {
+        let Self { derivatives: of, states: by, direction, along, .. } = self;
+        let count = along.len();
+        for column in 0..count {
+            direction.fill(0.0);
+            direction[column] = 1.0;
+            let called = calls.handle.directional_derivative(of, by, direction, along);
+            calls.check(&[], called)?;
+            for (row, along) in along.iter().enumerate() {
+                jacobian[row * count + column] = *along;
+            }
+        }
+        Ok(())
+    }
+
+    /// The same by differences, about a time (s) and states with nominal values.
+    fn difference(
+        &mut self,
+        calls: &mut Calls,
+        time: f64,
+        (states, nominals): (&[f64], &[f64]),
+        jacobian: &mut [f64],
+    ) -> Result<()> {
+        let Self { direction: moved, along, here, .. } = self;
+        let count = along.len();
+        for column in 0..count {
+            moved.copy_from_slice(states);
+            moved[column] += f64::EPSILON.sqrt() * states[column].abs().max(nominals[column]);
+            evaluate(calls, time, moved, along)?;
+            let change = moved[column] - states[column];
+            for (row, (along, here)) in along.iter().zip(&*here).enumerate() {
+                jacobian[row * count + column] = (along - here) / change;
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Integration {
@@ -51,13 +93,10 @@ impl Integration {
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
-        let (mut derivatives, mut states) = (vec![], vec![]);
-        if calls.fmu.has_directional_derivatives() {
-            derivatives.extend(calls.fmu.states.iter().map(|state| state.derivative));
-            states.extend(calls.fmu.states.iter().map(|state| state.reference));
-            derivatives.dedup();
-            states.dedup();
-        }
+        let mut derivatives: Vec<_> = calls.fmu.states.iter().map(|state| state.derivative).collect();
+        let mut states: Vec<_> = calls.fmu.states.iter().map(|state| state.reference).collect();
+        derivatives.dedup();
+        states.dedup();
         let mut begun = Self {
             integrator: Integrator::new(size),
             events: Events::new(indicators),
@@ -72,6 +111,7 @@ impl Integration {
                 along: vec![0.0; size],
                 here: vec![0.0; size],
                 indicators: vec![0.0; indicators],
+                check: DerivativeCheck::new(size),
             },
         };
         begun.handle(calls, events, time, true)?;
@@ -128,12 +168,12 @@ impl Integration {
                 let mut solved = Solved {
                     calls: &mut *calls,
                     equations: &mut self.equations,
-                    nominals: &self.nominals,
+                    tolerance: Tolerance { relative, nominals: &self.nominals },
                     start,
                     size,
                     failure: None,
                 };
-                let tolerance = Tolerance { relative, nominals: &self.nominals };
+                let tolerance = solved.tolerance;
                 let step =
                     self.integrator.step(&mut solved, (place, target), &self.states, &tolerance, &mut trials);
                 let failure = solved.failure.take();
@@ -164,8 +204,8 @@ impl Integration {
                 };
                 place = path.place;
                 self.time = path.solved.time(place);
-                let (status, [event, terminates]) = calls.handle.completed_integrator_step();
-                calls.check(format_args!("CompletedIntegratorStep"), &[], status)?;
+                let (called, [event, terminates]) = calls.handle.completed_integrator_step();
+                calls.check(&[], called)?;
                 if terminates {
                     return calls.end(self.time);
                 }
@@ -180,7 +220,7 @@ impl Integration {
                 );
             }
         }
-        calls.time = Some(end);
+        calls.handle.time.set(Some(end));
         Ok(())
     }
 }
@@ -200,16 +240,11 @@ fn read_indicators(calls: &mut Calls, indicators: &mut [f64], time: f64) -> Resu
     }
 }
 
-/// Whether the FMU asks for a shorter step.
-fn is_discarded(error: &Error) -> bool {
-    error.downcast_ref::<CallFailed>().is_some_and(|failed| failed.status == Some(Status::DISCARD))
-}
-
 /// The equations in a communication step.
 struct Solved<'a> {
     calls: &'a mut Calls,
     equations: &'a mut Equations,
-    nominals: &'a [f64],
+    tolerance: Tolerance<'a>,
     /// The communication step (s).
     start: f64,
     size: f64,
@@ -232,28 +267,39 @@ impl Solved<'_> {
         by_time: &mut [f64],
     ) -> Result<()> {
         let calls = &mut *self.calls;
-        let Equations { derivatives: of, states: by, direction, along, here, .. } = &mut *self.equations;
-        evaluate(calls, time, states, here)?;
-        let count = directions.count();
+        let nominals = self.tolerance.nominals;
+        evaluate(calls, time, states, &mut self.equations.here)?;
         // Those of the states, as the pattern is full.
-        for column in 0..count {
-            let change = if by.is_empty() {
-                direction.copy_from_slice(states);
-                direction[column] += f64::EPSILON.sqrt() * states[column].abs().max(self.nominals[column]);
-                evaluate(calls, time, direction, along)?;
-                along.iter_mut().zip(&*here).for_each(|(along, here)| *along -= here);
-                direction[column] - states[column]
-            } else {
-                direction.fill(0.0);
-                direction[column] = 1.0;
-                let status = calls.handle.directional_derivative(of, by, direction, along);
-                calls.check(format_args!("GetDirectionalDerivative"), &[], status)?;
-                1.0
+        let count = directions.count();
+        if count > 0 && calls.has_directional_derivatives {
+            self.equations.direct(calls, products)?;
+            let at = Use {
+                time,
+                states,
+                derivatives: &self.equations.here,
+                nominals,
+                step: self.size,
+                tolerance: self.tolerance.relative,
             };
-            for (row, along) in along.iter().enumerate() {
-                products[row * count + column] = along / change;
+            if let Some(wrong) = self.equations.check.find_wrong(calls, products, &at)? {
+                let [of, by] = [wrong.row, wrong.column].map(|state| &calls.fmu.states[state]);
+                let warning = format!(
+                    "the FMU's derivative of {} by {} is {} at {} s, but differences give {:.3e}; from here on, differences \
+                     replace the FMU's derivatives",
+                    of.derivative_name,
+                    by.name,
+                    number(products[wrong.row * count + wrong.column]),
+                    Seconds(time),
+                    wrong.quotient
+                );
+                calls.warn(warning);
+                calls.has_directional_derivatives = false;
             }
         }
+        if count > 0 && !calls.has_directional_derivatives {
+            self.equations.difference(calls, time, (states, nominals), products)?;
+        }
+        let Equations { along, here, .. } = &mut *self.equations;
         let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
         evaluate(calls, later, states, along)?;
         for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {

@@ -47,7 +47,7 @@ impl Instance {
         if !fmu.conversions.is_empty() {
             bail!("{}: a map gives it other units, in which it is not linearized", self.calls.name);
         }
-        let time = self.calls.time.context("the instance is not initialized")?;
+        let time = self.calls.handle.time.get().context("the instance is not initialized")?;
         let is_exchange = fmu.interface() == Interface::ModelExchange;
         if is_exchange && self.events.as_ref().is_some_and(EventMode::is_entered) {
             self.step(time, 0.0)?;
@@ -73,7 +73,7 @@ impl Instance {
         self.read(&mut by_states, &mut by_values[..count])?;
         self.read(&mut by_inputs, &mut by_values[count..])?;
         self.observe(&mut of, &mut of_values, count)?;
-        let is_exact = fmu.has_directional_derivatives();
+        let is_exact = self.calls.has_directional_derivatives;
         let columns = if is_exact {
             self.directional_derivatives(&known, &of)?
         } else if is_exchange {
@@ -128,14 +128,14 @@ impl Instance {
             let mut column = vec![0.0; of.names().len()];
             for group in &of.groups {
                 let mut changes = vec![0.0; group.values.len()];
-                let status = self.calls.handle.directional_derivative(
+                let called = self.calls.handle.directional_derivative(
                     &group.references,
                     &[reference(by)?],
                     &seed,
                     &mut changes,
                 );
                 let names = std::slice::from_ref(&by.name);
-                self.calls.check(format_args!("GetDirectionalDerivative"), names, status)?;
+                self.calls.check(names, called)?;
                 group.scatter_derivatives(&changes, &mut column);
             }
             columns.push(column);
@@ -151,7 +151,8 @@ impl Instance {
         inputs: &mut Selection,
         of: &mut Selection,
     ) -> Result<Vec<Vec<f64>>> {
-        let (time, states) = (self.calls.time.unwrap_or_default(), values.len() - inputs.names().len());
+        let (time, states) =
+            (self.calls.handle.time.get().unwrap_or_default(), values.len() - inputs.names().len());
         let mut nominals = vec![1.0; states];
         self.calls.get_vector(Vector::Nominals, &mut nominals)?;
         nominals.resize(values.len(), 1.0);

@@ -2,35 +2,41 @@
 
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-/* What the component environment points to; `Receiver` in c_boundary/logger.rs. */
-struct receiver {
-    void (*receive)(const struct receiver *self, int status, const char *text);
-};
+/* In c_boundary/logger.rs. The environment is a number to it. */
+typedef void receiver(uintptr_t environment, const char *instance, int status, const char *text);
+typedef void logger(uintptr_t environment, const char *instance, int status, const char *category, const char *format, ...);
 
-void fmu_master_log(void *environment, const char *instance, int status, const char *category,
-                   const char *format, ...)
+static receiver *receive;
+
+static void log_message(uintptr_t environment, const char *instance, int status, const char *category, const char *format,
+                        ...)
 {
-    const struct receiver *receiver = environment;
-    (void)instance, (void)category;
-    if (receiver == NULL || format == NULL)
-        return;
+    (void)category;
+    char *text = NULL;
+    if (format != NULL) {
+        va_list arguments;
+        va_start(arguments, format);
+        int length = vsnprintf(NULL, 0, format, arguments);
+        va_end(arguments);
 
-    va_list arguments;
-    va_start(arguments, format);
-    int length = vsnprintf(NULL, 0, format, arguments);
-    va_end(arguments);
-
-    char *text = length < 0 ? NULL : malloc((size_t)length + 1);
-    if (text == NULL) {
-        receiver->receive(receiver, status, format);
-        return;
+        text = length < 0 ? NULL : malloc((size_t)length + 1);
+        if (text != NULL) {
+            va_start(arguments, format);
+            vsnprintf(text, (size_t)length + 1, format, arguments);
+            va_end(arguments);
+        }
     }
-    va_start(arguments, format);
-    vsnprintf(text, (size_t)length + 1, format, arguments);
-    va_end(arguments);
-    receiver->receive(receiver, status, text);
+    receive(environment, instance, status, text == NULL ? format : text);
     free(text);
+}
+
+/* Makes the logger pass messages on. */
+logger *fmu_master_logger(receiver *to)
+{
+    receive = to;
+    return log_message;
 }

@@ -3,6 +3,7 @@
 use std::ffi::c_int;
 use std::fmt;
 
+use anyhow::Error;
 use fmu_export::display::Seconds;
 use fmu_package::{FmuDescription, FmuVariable};
 
@@ -35,6 +36,29 @@ impl Status {
             None => format!("{}, which is not a status of FMI", self.0),
         }
     }
+}
+
+/// A C function of FMI.
+#[derive(Clone, Copy, Debug)]
+pub struct Function {
+    /// `fmi2` or `fmi3`.
+    pub prefix: &'static str,
+    /// What follows, in two parts: the second may be a type.
+    pub name: [&'static str; 2],
+}
+
+impl fmt::Display for Function {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { prefix, name: [first, second] } = self;
+        write!(formatter, "{prefix}{first}{second}")
+    }
+}
+
+/// A called function and its status.
+#[derive(Clone, Copy, Debug)]
+pub struct Called {
+    pub function: Function,
+    pub status: Status,
 }
 
 /// A logged message.
@@ -147,6 +171,11 @@ impl fmt::Display for CallFailed {
 }
 
 impl std::error::Error for CallFailed {}
+
+/// Whether the FMU asks for a shorter step.
+pub(super) fn is_discarded(error: &Error) -> bool {
+    error.downcast_ref::<CallFailed>().is_some_and(|failed| failed.status == Some(Status::DISCARD))
+}
 
 /// An FMU asks for the end of the simulation.
 #[derive(Clone, Debug, PartialEq)]

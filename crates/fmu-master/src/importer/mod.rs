@@ -11,6 +11,7 @@
 
 mod c_boundary;
 mod calls;
+mod derivative_check;
 mod event_mode;
 mod fmu;
 mod folder;
@@ -23,6 +24,7 @@ mod selection;
 #[cfg(test)]
 mod tests;
 
+pub use self::c_boundary::fail_if_an_fmu_exits;
 pub use self::fmu::{Fmu, Interface, ONLY_ONCE};
 pub(crate) use self::folder::extract;
 pub use self::instance::{Instance, SavedState};

@@ -161,7 +161,7 @@ fn a_state_is_saved_restored_and_freed() {
         assert_eq!(level(&mut instance), 0.75_f64.to_bits());
         instance.restore(&saved).unwrap();
         assert_eq!(level(&mut instance), 0.5_f64.to_bits());
-        assert_eq!(instance.calls.time, Some(0.5));
+        assert_eq!(instance.calls.handle.time.get(), Some(0.5));
     }
     assert_eq!(instance.get("states").unwrap().to_bits(), 1.0_f64.to_bits());
     drop(saved);
@@ -355,7 +355,7 @@ fn failures_of_fmi_3_are_reported() {
         failure("discard"),
         "careless: fmi3DoStep at 0 s gave fmi3Discard, having reached 0.75 s\n  stiff: level, 100%, #7, table"
     );
-    assert_eq!(failure("error"), "careless: fmi3DoStep at 0 s gave fmi3Error; the FMU does not say why");
+    assert_eq!(failure("error"), "careless: fmi3DoStep at 0 s gave fmi3Error\n  somebody hears this");
     assert!(failure("fatal").contains("gave fmi3Fatal"));
 
     let mut instance = started(&fmu).unwrap();
@@ -581,4 +581,168 @@ fn members_of_model_exchange_are_coupled() {
     let refused = refused.unwrap_err().to_string();
     let expected = "expected \"cs\" for co-simulation or \"me\" for Model Exchange, found the text \"se\"";
     assert!(refused.ends_with(expected), "{refused}");
+}
+
+/// An instance of the FMU of `misbehaving.c`, initialized in Model Exchange, with values of its parameters. `scaled` has states
+/// of 1e-9 and 1e9, whose nominal values it gives; all others have 1.
+fn integrated(version: u8, states: usize, values: &[(&str, Value)]) -> Instance {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("misbehaving.fmu");
+    careless::write(&path, &careless::misbehaving(version, states, "none"), careless::misbehaving_library());
+    let fmu = Fmu::open_with(&path, Some(Interface::ModelExchange), None).unwrap();
+    let mut instance = fmu.instantiate("misbehaving").unwrap();
+    instance.set_up(0.0, None).unwrap();
+    for (name, value) in values {
+        instance.set(name, value.clone()).unwrap();
+    }
+    instance.enter_initialization().unwrap();
+    instance.exit_initialization().unwrap();
+    instance
+}
+
+/// Steps of 0.125 s to 2 s. Returns the warnings.
+fn warnings_of(instance: &mut Instance) -> Vec<String> {
+    (0..16).for_each(|step| instance.step(0.125 * f64::from(step), 0.125).unwrap());
+    instance.take_warnings().into_iter().map(|message| message.text).collect()
+}
+
+fn item(name: &str) -> Value {
+    Value::Enumeration(name.to_owned())
+}
+
+/// As x' = -x, whose solution at 2 s is exp(-2), within the tolerance of 1e-6 per step, of which fewer than a hundred are
+/// taken.
+#[test]
+fn a_wrong_derivative_is_found_and_replaced() {
+    for (version, misdeed, claimed) in [
+        (2, "huge_derivative", "1000000000"),
+        (3, "huge_derivative", "1000000000"),
+        (2, "opposite_derivative", "1"),
+        (3, "no_derivative", "0"),
+        (2, "nan_derivative", "NaN"),
+    ] {
+        let mut instance = integrated(version, 1, &[("misdeed", item(misdeed))]);
+        let warnings = warnings_of(&mut instance);
+        let expected = format!(
+            "the FMU's derivative of der(x1) by x1 is {claimed} at 0 s, but differences give -1.000e0; from here on, \
+             differences replace the FMU's derivatives"
+        );
+        assert_eq!(warnings, [expected], "{misdeed}");
+        let x = instance.get("x1").unwrap();
+        assert!((x - (-2.0_f64).exp()).abs() < 1e-4, "{misdeed}: {x}");
+    }
+}
+
+/// Of 30 states, the last column by itself and the first and one amid others.
+#[test]
+fn one_wrong_column_among_many_is_found() {
+    for misdeed in ["huge_derivative", "opposite_derivative", "no_derivative"] {
+        for column in [0, 16, 29] {
+            let values = [("misdeed", item(misdeed)), ("column", f64::from(column).into())];
+            let warnings = warnings_of(&mut integrated(2, 30, &values));
+            let by = format!("by x{} is", column + 1);
+            assert!(warnings.len() == 1 && warnings[0].contains(&by), "{misdeed}, {column}: {warnings:?}");
+        }
+    }
+}
+
+#[test]
+fn a_derivative_that_becomes_wrong_is_found() {
+    for event in [0.0, 0.7] {
+        for misdeed in ["huge_derivative", "opposite_derivative", "no_derivative", "nan_derivative"] {
+            let values = [
+                ("misdeed", item(misdeed)),
+                ("from", 0.7.into()),
+                ("column", 3.0.into()),
+                ("event", event.into()),
+            ];
+            let mut instance = integrated(2, 5, &values);
+            let warnings = warnings_of(&mut instance);
+            assert!(
+                warnings.len() == 1 && warnings[0].contains("by x4 is") && !warnings[0].contains(" 0 s"),
+                "{misdeed}, {event}: {warnings:?}"
+            );
+        }
+    }
+    // x1' = -x1 from 1 at 0.7 s.
+    let values = [("misdeed", item("huge_derivative")), ("from", 0.7.into()), ("event", 0.7.into())];
+    let mut instance = integrated(2, 1, &values);
+    warnings_of(&mut instance);
+    let x = instance.get("x1").unwrap();
+    assert!((x - (-1.3_f64).exp()).abs() < 1e-4, "{x}");
+}
+
+#[test]
+fn an_fmu_with_a_wrong_derivative_is_linearized_by_differences() {
+    let mut instance = integrated(2, 1, &[("misdeed", item("huge_derivative"))]);
+    assert_eq!(warnings_of(&mut instance).len(), 1);
+    let linearized = instance.linearize(&[], &[]).unwrap();
+    assert!(!linearized.is_exact && (linearized.a[0][0] + 1.0).abs() < 1e-6, "{:?}", linearized.a);
+}
+
+#[test]
+fn right_derivatives_are_believed() {
+    for (system, states) in [
+        ("lags", 1),
+        ("lags", 30),
+        ("stiff", 2),
+        ("scaled", 8),
+        ("robertson", 3),
+        ("van_der_pol", 2),
+        ("kink", 1),
+        ("rounded", 1),
+        ("noisy", 1),
+        ("diode", 1),
+    ] {
+        let warnings = warnings_of(&mut integrated(2, states, &[("system", item(system))]));
+        assert!(warnings.is_empty(), "{system}: {warnings:?}");
+    }
+}
+
+/// In other than the best conditions, too.
+#[test]
+fn wrong_derivatives_of_stiff_and_badly_scaled_systems_are_found() {
+    for (system, states, column) in [
+        ("stiff", 2, 0),
+        ("stiff", 2, 1),
+        ("scaled", 8, 0),
+        ("scaled", 8, 5),
+        ("robertson", 3, 0),
+        ("robertson", 3, 1),
+        ("van_der_pol", 2, 1),
+        ("diode", 1, 0),
+    ] {
+        let values = [
+            ("system", item(system)),
+            (
+                "misdeed",
+                item(if system == "stiff" && column == 0 {
+                    "opposite_derivative"
+                } else {
+                    "huge_derivative"
+                }),
+            ),
+            ("column", f64::from(column).into()),
+        ];
+        let warnings = warnings_of(&mut integrated(2, states, &values));
+        let by = format!("by x{} is", column + 1);
+        assert!(warnings.len() == 1 && warnings[0].contains(&by), "{system}, {column}: {warnings:?}");
+    }
+}
+
+/// Some FMUs keep the callbacks of their last instance for all.
+#[test]
+fn a_message_is_from_the_instance_that_is_called() {
+    for version in [2, 3] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("misbehaving.fmu");
+        let description = careless::misbehaving(version, 1, "log_other");
+        careless::write(&path, &description, careless::misbehaving_library());
+        let fmu = Fmu::open(&path).unwrap();
+        let [mut first, mut second] = [started(&fmu).unwrap(), started(&fmu).unwrap()];
+        first.step(0.0, 0.5).unwrap();
+        let warnings: Vec<_> = first.take_warnings().into_iter().map(|message| message.text).collect();
+        assert_eq!(warnings, ["said with another's"]);
+        assert!(second.take_warnings().is_empty());
+    }
 }

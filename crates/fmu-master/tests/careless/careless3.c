@@ -80,7 +80,7 @@ fmi3Status fmi3DoStep(void *component, double time, double size, bool a, bool *e
         self->log(self->environment, 2, NULL, "stiff: #0#, 100%, ##7, #6#");
         return 2;
     case ERROR:
-        self->log(NULL, 3, NULL, "nobody hears this");
+        self->log(NULL, 3, NULL, "somebody hears this");
         return 3;
     case FATAL:
         return 4;

@@ -2,14 +2,17 @@
 
 use std::ffi::{c_char, c_int, c_void};
 use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, anyhow};
 use fmu_export::fmi2::c_types::{Boolean, Component, EventInfo, FmuState, ValueReference};
 use fmu_io::temporary::Folder;
 use libloading::Library;
 
+use super::super::messages::Function;
 use super::super::numbers::{Memory, NUMBERS_OF_FMI2, NUMBERS_OF_FMI3, Numbers};
-use super::logger::{CallbackFunctions, Receiver};
+use super::live::{Call, Environment, Live};
+use super::logger::CallbackFunctions;
 
 /// Why a library was not loaded. One from `PythonFMU` expects Python in the process.
 fn not_loaded(error: libloading::Error) -> anyhow::Error {
@@ -163,7 +166,7 @@ type InstantiateCoSimulation3 = unsafe extern "C" fn(
     bool,
     References,
     usize,
-    *const Receiver,
+    Environment,
     LogMessage,
     *const c_void,
 ) -> Component;
@@ -173,11 +176,11 @@ type InstantiateModelExchange3 = unsafe extern "C" fn(
     *const c_char,
     bool,
     bool,
-    *const Receiver,
+    Environment,
     LogMessage,
 ) -> Component;
 /// `fmi3LogMessageCallback`.
-type LogMessage = unsafe extern "C" fn(*const Receiver, c_int, *const c_char, *const c_char);
+type LogMessage = unsafe extern "C" fn(Environment, c_int, *const c_char, *const c_char);
 type Get2 = unsafe extern "C" fn(Component, References, usize, *mut c_void) -> c_int;
 type Get3 = unsafe extern "C" fn(Component, References, usize, *mut c_void, usize) -> c_int;
 type Set2 = unsafe extern "C" fn(Component, References, usize, *const c_void) -> c_int;
@@ -188,6 +191,18 @@ pub enum Instantiate {
     Two(Instantiate2),
     CoSimulation3(InstantiateCoSimulation3),
     ModelExchange3(InstantiateModelExchange3),
+}
+
+impl Instantiate {
+    /// The function's name, in two parts.
+    pub fn name(&self) -> [&'static str; 2] {
+        let interface = match self {
+            Self::Two(_) => "",
+            Self::CoSimulation3(_) => "CoSimulation",
+            Self::ModelExchange3(_) => "ModelExchange",
+        };
+        ["Instantiate", interface]
+    }
 }
 
 /// What every FMU of a version has.
@@ -217,12 +232,18 @@ pub struct Functions {
     pub directional3: Option<Directional3>,
     pub events3: Option<Events3>,
     symbols: Symbols,
-    // Dropped after the library.
+    // Dropped after the library, whose code may use them to its end.
+    /// The callbacks of freed instances, for others.
+    callbacks: Mutex<Vec<Arc<CallbackFunctions>>>,
+    _live: Live,
     pub folder: Folder,
 }
 
 impl Functions {
     /// Loads the library of FMI 2.0 or 3.0 in a folder, for co-simulation or Model Exchange, perhaps with Event Mode.
+    ///
+    /// # Errors
+    /// When it cannot be loaded, or lacks a function.
     pub fn load(
         folder: Folder,
         path: &Path,
@@ -230,8 +251,9 @@ impl Functions {
         is_exchange: bool,
         has_event_mode: bool,
     ) -> Result<Self> {
+        let live = Live::new(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
         // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
-        let library = unsafe { Library::new(path) }.map_err(not_loaded)?;
+        let library = live.call(Call::Load, || unsafe { Library::new(path) }).map_err(not_loaded)?;
         let symbols = Symbols { library, prefix: if is_fmi3 { "fmi3" } else { "fmi2" } };
         let it = &symbols;
         // SAFETY: the standard declares these types for these names.
@@ -261,6 +283,8 @@ impl Functions {
                 directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
                 events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
                 symbols,
+                callbacks: Mutex::default(),
+                _live: live,
                 folder,
             })
         }
@@ -271,9 +295,23 @@ impl Functions {
         self.symbols.state()
     }
 
-    /// What the names of the functions begin with.
-    pub fn prefix(&self) -> &'static str {
-        self.symbols.prefix
+    /// A function of a name in two parts.
+    pub fn function(&self, name: [&'static str; 2]) -> Function {
+        Function { prefix: self.symbols.prefix, name }
+    }
+
+    /// Callbacks for an instance. An FMU may keep a pointer to them beyond it.
+    pub fn callbacks(&self) -> Arc<CallbackFunctions> {
+        self.freed().pop().unwrap_or_else(|| Arc::new(CallbackFunctions::new()))
+    }
+
+    /// Takes the callbacks of a freed instance.
+    pub fn take_back(&self, callbacks: Arc<CallbackFunctions>) {
+        self.freed().push(callbacks);
+    }
+
+    fn freed(&self) -> MutexGuard<'_, Vec<Arc<CallbackFunctions>>> {
+        self.callbacks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn is_fmi3(&self) -> bool {
@@ -286,9 +324,9 @@ impl Functions {
 
     /// The functions for a variable's type, if numeric, and the memory for its values.
     pub fn number_type(&self, data_type: &str) -> Option<(NumberType, Numbers)> {
-        let wanted = match (data_type, self.prefix()) {
-            ("Enumeration", "fmi2") => "Integer",
-            ("Enumeration", _) => "Int64",
+        let wanted = match (data_type, self.is_fmi3()) {
+            ("Enumeration", false) => "Integer",
+            ("Enumeration", true) => "Int64",
             (other, _) => other,
         };
         let position = self.numbers().iter().position(|(name, _)| *name == wanted)?;

@@ -7,12 +7,12 @@
 #![allow(unsafe_code)]
 
 mod functions;
+mod live;
 mod logger;
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::ptr;
-use std::rc::Rc;
 use std::sync::Arc;
 
 use fmu_export::fmi2::c_types::{
@@ -21,8 +21,10 @@ use fmu_export::fmi2::c_types::{
 
 pub use self::functions::{Functions, NumberType};
 use self::functions::{Instantiate, OfVersion};
-use self::logger::{CallbackFunctions, Receiver, log_message};
-use super::messages::{Message, Status};
+pub use self::live::fail_if_an_fmu_exits;
+use self::live::{Call, Live};
+use self::logger::{CallbackFunctions, log_message};
+use super::messages::{Called, Function, Message, Status};
 use super::numbers::Numbers;
 
 /// A clock's value when it ticks.
@@ -48,7 +50,9 @@ pub enum Vector {
 pub struct Handle {
     component: Component,
     functions: Arc<Functions>,
-    receiver: Rc<Receiver>,
+    live: Live,
+    /// The time reached (s); none before the experiment is set up.
+    pub(super) time: Cell<Option<f64>>,
     /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
     experiment: Cell<(f64, Option<f64>)>,
     /// The relative tolerance that the FMU is given, if it is.
@@ -59,8 +63,8 @@ pub struct Handle {
     steps: Cell<bool>,
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
-    // The FMU may keep pointers to these, which a moved `Box` would invalidate.
-    _callbacks: Rc<CallbackFunctions>,
+    callbacks: Arc<CallbackFunctions>,
+    // The FMU may keep pointers to these.
     _texts: [CString; 3],
 }
 
@@ -87,14 +91,23 @@ struct LastStep {
 }
 
 impl Handle {
-    pub fn new(functions: &Arc<Functions>, texts: [CString; 3]) -> Result<Self, Vec<Message>> {
-        let receiver = Rc::new(Receiver::new());
-        let callbacks = Rc::new(CallbackFunctions::new(&receiver));
+    /// Makes an instance of a name.
+    ///
+    /// # Errors
+    /// When the FMU refuses: the function that does, and what it says.
+    pub fn new(
+        functions: &Arc<Functions>,
+        instance: &str,
+        texts: [CString; 3],
+    ) -> Result<Self, (Function, Vec<Message>)> {
+        let live = Live::new(instance.to_owned());
+        let (callbacks, environment) = (functions.callbacks(), live.environment());
+        callbacks.set_environment(environment);
         let [name, guid, resources] = texts.each_ref().map(|text| text.as_ptr());
-        let environment = &raw const *receiver;
-        // SAFETY: the texts and the callbacks, which do not move, live as long as the instance. It is not visible and
-        // sends messages; in FMI 3.0 it returns from no step early, and calls in none.
-        let component = unsafe {
+        let function = functions.function(functions.instantiate.name());
+        // SAFETY: the texts live as long as the instance, the callbacks as long as the library. The instance is not
+        // visible and sends messages; in FMI 3.0 it returns from no step early, and calls in none.
+        let component = live.call(Call::Of(function, None), || unsafe {
             match functions.instantiate {
                 Instantiate::Two(instantiate) => {
                     let kind = if functions.exchange.is_some() { MODEL_EXCHANGE } else { CO_SIMULATION };
@@ -118,61 +131,79 @@ impl Handle {
                     ptr::null(),
                 ),
             }
-        };
+        });
         if component.is_null() {
-            return Err(receiver.take());
+            functions.take_back(callbacks);
+            return Err((function, live.take()));
         }
         Ok(Self {
             component,
             functions: Arc::clone(functions),
-            receiver,
+            live,
+            time: Cell::default(),
             experiment: Cell::default(),
             tolerance: Cell::default(),
             last_step: Cell::default(),
             steps: Cell::new(false),
             is_dead: Cell::new(false),
-            _callbacks: callbacks,
+            callbacks,
             _texts: texts,
         })
     }
 
     /// The messages since the last call of this function.
     pub fn take_messages(&self) -> Vec<Message> {
-        self.receiver.take()
+        self.live.take()
     }
 
     /// Calls a function, unless the instance is dead.
-    fn call(&self, function: impl FnOnce(Component) -> c_int) -> Status {
+    fn call(&self, name: &'static str, function: impl FnOnce(Component) -> c_int) -> Called {
+        self.call_of_type([name, ""], function)
+    }
+
+    /// The same for a function with a type in its name.
+    fn call_of_type(&self, name: [&'static str; 2], function: impl FnOnce(Component) -> c_int) -> Called {
+        let named = self.functions.function(name);
         if self.is_dead.get() {
-            return Status::FATAL;
+            return Called { function: named, status: Status::FATAL };
         }
-        let status = Status(function(self.component));
+        let call = Call::Of(named, self.time.get());
+        let status = Status(self.live.call(call, || function(self.component)));
         if status == Status::FATAL {
             self.is_dead.set(true);
         }
         if !status.succeeded() && status != Status::DISCARD {
             self.steps.set(false);
         }
-        status
+        Called { function: named, status }
     }
 
     /// Sets when the experiment starts and stops (s).
-    pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Status {
+    pub fn setup_experiment(&self, start_time: f64, stop_time: Option<f64>) -> Called {
         self.experiment.set((start_time, stop_time));
-        let OfVersion::Two(common, _) = &self.functions.of_version else { return Status::OK };
         let (is_defined, stop_time) = stop_time.map_or((FALSE, 0.0), |time| (TRUE, time));
+        let (has_tolerance, tolerance) =
+            self.tolerance.get().map_or((FALSE, 0.0), |tolerance| (TRUE, tolerance));
         // SAFETY: the component is alive.
-        self.call(|component| unsafe {
-            let (has_tolerance, tolerance) =
-                self.tolerance.get().map_or((FALSE, 0.0), |tolerance| (TRUE, tolerance));
-            (common.setup_experiment)(component, has_tolerance, tolerance, start_time, is_defined, stop_time)
+        self.call("SetupExperiment", |component| unsafe {
+            match &self.functions.of_version {
+                OfVersion::Two(common, _) => (common.setup_experiment)(
+                    component,
+                    has_tolerance,
+                    tolerance,
+                    start_time,
+                    is_defined,
+                    stop_time,
+                ),
+                OfVersion::Three(..) => Status::OK.0,
+            }
         })
     }
 
-    pub fn enter_initialization_mode(&self) -> Status {
+    pub fn enter_initialization_mode(&self) -> Called {
         let (start_time, stop_time) = self.experiment.get();
         // SAFETY: the component is alive.
-        self.call(|component| unsafe {
+        self.call("EnterInitializationMode", |component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two(common, _) => (common.enter_initialization_mode)(component),
                 OfVersion::Three(common, _) => (common.enter_initialization_mode)(
@@ -187,20 +218,21 @@ impl Handle {
         })
     }
 
-    pub fn exit_initialization_mode(&self) -> Status {
+    pub fn exit_initialization_mode(&self) -> Called {
         // SAFETY: the component is alive.
-        let status =
-            self.call(|component| unsafe { (self.functions.common.exit_initialization_mode)(component) });
-        self.steps.set(status.succeeded());
-        status
+        let called = self.call("ExitInitializationMode", |component| unsafe {
+            (self.functions.common.exit_initialization_mode)(component)
+        });
+        self.steps.set(called.status.succeeded());
+        called
     }
 
     /// Steps. A state that was saved may be restored after it.
-    pub fn do_step(&self, time: f64, size: f64) -> Status {
+    pub fn do_step(&self, time: f64, size: f64) -> Called {
         let (mut flags, mut reached) = ([0_u8; 3], f64::NAN);
         let [event, terminates, early] = &mut flags;
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-        let status = self.call(|component| unsafe {
+        let called = self.call("DoStep", |component| unsafe {
             match (&self.functions.step2, &self.functions.step3) {
                 (Some(of), _) => (of.do_step)(component, time, size, FALSE),
                 (_, Some(of)) => {
@@ -210,8 +242,8 @@ impl Handle {
             }
         });
         self.last_step.set(LastStep { time: reached, has_event: flags[0] != 0, terminates: flags[1] != 0 });
-        self.steps.set(status.succeeded());
-        status
+        self.steps.set(called.status.succeeded());
+        called
     }
 
     /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
@@ -221,9 +253,10 @@ impl Handle {
         };
         let mut terminates = FALSE;
         // SAFETY: the component is alive, the place to write to is ours.
-        let status =
-            self.call(|component| unsafe { (status.get)(component, TERMINATED, &raw mut terminates) });
-        status.succeeded() && terminates != FALSE
+        let called = self.call("GetBooleanStatus", |component| unsafe {
+            (status.get)(component, TERMINATED, &raw mut terminates)
+        });
+        called.status.succeeded() && terminates != FALSE
     }
 
     /// After a discarded step or a request for termination: the time reached, if the FMU provides it.
@@ -232,9 +265,10 @@ impl Handle {
         if !self.functions.is_fmi3() {
             let get = self.functions.real_status2.as_ref()?.get;
             // SAFETY: the component is alive, the place to write to is ours.
-            let status =
-                self.call(|component| unsafe { get(component, LAST_SUCCESSFUL_TIME, &raw mut time) });
-            if !status.succeeded() {
+            let called = self.call("GetRealStatus", |component| unsafe {
+                get(component, LAST_SUCCESSFUL_TIME, &raw mut time)
+            });
+            if !called.status.succeeded() {
                 return None;
             }
         }
@@ -246,9 +280,9 @@ impl Handle {
         self.last_step.get().has_event
     }
 
-    pub fn enter_event_mode(&self) -> Status {
+    pub fn enter_event_mode(&self) -> Called {
         // SAFETY: the component is alive.
-        self.call(|component| unsafe {
+        self.call("EnterEventMode", |component| unsafe {
             match (&self.functions.exchange, &self.functions.events3) {
                 (Some(exchange), _) => (exchange.enter_event_mode)(component),
                 (_, Some(events)) => (events.enter_event_mode)(component),
@@ -258,9 +292,11 @@ impl Handle {
     }
 
     /// Leaves Event Mode, for Continuous-Time Mode or Step Mode.
-    pub fn leave_event_mode(&self) -> Status {
+    pub fn leave_event_mode(&self) -> Called {
+        let is_exchange = self.functions.exchange.is_some();
+        let name = if is_exchange { "EnterContinuousTimeMode" } else { "EnterStepMode" };
         // SAFETY: the component is alive.
-        self.call(|component| unsafe {
+        self.call(name, |component| unsafe {
             match (&self.functions.exchange, &self.functions.events3) {
                 (Some(exchange), _) => (exchange.enter_continuous_time_mode)(component),
                 (_, Some(events)) => (events.enter_step_mode)(component),
@@ -269,11 +305,12 @@ impl Handle {
         })
     }
 
-    pub fn update_discrete_states(&self) -> (Status, Discrete) {
+    pub fn update_discrete_states(&self) -> (Called, Discrete) {
         let (mut info, mut flags, mut next) = (EventInfo::default(), [0_u8; 5], 0.0);
         let [again, ends, nominals, values, defined] = &mut flags;
+        let name = if self.functions.is_fmi3() { "UpdateDiscreteStates" } else { "NewDiscreteStates" };
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-        let status = self.call(|component| unsafe {
+        let called = self.call(name, |component| unsafe {
             match (&self.functions.exchange2, &self.functions.events3) {
                 (Some(of), _) => (of.new_discrete_states)(component, &raw mut info),
                 (_, Some(of)) => (of.update_discrete_states)(
@@ -295,72 +332,101 @@ impl Handle {
             terminates: flags[1] != 0 || info.terminate_simulation != FALSE,
             next_event: info_next.or((flags[4] != 0).then_some(next)),
         };
-        (status, discrete)
+        (called, discrete)
     }
 
     /// Lets a clock tick (FMI 3.0).
-    pub fn tick(&self, clock: ValueReference) -> Status {
-        let Some(events) = &self.functions.events3 else { return Status(MISUSED) };
+    pub fn tick(&self, clock: ValueReference) -> Called {
         // SAFETY: the component is alive, both arrays have one element.
-        self.call(|component| unsafe { (events.set_clock)(component, &raw const clock, 1, &raw const TICKS) })
+        self.call("SetClock", |component| unsafe {
+            match &self.functions.events3 {
+                Some(events) => (events.set_clock)(component, &raw const clock, 1, &raw const TICKS),
+                None => MISUSED,
+            }
+        })
     }
 
     /// A clock's interval in s and its qualifier (FMI 3.0).
-    pub fn interval(&self, clock: ValueReference) -> (Status, f64, c_int) {
+    pub fn interval(&self, clock: ValueReference) -> (Called, f64, c_int) {
         let (mut interval, mut qualifier) = (0.0, 0);
-        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), interval, qualifier) };
         // SAFETY: the component is alive, the arrays have one element.
-        let status = self.call(|component| unsafe {
-            (events.get_interval)(component, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
+        let called = self.call("GetIntervalDecimal", |component| unsafe {
+            match &self.functions.events3 {
+                Some(events) => (events.get_interval)(
+                    component,
+                    &raw const clock,
+                    1,
+                    &raw mut interval,
+                    &raw mut qualifier,
+                ),
+                None => MISUSED,
+            }
         });
-        (status, interval, qualifier)
+        (called, interval, qualifier)
     }
 
     /// When a clock first ticks, in s after the start (FMI 3.0).
-    pub fn shift(&self, clock: ValueReference) -> (Status, f64) {
+    pub fn shift(&self, clock: ValueReference) -> (Called, f64) {
         let mut shift = 0.0;
-        let Some(events) = &self.functions.events3 else { return (Status(MISUSED), shift) };
         // SAFETY: the component is alive, both arrays have one element.
-        let status = self
-            .call(|component| unsafe { (events.get_shift)(component, &raw const clock, 1, &raw mut shift) });
-        (status, shift)
+        let called = self.call("GetShiftDecimal", |component| unsafe {
+            match &self.functions.events3 {
+                Some(events) => (events.get_shift)(component, &raw const clock, 1, &raw mut shift),
+                None => MISUSED,
+            }
+        });
+        (called, shift)
     }
 
-    pub fn set_time(&self, time: f64) -> Status {
-        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+    /// Goes to a time (s) between events.
+    pub fn set_time(&self, time: f64) -> Called {
+        self.time.set(Some(time));
         // SAFETY: the component is alive.
-        self.call(|component| unsafe { (exchange.set_time)(component, time) })
+        self.call("SetTime", |component| unsafe {
+            match &self.functions.exchange {
+                Some(exchange) => (exchange.set_time)(component, time),
+                None => MISUSED,
+            }
+        })
     }
 
     /// Sets all continuous states.
-    pub fn set_states(&self, states: &[f64]) -> Status {
-        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
+    pub fn set_states(&self, states: &[f64]) -> Called {
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.call(|component| unsafe { (exchange.set_states)(component, states.as_ptr(), states.len()) })
+        self.call("SetContinuousStates", |component| unsafe {
+            match &self.functions.exchange {
+                Some(exchange) => (exchange.set_states)(component, states.as_ptr(), states.len()),
+                None => MISUSED,
+            }
+        })
     }
 
     /// Gets all numbers of a kind.
-    pub fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Status {
-        let Some(exchange) = &self.functions.exchange else { return Status(MISUSED) };
-        let get = match (vector, &self.functions.exchange2, &self.functions.exchange3) {
-            (Vector::States, ..) => exchange.states,
-            (Vector::Nominals, ..) => exchange.nominals,
-            (Vector::Indicators, ..) => exchange.indicators,
-            (_, Some(of), _) => of.derivatives,
-            (_, _, Some(of)) => of.derivatives,
-            _ => return Status(MISUSED),
+    pub fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Called {
+        let Functions { exchange, exchange2, exchange3, .. } = &*self.functions;
+        let common = exchange.as_ref();
+        let (name, get) = match vector {
+            Vector::States => ("GetContinuousStates", common.map(|of| of.states)),
+            Vector::Nominals => ("GetNominalsOfContinuousStates", common.map(|of| of.nominals)),
+            Vector::Indicators => ("GetEventIndicators", common.map(|of| of.indicators)),
+            Vector::Derivatives if self.functions.is_fmi3() => {
+                ("GetContinuousStateDerivatives", exchange3.as_ref().map(|of| of.derivatives))
+            }
+            Vector::Derivatives => ("GetDerivatives", exchange2.as_ref().map(|of| of.derivatives)),
         };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
-        self.call(|component| unsafe { get(component, values.as_mut_ptr(), values.len()) })
+        self.call(name, |component| unsafe {
+            get.map_or(MISUSED, |get| get(component, values.as_mut_ptr(), values.len()))
+        })
     }
 
     /// Completes a step of the integrator, from which no earlier state is restored. Returns whether an event follows,
     /// and whether the FMU requests termination.
-    pub fn completed_integrator_step(&self) -> (Status, [bool; 2]) {
+    pub fn completed_integrator_step(&self) -> (Called, [bool; 2]) {
         let (mut words, mut bytes) = ([FALSE; 2], [0_u8; 2]);
         let ([event, ends], [event3, ends3]) = (&mut words, &mut bytes);
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
-        let status = self.call(|component| unsafe {
+        let called = self.call("CompletedIntegratorStep", |component| unsafe {
             match (&self.functions.exchange2, &self.functions.exchange3) {
                 (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
                 (_, Some(of)) => (of.completed_integrator_step)(component, true, event3, ends3),
@@ -368,7 +434,7 @@ impl Handle {
             }
         });
         // One of both is untouched.
-        (status, [0, 1].map(|flag| words[flag] != FALSE || bytes[flag] != 0))
+        (called, [0, 1].map(|flag| words[flag] != FALSE || bytes[flag] != 0))
     }
 
     /// The derivatives of unknowns along a direction of the knowns, whose arrays count as a whole.
@@ -378,7 +444,7 @@ impl Handle {
         knowns: &[ValueReference],
         seed: &[f64],
         derivatives: &mut [f64],
-    ) -> Status {
+    ) -> Called {
         let (of, by) = (unknowns.as_ptr(), knowns.as_ptr());
         let (of_count, by_count, seeds, count) =
             (unknowns.len(), knowns.len(), seed.len(), derivatives.len());
@@ -395,7 +461,7 @@ impl Handle {
                 _ => MISUSED,
             }
         };
-        self.call(call)
+        self.call("GetDirectionalDerivative", call)
     }
 
     /// Gets numbers of a type.
@@ -404,12 +470,12 @@ impl Handle {
         number_type: NumberType,
         references: &[ValueReference],
         values: &mut Numbers,
-    ) -> Status {
+    ) -> Called {
         self.refuse_other_memory(number_type, references, values);
         let (count, size, address) = (references.len(), values.len(), values.address_to_write());
         // SAFETY: the component is alive, and the values have the type's memory. Each scalar reference has one value; in
         // FMI 3.0 an array reference has all its elements, and the FMU checks the total count.
-        self.call(|component| unsafe {
+        self.call_of_type(["Get", self.functions.name(number_type)], |component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two(_, numbers) => {
                     numbers[number_type.0].0(component, references.as_ptr(), count, address)
@@ -422,11 +488,11 @@ impl Handle {
     }
 
     /// Sets numbers of a type.
-    pub fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Status {
+    pub fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Called {
         self.refuse_other_memory(number_type, references, values);
         let (count, size, address) = (references.len(), values.len(), values.address());
         // SAFETY: as in `get`.
-        self.call(|component| unsafe {
+        self.call_of_type(["Set", self.functions.name(number_type)], |component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two(_, numbers) => {
                     numbers[number_type.0].1(component, references.as_ptr(), count, address)
@@ -444,11 +510,11 @@ impl Handle {
     }
 
     /// Sets one text.
-    pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Status {
+    pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Called {
         let text = value.as_ptr();
         let texts: *const c_void = (&raw const text).cast();
         // SAFETY: the component is alive, both arrays have one element.
-        self.call(|component| unsafe {
+        self.call("SetString", |component| unsafe {
             match &self.functions.of_version {
                 OfVersion::Two(common, _) => (common.set_string)(component, &raw const reference, 1, texts),
                 OfVersion::Three(common, _) => {
@@ -459,41 +525,51 @@ impl Handle {
     }
 
     /// Saves the state, with whether `Terminate` is due in it; none where the FMU has no such function.
-    pub fn get_state(&self) -> Option<(Status, FmuState, bool)> {
+    pub fn get_state(&self) -> Option<(Called, FmuState, bool)> {
         let get = self.functions.states.as_ref()?.get;
         let mut state = ptr::null_mut();
         // SAFETY: the component is alive; a null state asks for a new one.
-        let status = self.call(|component| unsafe { get(component, &raw mut state) });
-        Some((status, state, self.steps.get()))
+        let called = self.call_of_type(["Get", self.functions.state()], |component| unsafe {
+            get(component, &raw mut state)
+        });
+        Some((called, state, self.steps.get()))
     }
 
     /// Restores a state, in which `Terminate` is due or not; none where the FMU has no such function.
-    pub fn set_state(&self, state: FmuState, steps: bool) -> Option<Status> {
+    pub fn set_state(&self, state: FmuState, steps: bool) -> Option<Called> {
         let set = self.functions.states.as_ref()?.set;
         // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
-        let status = self.call(|component| unsafe { set(component, state) });
+        let called =
+            self.call_of_type(["Set", self.functions.state()], |component| unsafe { set(component, state) });
         // What a step before made impossible is possible again.
-        self.steps.set(status.succeeded() && steps);
-        Some(status)
+        self.steps.set(called.status.succeeded() && steps);
+        Some(called)
     }
 
     pub fn free_state(&self, mut state: FmuState) {
         if let Some(states) = &self.functions.states {
             // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
-            self.call(|component| unsafe { (states.free)(component, &raw mut state) });
+            self.call_of_type(["Free", self.functions.state()], |component| unsafe {
+                (states.free)(component, &raw mut state)
+            });
         }
     }
 }
 
 impl Drop for Handle {
     fn drop(&mut self) {
+        // Nobody takes what it says from here on.
+        self.live.take();
         if self.steps.get() {
             // SAFETY: the component is alive.
-            self.call(|component| unsafe { (self.functions.common.terminate)(component) });
+            self.call("Terminate", |component| unsafe { (self.functions.common.terminate)(component) });
         }
         if !self.is_dead.get() {
+            let call = Call::Of(self.functions.function(["FreeInstance", ""]), self.time.get());
             // SAFETY: the component is alive, and this is the last call.
-            unsafe { (self.functions.free_instance)(self.component) };
+            self.live.call(call, || unsafe { (self.functions.free_instance)(self.component) });
         }
+        self.live.print();
+        self.functions.take_back(Arc::clone(&self.callbacks));
     }
 }

@@ -1,0 +1,204 @@
+//! The FMUs that live in this process: whose messages arrive, and which of them ends the process.
+//!
+//! The environment that an FMU passes to its callbacks is a number to look up, never a pointer to follow: some FMUs pass
+//! another than the one they got.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, VecDeque};
+use std::ffi::c_int;
+use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use fmu_export::display::Seconds;
+use fmu_io::{temporary, terminal};
+
+use super::super::messages::{Function, Message, Status};
+
+/// The number of messages kept for an instance: the last ones.
+const KEPT_MESSAGES: usize = 1000;
+
+/// An environment, in place of a pointer and as large.
+pub type Environment = usize;
+
+/// The next environment. Each is used once, so that a late message is no one else's; they begin where an FMU's own numbers
+/// and, in 64 bits, pointers do not lie.
+static NEXT: AtomicUsize = AtomicUsize::new(1 << (usize::BITS - 1));
+
+/// The living FMUs, by their environments.
+static LIVE: Mutex<BTreeMap<Environment, Arc<Life>>> = Mutex::new(BTreeMap::new());
+
+/// The exit status of a process that an FMU ends, once this is watched.
+static STATUS_OF_EXIT: OnceLock<c_int> = OnceLock::new();
+
+thread_local! {
+    /// The environment of the FMU that this thread is calling.
+    static CALLED: Cell<Option<Environment>> = const { Cell::new(None) };
+    /// Whether an end of the process by this thread is noticed.
+    static IS_WATCHED: Cell<bool> = const { Cell::new(false) };
+}
+
+unsafe extern "C" {
+    // From the C library.
+    fn atexit(handler: extern "C" fn()) -> c_int;
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    fn at_quick_exit(handler: extern "C" fn()) -> c_int;
+    fn _exit(status: c_int) -> !;
+}
+
+/// What is known of a living FMU.
+struct Life {
+    name: String,
+    messages: Mutex<VecDeque<Message>>,
+    /// The last call.
+    call: Mutex<Call>,
+}
+
+/// A call to an FMU.
+#[derive(Clone, Copy)]
+pub enum Call {
+    /// Its library is loaded, and will be unloaded.
+    Load,
+    /// A function, at the time reached (s), if there is one.
+    Of(Function, Option<f64>),
+}
+
+impl fmt::Display for Call {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Load => formatter.write_str("the loading of its library"),
+            Self::Of(function, None) => write!(formatter, "{function}"),
+            Self::Of(function, Some(time)) => write!(formatter, "{function} at {} s", Seconds(*time)),
+        }
+    }
+}
+
+/// A living FMU, an instance or a library, until it is dropped.
+pub struct Live {
+    environment: Environment,
+    life: Arc<Life>,
+}
+
+impl Live {
+    /// An FMU that this thread will call.
+    pub fn new(name: String) -> Self {
+        watch();
+        let environment = NEXT.fetch_add(1, Ordering::Relaxed);
+        let life = Arc::new(Life { name, messages: Mutex::default(), call: Mutex::new(Call::Load) });
+        locked(&LIVE).insert(environment, Arc::clone(&life));
+        Self { environment, life }
+    }
+
+    pub fn environment(&self) -> Environment {
+        self.environment
+    }
+
+    /// Its messages since the last call of this function.
+    pub fn take(&self) -> Vec<Message> {
+        locked(&self.life.messages).drain(..).collect()
+    }
+
+    /// Prints its messages since then, but for those that only inform.
+    pub fn print(&self) {
+        let messages = self.take().into_iter();
+        messages
+            .filter(|message| message.status != Status::OK)
+            .for_each(|message| print(&self.life.name, &message));
+    }
+
+    /// Calls it.
+    pub fn call<T>(&self, call: Call, function: impl FnOnce() -> T) -> T {
+        *locked(&self.life.call) = call;
+        CALLED.set(Some(self.environment));
+        let result = function();
+        CALLED.set(None);
+        result
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        locked(&LIVE).remove(&self.environment);
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Takes a message with an environment, under the name of an instance if the FMU gives one. It is from the FMU that this
+/// thread calls. In a thread of an FMU's own it is from the one of the environment, else from the only one of the name; else
+/// it is printed.
+pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
+    let live = locked(&LIVE);
+    let named = || {
+        let mut named = live.values().filter(|life| name == Some(&life.name));
+        named.next().filter(|_| named.next().is_none())
+    };
+    let called = || live.get(&CALLED.get()?);
+    let Some(life) = called().or_else(|| live.get(&environment)).or_else(named) else {
+        drop(live);
+        return print(name.unwrap_or("an FMU"), &message);
+    };
+    let mut messages = locked(&life.messages);
+    if messages.len() == KEPT_MESSAGES {
+        messages.pop_front();
+    }
+    messages.push_back(message);
+}
+
+fn print(name: &str, message: &Message) {
+    let kind = if message.status == Status::OK { "note" } else { "warning" };
+    terminal::complain(&format!("{kind}: {name}: {}", message.text));
+}
+
+/// From now on, an FMU that ends the process by `exit` or `quick_exit` ends it with this status: the process prints which FMU
+/// did so, and removes its temporary files. To be called before FMUs are loaded.
+///
+/// An FMU that ends the process by `_exit`, or by a C library of its own, is not noticed.
+pub fn fail_if_an_fmu_exits(status: i32) {
+    // A second call keeps the first one's status.
+    let _ = STATUS_OF_EXIT.set(status);
+}
+
+/// Has an end of the process by this thread noticed. The handler serves one thread: while it runs, a second that ends the
+/// process would find none and end it with its own status.
+fn watch() {
+    if STATUS_OF_EXIT.get().is_some() && !IS_WATCHED.replace(true) {
+        // SAFETY: the handler is a function of this program, which does not unwind.
+        unsafe {
+            atexit(end);
+            #[cfg(all(target_os = "linux", target_env = "gnu"))]
+            at_quick_exit(end);
+        }
+    }
+}
+
+/// Ends the process if an FMU is doing so.
+extern "C" fn end() {
+    let culprit = if temporary::is_interrupted() { None } else { culprit() };
+    let (Some(culprit), Some(status)) = (culprit, STATUS_OF_EXIT.get()) else { return };
+    // A second thread waits here.
+    temporary::remove_all();
+    terminal::complain(&format!("error: {culprit}"));
+    // SAFETY: it ends the process at once. To return would end it with the FMU's status, and `exit` must not be called
+    // within itself.
+    unsafe { _exit(*status) }
+}
+
+/// Which FMU ends the process; none if none lives, as at the program's own end.
+fn culprit() -> Option<String> {
+    const ENDED: &str = "the FMU ended the process by `exit`";
+    let live = locked(&LIVE);
+    if let Some(life) = CALLED.get().and_then(|called| live.get(&called)) {
+        return Some(format!("{}: {ENDED} in {}", life.name, locked(&life.call)));
+    }
+    let of = |life: &Arc<Life>| format!("{} after {}", life.name, locked(&life.call));
+    let (instances, libraries): (Vec<_>, Vec<_>) =
+        live.values().partition(|life| matches!(*locked(&life.call), Call::Of(..)));
+    let mut suspects: Vec<_> =
+        if instances.is_empty() { libraries } else { instances }.into_iter().map(of).collect();
+    suspects.dedup();
+    (!suspects.is_empty())
+        .then(|| format!("an FMU ended the process by `exit` outside of a call: {}", suspects.join(", ")))
+}

@@ -1,0 +1,199 @@
+//! Whether an FMU's directional derivatives are those of its equations: a comparison with difference quotients.
+//!
+//! A wrong Jacobian need not show in the integrator's estimated error: with far too large an element the states hardly
+//! move, and no step is rejected. So the first Jacobian is compared column by column, and each later one along a direction
+//! of all states, by one evaluation; its columns follow where that differs.
+//!
+//! A difference quotient is inexact, too. An element is wrong only if it lies outside of what quotients of six lengths, on
+//! both sides, give: they differ from each other by about as much as from the derivative where the equations bend, kink,
+//! or are noisy.
+
+use std::mem;
+use std::ops::Range;
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use super::c_boundary::Vector;
+use super::calls::Calls;
+use super::messages::is_discarded;
+
+/// The lengths of the differences relative to the shortest, in the order in which they are tried. At the shortest, rounding
+/// and curvature are about equal for states of their nominal size.
+const LENGTHS: [f64; 6] = [1.0, 64.0, 4096.0, -1.0, -64.0, -4096.0];
+/// An error of this share of a row does not matter: the integrator's estimated error contains its effect.
+const SHARE: f64 = 0.01;
+/// The rounding error of a derivative, in roundings of the terms of its linearization.
+const ROUNDINGS: f64 = 16.0;
+
+/// Where and for what a Jacobian is used.
+pub struct Use<'a> {
+    /// In s.
+    pub time: f64,
+    pub states: &'a [f64],
+    pub derivatives: &'a [f64],
+    pub nominals: &'a [f64],
+    /// The longest step (s).
+    pub step: f64,
+    /// The relative tolerance.
+    pub tolerance: f64,
+}
+
+/// An element that is wrong.
+pub struct WrongElement {
+    pub row: usize,
+    pub column: usize,
+    /// What a difference quotient gives instead.
+    pub quotient: f64,
+}
+
+/// The memory of a check.
+#[derive(Clone)]
+pub struct DerivativeCheck {
+    /// Whether no Jacobian was checked before.
+    is_first: bool,
+    direction: Vec<f64>,
+    /// States beside those of interest, and the derivatives there.
+    states: Vec<f64>,
+    derivatives: Vec<f64>,
+    /// The size of the terms of each row.
+    terms: Vec<f64>,
+    /// The product of each row and the direction, and the sum of its terms' sizes.
+    products: Vec<[f64; 2]>,
+    /// The lowest and the highest quotient of each row.
+    quotients: Vec<[f64; 2]>,
+}
+
+impl DerivativeCheck {
+    pub fn new(size: usize) -> Self {
+        let vector = || vec![0.0; size];
+        let pairs = || vec![[0.0; 2]; size];
+        Self {
+            is_first: true,
+            direction: vector(),
+            states: vector(),
+            derivatives: vector(),
+            terms: vector(),
+            products: pairs(),
+            quotients: pairs(),
+        }
+    }
+
+    /// Finds a wrong element of a Jacobian, which is given by rows. The FMU is evaluated at other states.
+    ///
+    /// # Errors
+    /// When a call fails.
+    pub fn find_wrong(
+        &mut self,
+        calls: &mut Calls,
+        jacobian: &[f64],
+        at: &Use<'_>,
+    ) -> Result<Option<WrongElement>> {
+        let size = at.states.len();
+        for (terms, (row, derivative)) in
+            self.terms.iter_mut().zip(jacobian.chunks_exact(size).zip(at.derivatives))
+        {
+            let of_states = row.iter().zip(at.states).map(|(element, state)| (element * state).abs());
+            *terms = derivative.abs() + of_states.filter(|term| term.is_finite()).sum::<f64>();
+        }
+        if !mem::replace(&mut self.is_first, false) {
+            for column in 0..size {
+                self.direction[column] = component(column) * scale(at, column);
+            }
+            if self.contradiction(calls, jacobian, 0..size, at)?.is_none() {
+                return Ok(None);
+            }
+        }
+        for column in 0..size {
+            self.direction.fill(0.0);
+            self.direction[column] = scale(at, column);
+            if let Some(row) = self.contradiction(calls, jacobian, column..column + 1, at)? {
+                let [low, high] = self.quotients[row];
+                let quotient = f64::midpoint(low, high) / self.direction[column];
+                return Ok(Some(WrongElement { row, column, quotient }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The first row whose product with the direction, which has only these columns, differs from all difference quotients.
+    fn contradiction(
+        &mut self,
+        calls: &mut Calls,
+        jacobian: &[f64],
+        columns: Range<usize>,
+        at: &Use<'_>,
+    ) -> Result<Option<usize>> {
+        let (size, fmu) = (at.states.len(), Arc::clone(&calls.fmu));
+        let shortest = f64::EPSILON.sqrt();
+        let allowed = |length: f64, column: usize, direction: &[f64]| {
+            let (least, most) = fmu.states[column].range;
+            let (state, moved) = (at.states[column], at.states[column] + length * direction[column]);
+            (least.min(state)..=most.max(state)).contains(&moved)
+        };
+        for column in columns.clone() {
+            if !allowed(shortest, column, &self.direction) {
+                self.direction[column] *= -1.0;
+            }
+        }
+        for (product, row) in self.products.iter_mut().zip(jacobian.chunks_exact(size)) {
+            *product = [0.0; 2];
+            for column in columns.clone() {
+                let term = row[column] * self.direction[column];
+                *product = [product[0] + term, product[1] + term.abs()];
+            }
+        }
+        self.quotients.fill([f64::INFINITY, f64::NEG_INFINITY]);
+        let mut found = None;
+        for length in LENGTHS.map(|length| shortest * length) {
+            if !columns.clone().all(|column| allowed(length, column, &self.direction)) {
+                continue;
+            }
+            for (moved, (state, direction)) in
+                self.states.iter_mut().zip(at.states.iter().zip(&self.direction))
+            {
+                *moved = state + length * direction;
+            }
+            calls.go_to(at.time, &self.states)?;
+            match calls.get_vector(Vector::Derivatives, &mut self.derivatives) {
+                Err(error) if !is_discarded(&error) => return Err(error),
+                Ok(()) if self.derivatives.iter().all(|derivative| derivative.is_finite()) => {}
+                // The equations are not valid there.
+                _ => continue,
+            }
+            for (quotient, (there, here)) in
+                self.quotients.iter_mut().zip(self.derivatives.iter().zip(at.derivatives))
+            {
+                let new = (there - here) / length;
+                *quotient = [quotient[0].min(new), quotient[1].max(new)];
+            }
+            found = (0..size).find(|&row| !self.agrees(row, at));
+            if found.is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Whether a product agrees with the quotients so far.
+    fn agrees(&self, row: usize, at: &Use<'_>) -> bool {
+        let ([product, sum], [low, high]) = (self.products[row], self.quotients[row]);
+        let rounding = ROUNDINGS * f64::EPSILON.sqrt() * self.terms[row];
+        // It changes no state by its tolerance in the longest step.
+        let harmless = at.tolerance * scale(at, row) / at.step;
+        let distance = (low - product).max(product - high);
+        // What is not a number agrees with nothing.
+        product.is_finite() && distance <= (high - low) + SHARE * sum + rounding + harmless
+    }
+}
+
+/// By what a state is measured.
+fn scale(at: &Use<'_>, state: usize) -> f64 {
+    at.states[state].abs().max(at.nominals[state])
+}
+
+/// The component along a state of a direction in which no two columns cancel but by chance: between 0.5 and 1.5, by multiples
+/// of the golden ratio.
+fn component(state: usize) -> f64 {
+    0.5 + (0.618_033_988_749_895 * (state + 1) as f64).fract()
+}
