@@ -240,8 +240,8 @@ pub(crate) struct Capabilities {
     pub(crate) adjoint_derivatives: bool,
     /// In FMI 3.0 co-simulation, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
-    /// The model may end the simulation within a communication step: `Context::terminate`. FMI 3.0 co-simulation refuses
-    /// it otherwise, unless the importer may handle events.
+    /// The model may end the simulation within a communication step: `Context::terminate`. FMI 3.0 announces it to
+    /// importers.
     pub(crate) termination: bool,
 }
 

@@ -41,7 +41,7 @@ impl<M: Model> Instance<M> {
         }
         let memory = &mut self.memory;
         if memory.end.is_some() {
-            return self.discard_for_end(end);
+            return Ok(self.discard_for_end(end));
         }
         memory.inputs.update();
         if memory.accept_parameters()? {
@@ -62,7 +62,7 @@ impl<M: Model> Instance<M> {
         check_finite(&memory.variables, event.unwrap_or(end))?;
         memory.stale = false;
         if let Some(asked) = asked {
-            return self.end_step_early(asked, end);
+            return Ok(self.end_step_early(asked, end));
         }
         memory.phase = Phase::StepComplete;
         memory.time = event.unwrap_or(end);
@@ -72,7 +72,7 @@ impl<M: Model> Instance<M> {
 
     /// The model requests the end at a time (s) within the step.
     #[cold]
-    fn end_step_early(&mut self, asked: f64, end: f64) -> Answer {
+    fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
         // It may be off by rounding.
         let is_at_end = asked >= end - time_rounding(end);
         self.memory.time = if is_at_end { end } else { asked.max(self.memory.time) };
@@ -82,23 +82,21 @@ impl<M: Model> Instance<M> {
 
     /// The model requests the end: the step to `end` (s) is not completed (section 4.2.1).
     #[cold]
-    fn discard_for_end(&mut self, end: f64) -> Answer {
+    fn discard_for_end(&mut self, end: f64) -> Status {
         let Capabilities { early_return, .. } = Self::DESCRIPTION.capabilities;
         // FMI 3.0.2, section 4.4: without `mightReturnEarlyFromDoStep` importers rely on whole steps.
         if Self::DESCRIPTION.version == Version::Three && !early_return && self.memory.time < end {
-            return Err(Error::new(format!(
-                "the model requests the end of the simulation at {} s, within the step to {} s; its JSON must declare \
-                 that: \"capabilities\": {{\"termination\": true}}",
-                Shown(self.memory.time),
-                Shown(end)
-            )));
+            self.warn(format_args!(
+                "the step ends early, at the model's request, which the FMU does not announce: its JSON must declare \
+                 \"capabilities\": {{\"termination\": true}}"
+            ));
         }
         self.memory.phase = Phase::StepFailed;
         self.log_discarded(format_args!(
             "the model requests the end of the simulation at {} s",
             Shown(self.memory.time)
         ));
-        Ok(Status::Discard)
+        Status::Discard
     }
 
     /// Whether the model has requested the end.

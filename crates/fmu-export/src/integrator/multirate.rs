@@ -169,6 +169,18 @@ struct FastStep<const N: usize> {
 }
 
 impl<const N: usize> FastStep<N> {
+    /// The largest change of a state by which the derivatives at both ends differ from the mean one, relative to the
+    /// state's allowed error.
+    fn bulge(&self, course: &Course<N>) -> f64 {
+        let length = self.end - self.begin;
+        let rise: [f64; N] = array::from_fn(|i| self.states[1][i] - self.states[0][i]);
+        let relative = |slopes: &[f64; N]| {
+            let relative = |i: usize| ((length * slopes[i] - rise[i]) * course.weights[i]).abs();
+            (0..N).map(relative).fold(0.0, f64::max)
+        };
+        relative(&self.slopes[0]).max(relative(&self.slopes[1]))
+    }
+
     /// Replaces the derivatives of a stiff part, which are mostly those of the states' errors, by those of the smooth
     /// solution: with A for the Jacobian J, it follows from x″ = J·x′ + ∂f/∂t that
     ///
@@ -177,18 +189,16 @@ impl<const N: usize> FastStep<N> {
     /// ```
     ///
     /// which damps the states' errors as in a step. The derivative on the right-hand side is that of the polynomial
-    /// through the stages, x″ that of the cubic.
-    fn smoothen(&mut self, course: &Course<N>, trial: &Trial<N>) {
+    /// through the states and derivatives of the stages, x″ that of the cubic.
+    #[inline(never)]
+    fn smoothen(&mut self, course: &Course<N>, stages: &[[[f64; N]; 2]; STAGES]) {
         let length = self.end - self.begin;
         let weight = METHOD.gamma * course.inverse_of / length;
         let rise: [f64; N] = array::from_fn(|i| (self.states[1][i] - self.states[0][i]) / length);
         let [first, last] = self.slopes;
-        let [[from, slopes], others @ ..] =
-            [[self.states[0], first], trial.evaluated[0], trial.evaluated[1], trial.evaluated[2]];
         self.slopes = array::from_fn(|end| {
-            let weights = &STAGE_SLOPES[end];
-            let (mut states, mut slopes) = (from.map(|x| weights[0] * x), slopes.map(|x| weights[0] * x));
-            for (weight, [x, f]) in weights[1..].iter().zip(&others) {
+            let (mut states, mut slopes) = ([0.0; N], [0.0; N]);
+            for (weight, [x, f]) in STAGE_SLOPES[end].iter().zip(stages) {
                 states = array::from_fn(|i| states[i] + weight * x[i]);
                 slopes = array::from_fn(|i| slopes[i] + weight * f[i]);
             }
@@ -292,7 +302,13 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                 let later = Self::fast(system, begin + difference, &states, slow);
                 drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
             }
-            let trial = fast.trial(length, &drift, |time, states| Self::fast(system, time, states, slow));
+            let (mut stages, mut stage) = ([[[0.0; FAST]; 2]; STAGES], 0);
+            stages[0] = [states, slopes];
+            let trial = fast.trial(length, &drift, |time, states| {
+                stage += 1;
+                stages[stage] = [*states, Self::fast(system, time, states, slow)];
+                stages[stage][1]
+            });
             if let Some(trial) = fast.settle(trial, length, (to, *end), is_last)? {
                 let mut step =
                     FastStep { begin, end: to, states: [states, trial.states], slopes: [slopes; 2] };
@@ -300,10 +316,14 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                     fast.slopes = Self::fast(system, to, &trial.states, slow);
                     step.slopes[1] = fast.slopes;
                 } else {
-                    step.slopes[1] = fast.last_slopes(&trial);
+                    // Those of the last stage, which is little from it.
+                    let [last, slopes] = &stages[STAGES - 1];
+                    let by_states = product(&fast.jacobian, &array::from_fn(|i| trial.states[i] - last[i]));
+                    step.slopes[1] = array::from_fn(|i| slopes[i] + by_states[i]);
                 }
-                if fast.is_stiff(length) {
-                    step.smoothen(fast, &trial);
+                // Unless it is of no consequence.
+                if BULGE * length * fast.stiffness > 1.0 && BULGE * step.bulge(fast) > 1.0 {
+                    step.smoothen(fast, &stages);
                 }
                 ahead.push(step);
             }
@@ -387,6 +407,8 @@ struct Course<const N: usize> {
     steps: StepSize,
     /// The approximate Jacobian, by columns.
     jacobian: [[f64; N]; N],
+    /// Its norm, of states and derivatives relative to the states' allowed errors, in 1/s.
+    stiffness: f64,
     /// The number of remaining steps with it; 0 if there is none.
     serves: u32,
     /// Whether no step was accepted with it yet.
@@ -402,17 +424,15 @@ struct Trial<const N: usize> {
     states: [f64; N],
     /// Their estimated error.
     error: [f64; N],
-    /// The states and derivatives of the stages after the first, and the last stage.
-    evaluated: [[[f64; N]; 2]; STAGES - 1],
-    last: [f64; N],
 }
 
 impl<const N: usize> Persistent for Course<N> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { slopes, steps, jacobian, serves, is_fresh, inverse, inverse_of, .. } = self;
+        let Self { slopes, steps, jacobian, stiffness, serves, is_fresh, inverse, inverse_of, .. } = self;
         slopes.persist(archive)?;
         steps.next.persist(archive)?;
         jacobian.persist(archive)?;
+        stiffness.persist(archive)?;
         serves.persist(archive)?;
         is_fresh.persist(archive)?;
         inverse.persist(archive)?;
@@ -431,6 +451,7 @@ impl<const N: usize> Course<N> {
             weights: [0.0; N],
             steps: StepSize::new(0.0, f64::INFINITY),
             jacobian: [[0.0; N]; N],
+            stiffness: 0.0,
             serves: 0,
             is_fresh: false,
             inverse: [[0.0; N]; N],
@@ -486,30 +507,18 @@ impl<const N: usize> Course<N> {
 
     /// Renews the Jacobian, with the derivatives as a function of the states.
     fn linearize(&mut self, mut derivatives: impl FnMut(&[f64; N]) -> [f64; N]) {
+        let mut changes = [0.0; N];
         for column in 0..N {
             let mut moved = self.states;
             moved[column] += DIFFERENCE / self.weights[column];
             let reciprocal = (moved[column] - self.states[column]).recip();
             let slopes = derivatives(&moved);
             self.jacobian[column] = array::from_fn(|row| (slopes[row] - self.slopes[row]) * reciprocal);
+            let allowed = self.weights[column].recip();
+            changes = array::from_fn(|row| changes[row] + (self.jacobian[column][row] * allowed).abs());
         }
+        self.stiffness = (0..N).map(|row| changes[row] * self.weights[row]).fold(0.0, f64::max);
         (self.serves, self.is_fresh, self.inverse_of) = (SERVES, true, 0.0);
-    }
-
-    /// The derivatives at the end of a step: those of the last stage, which is little from it.
-    fn last_slopes(&self, trial: &Trial<N>) -> [f64; N] {
-        let (change, [_, slopes]) = (product(&self.jacobian, &trial.last), trial.evaluated[STAGES - 2]);
-        array::from_fn(|i| slopes[i] + change[i])
-    }
-
-    /// Whether the states' allowed errors change the derivatives by so much that the cubic through a step of a length
-    /// bulges by more than what is allowed.
-    fn is_stiff(&self, length: f64) -> bool {
-        let changes = |row: usize| -> f64 {
-            let change = |(column, weight): (&[f64; N], &f64)| (column[row] / weight).abs();
-            self.jacobian.iter().zip(&self.weights).map(change).sum()
-        };
-        (0..N).any(|row| BULGE * length * changes(row) * self.weights[row] > 1.0)
     }
 
     /// Prepares a step of a length. Returns whether its linear equations have a solution.
@@ -544,25 +553,18 @@ impl<const N: usize> Course<N> {
         let mut stages = [[0.0; N]; STAGES];
         self.solve::<0>(&mut stages, length, &self.slopes, drift);
         let mut evaluated = |time: f64, states: &[f64; N]| derivatives(self.time + time * length, states);
-        let mut at_stages = [[[0.0; N]; 2]; STAGES - 1];
-        let mut stage = |number: usize, states: [f64; N]| {
-            let slopes = evaluated(METHOD.times[number], &states);
-            at_stages[number - 1] = [states, slopes];
-            slopes
-        };
-        let slopes = stage(1, self.moved::<1>(&stages));
+        let slopes = evaluated(METHOD.times[1], &self.moved::<1>(&stages));
         self.solve::<1>(&mut stages, length, &slopes, drift);
-        let slopes = stage(2, self.moved::<2>(&stages));
+        let slopes = evaluated(METHOD.times[2], &self.moved::<2>(&stages));
         self.solve::<2>(&mut stages, length, &slopes, drift);
         let moved = self.moved::<3>(&stages);
-        let slopes = stage(3, moved);
+        let slopes = evaluated(METHOD.times[3], &moved);
         self.solve::<3>(&mut stages, length, &slopes, drift);
         let mut error = [0.0; N];
         for (weight, stage) in METHOD.error.iter().zip(&stages) {
             error = array::from_fn(|i| error[i] + weight * stage[i]);
         }
-        let states = array::from_fn(|i| moved[i] + stages[3][i]);
-        Some(Trial { states, error, evaluated: at_stages, last: stages[3] })
+        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error })
     }
 
     /// The states at which a stage is evaluated.

@@ -21,25 +21,15 @@ fn main() {
         "rod",
         "field",
         "furnace",
-<<<<<<< HEAD
         "two_parts",
-=======
         "ending",
->>>>>>> w-descriptions
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
-<<<<<<< HEAD
-        generate(Path::new(&declaration), &out_dir);
-=======
-        let package = Package::of_build_script();
         // What FMI 3.0 alone demands.
         let version = if model == "ending" { Version::Three } else { Version::Two };
-        let fmi = Fmi { version, interfaces: Interfaces::Both };
-        generate_into(Path::new(&declaration), Path::new(&out_dir), &package, fmi)
-            .unwrap_or_else(|error| panic!("{error}"));
->>>>>>> w-descriptions
+        generate(Path::new(&declaration), &out_dir, version);
     }
     let text = fs::read_to_string("two_parts.json").expect("it is beside this file");
     let of_capabilities = |line: &&str| line.contains("\"capabilities\"");
@@ -48,11 +38,11 @@ fn main() {
     let bare = Path::new(&out_dir).join("without_capabilities.json");
     fs::write(&bare, lines.join("\n").replace("\"two_parts\"", "\"without_capabilities\""))
         .expect("OUT_DIR is writable");
-    generate(&bare, &out_dir);
+    generate(&bare, &out_dir, Version::Two);
 }
 
-fn generate(declaration: &Path, out_dir: &str) {
-    let package = Package::of_build_script();
-    generate_into(declaration, Path::new(out_dir), &package, Interfaces::Both)
+fn generate(declaration: &Path, out_dir: &str, version: Version) {
+    let fmi = Fmi { version, interfaces: Interfaces::Both };
+    generate_into(declaration, Path::new(out_dir), &Package::of_build_script(), fmi)
         .unwrap_or_else(|error| panic!("{error}"));
 }

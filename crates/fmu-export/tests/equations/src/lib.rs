@@ -16,12 +16,8 @@ macro_rules! variables {
 }
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-<<<<<<< HEAD
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
-    without_capabilities: "without_capabilities", vessels: "Vessels");
-=======
-    falling: "falling", rod: "rod", field: "field", furnace: "furnace", ending: "ending", vessels: "Vessels");
->>>>>>> w-descriptions
+    without_capabilities: "without_capabilities", ending: "ending", vessels: "Vessels");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
