@@ -49,6 +49,39 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
     })
 }
 
+/// Calculates the calculated parameters twice from different values: the results must be equal to each other, and to the
+/// present ones.
+///
+/// # Errors
+/// The first that is not set, or that another hook set.
+pub(crate) fn check_calculated_parameters<V: Variables>(
+    variables: &V,
+    calculate: impl Fn(&mut V),
+) -> Result<(), Error> {
+    if !V::HAS_CALCULATED_PARAMETERS {
+        return Ok(());
+    }
+    let [one, other] = [false, true].map(|mark| {
+        let mut calculated = variables.clone();
+        calculated.mark_calculated_parameters(mark);
+        calculate(&mut calculated);
+        calculated
+    });
+    for (reference, variable) in V::described() {
+        let fault = if !are_equal(&one, &other, reference, variable.data_type) {
+            "`calculate_parameters` does not set it, or computes it from its previous value"
+        } else if !are_equal(variables, &one, reference, variable.data_type) {
+            "another hook changes it after `calculate_parameters`, which alone sets it"
+        } else {
+            continue;
+        };
+        let ScalarVariable { description, .. } = variable;
+        let (causality, variability) = (description.causality, description.variability);
+        return Err(Error::new(format!("{} ({causality}, {variability}): {fault}", variable.name())));
+    }
+    Ok(())
+}
+
 /// The first discrete variable with different values.
 pub(crate) fn first_discrete_difference<V: Variables>(one: &V, other: &V) -> Option<ScalarVariable> {
     let mut discrete = V::described().filter(|(_, variable)| variable.variability == Variability::Discrete);

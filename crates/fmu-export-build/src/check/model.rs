@@ -57,6 +57,9 @@ fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
 fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
     let declaration = model.declaration;
     let mut names: BTreeSet<_> = FIXED_NAMES.map(str::to_owned).into();
+    if model.parts.iter().any(|part| Place::CalculatedParameters.is_in(part)) {
+        names.insert(Place::CalculatedParameters.type_name().to_owned());
+    }
     if declaration.has_clocks() {
         names.insert(Place::Clocks.type_name().to_owned());
     }
