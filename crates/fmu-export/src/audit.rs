@@ -33,8 +33,12 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
             }
         }
         if !is_calculated && differ([variables, &evaluated[0]]) {
+            let way = match variable.variability {
+                Variability::Constant => "it is its `start`",
+                _ => "set it in `event`",
+            };
             return Err(Error::new(format!(
-                "`evaluate` changes {} ({}, {}), which it may only read",
+                "`evaluate` changes {} ({}, {}), which it may only read: {way}",
                 variable.name(),
                 variable.causality,
                 variable.variability
@@ -75,9 +79,12 @@ pub(crate) fn check_calculated_parameters<V: Variables>(
         } else {
             continue;
         };
-        let ScalarVariable { description, .. } = variable;
-        let (causality, variability) = (description.causality, description.variability);
-        return Err(Error::new(format!("{} ({causality}, {variability}): {fault}", variable.name())));
+        return Err(Error::new(format!(
+            "{} ({}, {}): {fault}",
+            variable.name(),
+            variable.causality,
+            variable.variability
+        )));
     }
     Ok(())
 }
