@@ -80,7 +80,11 @@ impl Generator<'_, '_> {
     pub(super) fn variables_struct(&self) -> String {
         let fields = [
             ("parameters", "The parameters.", Place::Parameters),
-            ("calculated_parameters", "What follows from them alone.", Place::CalculatedParameters),
+            (
+                "calculated_parameters",
+                "What follows from them alone, by `calculate_parameters`.",
+                Place::CalculatedParameters,
+            ),
             (
                 "inputs",
                 "The inputs as set, possibly out of bounds; a model receives them within bounds.",
@@ -116,7 +120,12 @@ impl Generator<'_, '_> {
     pub(super) fn evaluation_struct(&self) -> String {
         let fields = [
             ("parameters", "The parameters.", Place::Parameters, ""),
-            ("calculated_parameters", "What follows from them alone.", Place::CalculatedParameters, ""),
+            (
+                "calculated_parameters",
+                "What follows from them alone, by `calculate_parameters`.",
+                Place::CalculatedParameters,
+                "",
+            ),
             ("inputs", "The inputs, within their bounds.", Place::Inputs, ""),
             ("states", "The states.", Place::States, ""),
             ("derivatives", "The time derivatives of the states, to be calculated.", Place::States, "mut "),

@@ -83,7 +83,7 @@ fn what_is_wrong_is_named() {
 
 /// Defines models that differ in where they set what follows from parameters alone.
 macro_rules! calculating {
-    ($($name:ident: |$parameters:ident, $calculated:ident| $calculate:expr, |$variables:ident| $initialize:expr;)*) => {$(
+    ($($name:ident: |$parameters:ident, $calculated:ident| $calculate:expr, |$variables:ident| $initialize:expr, $event:expr;)*) => {$(
         #[derive(Clone, Debug, Default, Persistent)]
         struct $name {}
 
@@ -98,6 +98,7 @@ macro_rules! calculating {
                 $calculate;
             }
 
+            #[allow(unused_variables, reason = "most set nothing more")]
             fn initialize<T: Number>(&self, $variables: &mut tuned::Variables<T>) {
                 $initialize;
             }
@@ -113,36 +114,37 @@ macro_rules! calculating {
             fn event(
                 &mut self,
                 _event: &Event<'_>,
-                variables: &mut tuned::Variables,
+                $variables: &mut tuned::Variables,
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
-                variables.outputs.seen = 0;
+                $variables.outputs.seen = 0;
+                $event;
                 Ok(())
             }
         }
     )*};
 }
 
+/// Sets all of them.
+fn all<T: Number>(parameters: &tuned::Parameters<T>, calculated: &mut tuned::CalculatedParameters<T>) {
+    calculated.scaled = parameters.gain;
+    calculated.plain = parameters.gain;
+    calculated.strong = true;
+}
+
 calculating! {
     Forgets: |parameters, calculated| {
         calculated.scaled = parameters.gain;
         calculated.plain = parameters.gain;
-    }, |variables| ();
+    }, |variables| (), ();
     Accumulates: |parameters, calculated| {
         calculated.scaled += parameters.gain;
         calculated.plain = parameters.gain;
         calculated.strong = true;
-    }, |variables| ();
-    SetsLater: |parameters, calculated| {
-        calculated.scaled = parameters.gain;
-        calculated.plain = parameters.gain;
-        calculated.strong = true;
-    }, |variables| variables.calculated_parameters.plain = T::from(3.0);
-    Undeclared: |parameters, calculated| {
-        calculated.scaled = parameters.gain;
-        calculated.plain = parameters.gain;
-        calculated.strong = true;
-    }, |variables| ();
+    }, |variables| (), ();
+    SetsLater: |parameters, calculated| all(parameters, calculated), |variables| variables.calculated_parameters.plain = T::from(3.0), ();
+    SetsAtEvents: |parameters, calculated| all(parameters, calculated), |variables| (), variables.calculated_parameters.strong = false;
+    Undeclared: |parameters, calculated| all(parameters, calculated), |variables| (), ();
 }
 
 /// A sampled model that sets them at its start alone.
@@ -194,6 +196,11 @@ fn a_calculated_parameter_that_another_hook_sets_is_named() {
         (
             refusal::<SetsLater>(),
             "plain (local, tunable)",
+            "another hook changes it after `calculate_parameters`",
+        ),
+        (
+            refusal::<SetsAtEvents>(),
+            "strong (calculatedParameter, tunable)",
             "another hook changes it after `calculate_parameters`",
         ),
         (sampled, "scaled (calculatedParameter, tunable)", "`calculate_parameters` does not set it"),

@@ -10,7 +10,7 @@ use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, ModelExchange, St
 mod variables {
     fmu_export::include_variables!("TestModel");
 }
-use variables::{Gear, Inputs, Manner, Place, Start, Variables};
+use variables::{CalculatedParameters, Gear, Inputs, Manner, Parameters, Place, Start, Variables};
 
 /// A step ends at the model's end where it misses it by less, in s.
 const ROUNDING: f64 = 1e-9;
@@ -337,8 +337,7 @@ impl Model for TestModel {
         result.parameters.tank.gain =
             (outputs.output + gain_factor(variables, inputs) * rates.tank.level) * inputs.rate;
         let [[a, b], [c, d]] = variables.parameters.settings.table;
-        let by_determinant =
-            weights.calculated_parameters.settings.determinant + by_motion * inputs.drive;
+        let by_determinant = weights.calculated_parameters.settings.determinant + by_motion * inputs.drive;
         result.parameters.settings.table =
             [[d, -c], [-b, a]].map(|row| row.map(|factor| factor * by_determinant));
         result.states.tank.level = outputs.output;
