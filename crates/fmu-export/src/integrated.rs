@@ -535,7 +535,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
 
     fn check_calculated_parameters(&self, variables: &E::Variables) -> Result<(), Error> {
         check_calculated_parameters(variables, |variables| {
-            calculate_parameters::<E, f64>(&self.equations, variables)
+            calculate_parameters::<E, f64>(&self.equations, variables);
         })
     }
 

@@ -83,7 +83,7 @@ fn what_is_wrong_is_named() {
 
 /// Defines models that differ in where they set what follows from parameters alone.
 macro_rules! calculating {
-    ($($name:ident: |$parameters:ident, $calculated:ident| $calculate:expr, |$variables:ident| $initialize:expr, $event:expr;)*) => {$(
+    ($($name:ident: |$parameters:ident, $calculated:ident| $calculate:expr, |$variables:ident| $initialize:block, $event:block;)*) => {$(
         #[derive(Clone, Debug, Default, Persistent)]
         struct $name {}
 
@@ -100,7 +100,7 @@ macro_rules! calculating {
 
             #[allow(unused_variables, reason = "most set nothing more")]
             fn initialize<T: Number>(&self, $variables: &mut tuned::Variables<T>) {
-                $initialize;
+                $initialize
             }
 
             fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
@@ -118,7 +118,7 @@ macro_rules! calculating {
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
                 $variables.outputs.seen = 0;
-                $event;
+                $event
                 Ok(())
             }
         }
@@ -136,15 +136,15 @@ calculating! {
     Forgets: |parameters, calculated| {
         calculated.scaled = parameters.gain;
         calculated.plain = parameters.gain;
-    }, |variables| (), ();
+    }, |variables| {}, {};
     Accumulates: |parameters, calculated| {
         calculated.scaled += parameters.gain;
         calculated.plain = parameters.gain;
         calculated.strong = true;
-    }, |variables| (), ();
-    SetsLater: |parameters, calculated| all(parameters, calculated), |variables| variables.calculated_parameters.plain = T::from(3.0), ();
-    SetsAtEvents: |parameters, calculated| all(parameters, calculated), |variables| (), variables.calculated_parameters.strong = false;
-    Undeclared: |parameters, calculated| all(parameters, calculated), |variables| (), ();
+    }, |variables| {}, {};
+    SetsLater: |parameters, calculated| all(parameters, calculated), |variables| { variables.calculated_parameters.plain = T::from(3.0); }, {};
+    SetsAtEvents: |parameters, calculated| all(parameters, calculated), |variables| {}, { variables.calculated_parameters.strong = false; };
+    Undeclared: |parameters, calculated| all(parameters, calculated), |variables| {}, {};
 }
 
 /// A sampled model that sets them at its start alone.

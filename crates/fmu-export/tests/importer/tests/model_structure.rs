@@ -28,7 +28,7 @@ struct Unknown<'f> {
 
 /// An attribute of an element.
 fn attribute<'x>(element: &'x str, name: &str) -> Option<&'x str> {
-    Some(element.split_once(&format!(" {name}=\""))?.1.split('"').next()?)
+    element.split_once(&format!(" {name}=\""))?.1.split('"').next()
 }
 
 /// The unknowns that are numbers with derivatives, of initialization or later; one without dependencies depends on all
@@ -37,9 +37,12 @@ fn unknowns(fmu: &Fmu, of_initialization: bool) -> Vec<Unknown<'_>> {
     let is_fmi3 = fmu.description.is_fmi3();
     let variables = &fmu.description.variables;
     let is_real = |variable: &&FmuVariable| ["Real", "Float64"].contains(&&variable.data_type[..]);
-    let named = |number: &str| match is_fmi3 {
-        true => variables.iter().find(|variable| variable.value_reference == number).unwrap(),
-        false => &variables[number.parse::<usize>().unwrap() - 1],
+    let named = |number: &str| {
+        if is_fmi3 {
+            variables.iter().find(|variable| variable.value_reference == number).unwrap()
+        } else {
+            &variables[number.parse::<usize>().unwrap() - 1]
+        }
     };
     let is_state = |variable: &FmuVariable| {
         let position = 1 + variables.iter().position(|other| other.name == variable.name).unwrap();
