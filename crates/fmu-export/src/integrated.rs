@@ -347,7 +347,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
     /// Computes everything at the start time.
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
         self.clone_from(&Self { time: context.experiment.start_time, ..Self::default() });
-        // Whatever an earlier initialization calculated.
+        // `prepare` does not see what an earlier initialization calculated.
         variables.mark_calculated_parameters(false);
         self.equations.prepare(variables, context)?;
         calculate_parameters::<E, f64>(&self.equations, variables);

@@ -28,14 +28,11 @@ macro_rules! call {
     ($importer:ident, $function:ident $(, $argument:expr)*) => {{
         // SAFETY: the instance is the importer's, and used by one thread; what is passed outlives the call.
         let ok = unsafe {
-            match Self::VERSION {
-                Version::Two => {
+            if const { Self::IS_FMI2 } {
                     fmi2::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
-                }
-                Version::Three => {
+                } else {
                     fmi3::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
                 }
-            }
         };
         assert!(ok, "{} of {:?}", stringify!($function), $importer.1);
     }};
@@ -50,29 +47,28 @@ impl<M: EventMode> Drop for Importer<M> {
 
 // SAFETY of every call below: as above, and arrays have the passed lengths.
 impl<M: EventMode> Importer<M> {
-    const VERSION: Version = M::Variables::DESCRIPTION.version;
+    /// Known to the compiler, so that it compiles the functions of one version.
+    const IS_FMI2: bool = matches!(M::Variables::DESCRIPTION.version, Version::Two);
 
     fn new(interface: Interface) -> Self {
         let token = CString::new(M::Variables::DESCRIPTION.guid).unwrap();
         let (name, token, none) = (c"tuned".as_ptr(), token.as_ptr(), ptr::null_mut());
         // SAFETY: see above.
         let instance = unsafe {
-            match (Self::VERSION, interface) {
-                (Version::Two, _) => {
-                    let callbacks = fmi2::c_types::CallbackFunctions {
-                        logger: None,
-                        allocate_memory: None,
-                        free_memory: None,
-                        step_finished: None,
-                        component_environment: none,
-                    };
-                    let of = i32::from(interface != Interface::ModelExchange);
-                    fmi2::c_api::instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
-                }
-                (_, Interface::ModelExchange) => {
-                    fmi3::c_api::instantiate_model_exchange::<M>(name, token, ptr::null(), 0, 0, none, None)
-                }
-                _ => fmi3::c_api::instantiate_co_simulation::<M>(
+            if const { Self::IS_FMI2 } {
+                let callbacks = fmi2::c_types::CallbackFunctions {
+                    logger: None,
+                    allocate_memory: None,
+                    free_memory: None,
+                    step_finished: None,
+                    component_environment: none,
+                };
+                let of = i32::from(interface != Interface::ModelExchange);
+                fmi2::c_api::instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
+            } else if interface == Interface::ModelExchange {
+                fmi3::c_api::instantiate_model_exchange::<M>(name, token, ptr::null(), 0, 0, none, None)
+            } else {
+                fmi3::c_api::instantiate_co_simulation::<M>(
                     name,
                     token,
                     ptr::null(),
@@ -85,7 +81,7 @@ impl<M: EventMode> Importer<M> {
                     none,
                     None,
                     None,
-                ),
+                )
             }
         };
         assert!(!instance.is_null());
@@ -95,14 +91,11 @@ impl<M: EventMode> Importer<M> {
     fn enter_initialization(&mut self) {
         // SAFETY: see above.
         unsafe {
-            match Self::VERSION {
-                Version::Two => {
-                    fmi2::c_api::setup_experiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
-                    fmi2::c_api::enter_initialization_mode::<M>(self.0);
-                }
-                Version::Three => {
-                    fmi3::c_api::enter_initialization_mode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
-                }
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::setup_experiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi2::c_api::enter_initialization_mode::<M>(self.0);
+            } else {
+                fmi3::c_api::enter_initialization_mode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
             }
         }
     }
@@ -123,9 +116,10 @@ impl<M: EventMode> Importer<M> {
         let (from, to) = (references.as_ptr(), values.as_mut_ptr());
         // SAFETY: see above.
         let status = unsafe {
-            match Self::VERSION {
-                Version::Two => fmi2::c_api::get_real::<M>(self.0, from, N, to),
-                Version::Three => fmi3::c_api::get_float64::<M>(self.0, from, N, to, N),
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_real::<M>(self.0, from, N, to)
+            } else {
+                fmi3::c_api::get_float64::<M>(self.0, from, N, to, N)
             }
         };
         assert_eq!(status as i32, 0, "{names:?}");
@@ -138,9 +132,10 @@ impl<M: EventMode> Importer<M> {
         let (to, from) = (&raw const reference, &raw const gain);
         // SAFETY: see above.
         let status = unsafe {
-            match Self::VERSION {
-                Version::Two => fmi2::c_api::set_real::<M>(self.0, to, 1, from),
-                Version::Three => fmi3::c_api::set_float64::<M>(self.0, to, 1, from, 1),
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::set_real::<M>(self.0, to, 1, from)
+            } else {
+                fmi3::c_api::set_float64::<M>(self.0, to, 1, from, 1)
             }
         };
         status as i32 == 0
@@ -149,22 +144,21 @@ impl<M: EventMode> Importer<M> {
     fn step(&mut self, time: f64, size: f64) {
         // SAFETY: see above.
         let status = unsafe {
-            match Self::VERSION {
-                Version::Two => fmi2::c_api::do_step::<M>(self.0, time, size, 1),
-                Version::Three => {
-                    let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
-                    let flags = (&raw mut needed, &raw mut ends, &raw mut early);
-                    fmi3::c_api::do_step_to_event::<M>(
-                        self.0,
-                        time,
-                        size,
-                        1,
-                        flags.0,
-                        flags.1,
-                        flags.2,
-                        &raw mut reached,
-                    )
-                }
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::do_step::<M>(self.0, time, size, 1)
+            } else {
+                let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
+                let flags = (&raw mut needed, &raw mut ends, &raw mut early);
+                fmi3::c_api::do_step_to_event::<M>(
+                    self.0,
+                    time,
+                    size,
+                    1,
+                    flags.0,
+                    flags.1,
+                    flags.2,
+                    &raw mut reached,
+                )
             }
         };
         assert_eq!(status as i32, 0);
@@ -174,7 +168,7 @@ impl<M: EventMode> Importer<M> {
     fn update(&mut self) -> Option<f64> {
         // SAFETY: see above.
         unsafe {
-            if Self::VERSION == Version::Two {
+            if const { Self::IS_FMI2 } {
                 let mut info = fmi2::c_types::EventInfo::default();
                 let status = fmi2::c_api::new_discrete_states::<M>(self.0, &raw mut info);
                 assert_eq!(status as i32, 0);
@@ -199,11 +193,10 @@ impl<M: EventMode> Importer<M> {
         let mut rates = [f64::NAN; N];
         // SAFETY: see above.
         let status = unsafe {
-            match Self::VERSION {
-                Version::Two => fmi2::c_api::get_derivatives::<M>(self.0, rates.as_mut_ptr(), N),
-                Version::Three => {
-                    fmi3::c_api::get_continuous_state_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
-                }
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+            } else {
+                fmi3::c_api::get_continuous_state_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
             }
         };
         assert_eq!(status as i32, 0);
@@ -217,17 +210,10 @@ impl<M: EventMode> Importer<M> {
         let (known, seed, found) = (&raw const column, &raw const one, forward.as_mut_ptr());
         // SAFETY: see above.
         let status = unsafe {
-            match Self::VERSION {
-                Version::Two => fmi2::c_api::get_directional_derivative::<M>(
-                    self.0,
-                    rows.as_ptr(),
-                    N,
-                    known,
-                    1,
-                    seed,
-                    found,
-                ),
-                Version::Three => fmi3::c_api::get_directional_derivative::<M>(
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_directional_derivative::<M>(self.0, rows.as_ptr(), N, known, 1, seed, found)
+            } else {
+                fmi3::c_api::get_directional_derivative::<M>(
                     self.0,
                     rows.as_ptr(),
                     N,
@@ -237,11 +223,11 @@ impl<M: EventMode> Importer<M> {
                     1,
                     found,
                     N,
-                ),
+                )
             }
         };
         assert_eq!(status as i32, 0, "{unknowns:?}");
-        if Self::VERSION == Version::Two {
+        if const { Self::IS_FMI2 } {
             return vec![forward];
         }
         for (row, found) in rows.iter().zip(&mut backwards) {
@@ -343,7 +329,7 @@ fn follow_in_steps<M: EventMode>() {
         let mut restored = restored.restored();
         assert_eq!(restored.get(FOLLOWING), follows(5.0));
         // Beyond its range it changes nothing; an FMU of FMI 3.0 needs a saved state then.
-        if M::Variables::DESCRIPTION.version == Version::Two {
+        if Importer::<M>::IS_FMI2 {
             assert!(!importer.tune(200.0));
             assert_eq!(importer.get(FOLLOWING), follows(5.0));
         }
@@ -427,7 +413,7 @@ fn they_have_derivatives() {
                 assert_eq!(found, [10.0, 10.0, -11.0, 10.0, 10.0, 10.0, 11.0]);
             }
             importer.exit_initialization();
-            if M::Variables::DESCRIPTION.version == Version::Two {
+            if Importer::<M>::IS_FMI2 {
                 continue;
             }
             assert!(importer.tune(5.0));
