@@ -40,15 +40,8 @@ pub(crate) fn too_many(scalar: &Scalar) -> String {
 }
 
 impl Structure {
-    /// In FMI 3.0 an unknown also depends on parameters and discrete-time states (section 2.4.8).
     pub(crate) fn new(scalars: &[Scalar], version: Version) -> Result<Self, Refusal> {
-        let known_in_steps: fn(&Scalar) -> bool = match version {
-            Version::Two => Scalar::known_in_steps,
-            Version::Three => {
-                |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.is_previous
-            }
-        };
-        let in_steps = closures(scalars, known_in_steps, |scalar| &scalar.reads, "reads")?;
+        let in_steps = closures(scalars, known_in_steps(version), |scalar| &scalar.reads, "reads")?;
         let in_initialization = closures(
             scalars,
             Scalar::known_in_initialization,
@@ -65,6 +58,17 @@ impl Structure {
             clocked_states: unknowns(|scalar| scalar.previous.is_some(), &in_steps),
             initial_unknowns: unknowns(Scalar::unknown_in_initialization, &in_initialization),
         })
+    }
+}
+
+/// Whether a variable is given between steps: in FMI 3.0 an unknown also depends on parameters and discrete-time states
+/// (section 2.4.8).
+pub(crate) fn known_in_steps(version: Version) -> fn(&Scalar) -> bool {
+    match version {
+        Version::Two => Scalar::known_in_steps,
+        Version::Three => {
+            |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.is_previous
+        }
     }
 }
 

@@ -81,6 +81,8 @@ pub(crate) enum Place {
     Inputs,
     States,
     Derivatives,
+    /// What follows from parameters alone: calculated parameters, and locals that change with parameters at most.
+    CalculatedParameters,
     Locals,
     Outputs,
     EventIndicators,
@@ -167,6 +169,19 @@ impl Scalar {
             && (matches!(self.place, Place::Outputs | Place::States | Place::Derivatives)
                 || self.place == Place::Clocks && self.causality == Causality::Output
                 || self.causality == Causality::CalculatedParameter)
+    }
+
+    /// Whether it is an unknown between steps.
+    pub(crate) fn unknown_in_steps(&self) -> bool {
+        self.causality == Causality::Output || self.place == Place::Derivatives || self.previous.is_some()
+    }
+
+    /// Whether it is an unknown that no list of `ModelStructure` must have: an output with an exact start value in
+    /// initialization, or a local.
+    pub(crate) fn unknown_beside_the_lists(&self) -> bool {
+        let is_calculated = matches!(self.place, Place::Locals | Place::CalculatedParameters)
+            && self.initial == Some(Initial::Calculated);
+        self.causality == Causality::Output || self.causality == Causality::Local && is_calculated
     }
 }
 

@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
-use crate::model::{Model, Place};
+use crate::model::Model;
 use crate::names::pascal_case;
 use crate::type_names::PLACES;
 use generator::{Generator, markdown};
@@ -51,7 +51,7 @@ use ::fmu_export::description as fmi;
             }
         }
         let parts: Vec<_> = model.parts.iter().filter(|part| place.is_in(part)).collect();
-        if place == Place::Clocks && parts.is_empty() {
+        if place.is_optional() && parts.is_empty() {
             continue;
         }
         let description = format!("{} of the model.", place.description());

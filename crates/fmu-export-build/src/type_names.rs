@@ -14,15 +14,30 @@ pub(crate) const FIXED_NAMES: [&str; 7] =
 /// The type that holds all state groups, if any.
 pub(crate) const STATE_GROUPS: &str = "StateGroups";
 
-/// The places with their own structs; derivatives use those of the states. Clocks have one if there are any.
-pub(crate) const PLACES: [Place; 6] =
-    [Place::Parameters, Place::Inputs, Place::States, Place::Locals, Place::Outputs, Place::Clocks];
+/// The places with their own structs; derivatives use those of the states.
+pub(crate) const PLACES: [Place; 7] = [
+    Place::Parameters,
+    Place::CalculatedParameters,
+    Place::Inputs,
+    Place::States,
+    Place::Locals,
+    Place::Outputs,
+    Place::Clocks,
+];
 
 impl Place {
+    /// Whether models without such variables lack the struct and its field.
+    pub(crate) fn is_optional(self) -> bool {
+        matches!(self, Self::CalculatedParameters | Self::Clocks)
+    }
+
     /// The field of `Variables`, its type, and what it holds.
     fn texts(self) -> [&'static str; 3] {
         match self {
             Self::Parameters => ["parameters", "Parameters", "The parameters"],
+            Self::CalculatedParameters => {
+                ["calculated_parameters", "CalculatedParameters", "What follows from the parameters"]
+            }
             Self::Inputs => ["inputs", "Inputs", "The inputs"],
             Self::States => ["states", "States", "The continuous-time states"],
             Self::Derivatives => ["derivatives", "States", "The continuous-time states"],

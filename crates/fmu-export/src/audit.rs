@@ -33,8 +33,12 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
             }
         }
         if !is_calculated && differ([variables, &evaluated[0]]) {
+            let way = match variable.variability {
+                Variability::Constant => "it is its `start`",
+                _ => "set it in `event`",
+            };
             return Err(Error::new(format!(
-                "`evaluate` changes {} ({}, {}), which it may only read",
+                "`evaluate` changes {} ({}, {}), which it may only read: {way}",
                 variable.name(),
                 variable.causality,
                 variable.variability
@@ -47,6 +51,42 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
             variable.name()
         )))
     })
+}
+
+/// Calculates the calculated parameters twice from different values: the results must be equal to each other, and to the
+/// present ones.
+///
+/// # Errors
+/// The first that is not set, or that another hook set.
+pub(crate) fn check_calculated_parameters<V: Variables>(
+    variables: &V,
+    calculate: impl Fn(&mut V),
+) -> Result<(), Error> {
+    if !V::HAS_CALCULATED_PARAMETERS {
+        return Ok(());
+    }
+    let [one, other] = [false, true].map(|mark| {
+        let mut calculated = variables.clone();
+        calculated.mark_calculated_parameters(mark);
+        calculate(&mut calculated);
+        calculated
+    });
+    for (reference, variable) in V::described() {
+        let fault = if !are_equal(&one, &other, reference, variable.data_type) {
+            "`calculate_parameters` does not set it, or computes it from its previous value"
+        } else if !are_equal(variables, &one, reference, variable.data_type) {
+            "another hook changes it after `calculate_parameters`, which alone sets it"
+        } else {
+            continue;
+        };
+        return Err(Error::new(format!(
+            "{} ({}, {}): {fault}",
+            variable.name(),
+            variable.causality,
+            variable.variability
+        )));
+    }
+    Ok(())
 }
 
 /// The first discrete variable with different values.

@@ -1,10 +1,11 @@
 //! Models that compute when their clocks tick (FMI 3.0.2, section 2.2.8), in every interface of FMI 3.0.
 
+use crate::audit::check_calculated_parameters;
 use crate::context::Context;
 use crate::error::Error;
 use crate::event_mode::{EventMode, Stop, Stops};
 use crate::events::Events;
-use crate::model::{InputsOf, Model, Step};
+use crate::model::{InputsOf, Model, Step, calculate_parameters};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::{Archive, Persistent};
 use crate::scheduled_execution::ScheduledExecution;
@@ -30,6 +31,17 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         let _ = variables;
         Ok(())
+    }
+
+    /// Calculates what depends on parameters alone: calculated parameters, and locals whose variability is `fixed` or
+    /// `tunable`; all of them, and nothing else sets them. Called before [`Clocked::initialize`], and after each
+    /// change of tunable parameters.
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        let _ = (parameters, calculated);
     }
 
     /// Computes the values before the first tick, and sets clock intervals that follow from parameters. Called on a
@@ -79,7 +91,7 @@ impl<C: Clocked> Persistent for ClockedModel<C> {
 
 impl<C: Clocked> Model for ClockedModel<C> {
     type Variables = C::Variables;
-    const TAKES_PARAMETERS: bool = false;
+    const TAKES_PARAMETERS: bool = C::Variables::HAS_CALCULATED_PARAMETERS;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         C::check_parameters(variables)
@@ -92,9 +104,19 @@ impl<C: Clocked> Model for ClockedModel<C> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self::default();
+        calculate_parameters(self, variables);
         self.0.initialize(variables, inputs, context)?;
+        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))?;
         self.0.refresh(context.experiment.start_time, variables, inputs);
         Ok(())
+    }
+
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        self.0.calculate_parameters(parameters, calculated);
     }
 
     fn step(

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::description::{DataType, Dependencies, Name, ValueReference};
 use crate::error::Error;
-use crate::model::Model;
+use crate::model::{Model, calculate_parameters};
 use crate::number::Dual;
 use crate::variables::Variables;
 
@@ -23,8 +23,9 @@ const MOST_GROUPS: usize = 61;
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.
 pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Error> {
-    let mut model = M::default();
-    model.take_parameters(variables);
+    let (mut model, mut variables) = (M::default(), variables.clone());
+    calculate_parameters(&model, &mut variables);
+    model.take_parameters(&variables);
     let reals = M::Variables::described().filter(|(_, variable)| {
         variable.data_type == DataType::Real
             && (variable.real_input().is_some() || variable.state().is_some())

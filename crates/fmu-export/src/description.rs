@@ -90,6 +90,20 @@ pub struct VariableDescription {
     pub first_real_input: Option<usize>,
     /// Likewise of a continuous-time state among the states.
     pub first_state: Option<usize>,
+    /// Its roles in the equations of initialization.
+    pub in_initialization: Roles,
+    /// Its roles in the equations of steps and events.
+    pub in_steps: Roles,
+}
+
+/// What a variable is in equations (FMI 2.0.5, section 2.2.8): what the dependencies in `ModelStructure` name is known, and
+/// what it lists is unknown, besides outputs and locals that it need not list. A state that is an output is both.
+#[derive(Clone, Copy, Debug)]
+pub struct Roles {
+    /// Given.
+    pub known: bool,
+    /// Computed.
+    pub unknown: bool,
 }
 
 impl VariableDescription {

@@ -94,7 +94,8 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Prepares the model, for example reads resource files. Called at each initialization, on a new model.
+    /// Prepares the model, for example reads resource files. Called at each initialization, on a new model, before
+    /// [`Equations::calculate_parameters`]; until then calculated parameters are 0.
     ///
     /// # Errors
     /// When the model cannot start.
@@ -103,14 +104,28 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Derives what depends on parameters alone, such as tables or what [`Equations::advance`] computes with. Called
-    /// after [`Equations::prepare`], after a change of tunable parameters, and for a restored state. [`Equations::evaluate`]
-    /// reads the parameters themselves, as what is stored here has no derivatives.
+    /// Calculates the *variables* that depend on parameters alone: calculated parameters, and locals whose variability is
+    /// `fixed` or `tunable`. All of them, and nothing else sets them. Called after [`Equations::prepare`], after each change
+    /// of tunable parameters, and in each derivative with respect to parameters.
+    ///
+    /// What depends on parameters alone and is no variable, [`Equations::take_parameters`] stores in the model's fields.
+    fn calculate_parameters<T: Number>(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<T>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<T>,
+    ) {
+        let _ = (parameters, calculated);
+    }
+
+    /// Derives the model's *fields* that depend on parameters alone, such as tables or what [`Equations::advance`] computes
+    /// with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
+    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, as fields have no derivatives.
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
 
-    /// Computes initial states that differ from the start values, to which all states are set before.
+    /// Computes initial states that differ from the start values, to which all states are set before. Called after
+    /// [`Equations::take_parameters`].
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;
     }
@@ -181,6 +196,16 @@ pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
 
 /// What a model's equations read and compute, over a number type.
 pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
+
+/// Calculates what follows from a model's parameters alone.
+pub(crate) fn calculate_parameters<E: Equations, T: Number>(
+    equations: &E,
+    variables: &mut VariablesOf<E, T>,
+) {
+    E::Variables::calculate_parameters::<T>(variables, |parameters, calculated| {
+        equations.calculate_parameters(parameters, calculated);
+    });
+}
 
 /// Evaluates the equations of a model.
 pub(crate) fn evaluate<E: Equations, T: Number>(equations: &E, time: T, variables: &mut VariablesOf<E, T>) {

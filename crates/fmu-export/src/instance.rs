@@ -316,7 +316,7 @@ impl<M: Model> Instance<M> {
             | Phase::ClockActivationMode
             | Phase::IntermediateUpdateMode => {
                 if memory.parameters_changed {
-                    memory.model.take_parameters(&memory.variables);
+                    memory.take_parameters();
                 }
                 memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
                 if !M::Variables::CLOCKS.is_empty()

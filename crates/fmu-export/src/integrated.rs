@@ -7,11 +7,11 @@ use core::{fmt, mem};
 
 use self::equated::Equated;
 
-use crate::audit::{check_evaluation, first_discrete_difference};
+use crate::audit::{check_calculated_parameters, check_evaluation, first_discrete_difference};
 use crate::context::Context;
 use crate::description::{Causality, DataType};
 use crate::display::Seconds;
-use crate::equations::{Equations, VariablesOf, evaluate, evaluate_values};
+use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, evaluate_values};
 use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
@@ -187,6 +187,14 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
         with_inputs(variables, inputs, |variables| evaluate_values(&self.equations, time, variables));
     }
 
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        self.equations.calculate_parameters(parameters, calculated);
+    }
+
     fn take_parameters(&mut self, variables: &Self::Variables) {
         self.restored(variables);
         self.integrator.discard_jacobian();
@@ -339,10 +347,14 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
     /// Computes everything at the start time.
     fn start(&mut self, variables: &mut E::Variables, context: &mut Context<'_>) -> Result<(), Error> {
         self.clone_from(&Self { time: context.experiment.start_time, ..Self::default() });
+        // `prepare` does not see what an earlier initialization calculated.
+        variables.mark_calculated_parameters(false);
         self.equations.prepare(variables, context)?;
+        calculate_parameters::<E, f64>(&self.equations, variables);
         self.equations.take_parameters(variables);
         variables.states_from_start();
         self.equations.initialize::<f64>(variables);
+        self.check_calculated_parameters(variables)?;
         self.check_evaluation(variables)?;
         evaluate_values(&self.equations, self.time, variables);
         let Self { equations, events, time, .. } = self;
@@ -365,6 +377,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         variables.inputs_mut().clone_from(inputs);
         direction.states_from_start();
         let mut duals = variables.combined(&direction, Dual::new);
+        calculate_parameters::<E, Dual>(&self.equations, &mut duals);
         initialize(&mut duals);
         evaluate(&self.equations, time, &mut duals);
         E::Variables::collected(&duals, &direction, |dual: Dual, _| dual.derivative)
@@ -391,6 +404,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         let mut recorded = variables.combined(known, |value, known| {
             if is_known(known) { tape.variable(value) } else { Recorded::from(value) }
         });
+        calculate_parameters::<E, Recorded<'_>>(&self.equations, &mut recorded);
         initialize(&mut recorded);
         evaluate(&self.equations, Recorded::from(time), &mut recorded);
         let _ = E::Variables::collected(&recorded, weights, |number: Recorded<'_>, weight| {
@@ -519,6 +533,12 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         search::first_event(&mut trajectory, step.start, (begin, end), trials)
     }
 
+    fn check_calculated_parameters(&self, variables: &E::Variables) -> Result<(), Error> {
+        check_calculated_parameters(variables, |variables| {
+            calculate_parameters::<E, f64>(&self.equations, variables);
+        })
+    }
+
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
         check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))?;
         check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
@@ -547,6 +567,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             if cfg!(debug_assertions) && self.audited < MOST_AUDITED {
                 // Tests of a model check each of its branches.
                 self.audited += 1;
+                self.check_calculated_parameters(variables)?;
                 self.check_evaluation(variables)?;
             }
             evaluate_values(&self.equations, self.time, variables);

@@ -42,7 +42,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// values. In initialization mode it is called again for each request after a set, so it must not depend on
     /// earlier calls; importers set parameters one by one, so they may be temporarily contradictory.
     ///
-    /// By default, states take their start values, and [`Model::refresh`] computes the rest.
+    /// By default, states take their start values, and [`Model::calculate_parameters`] and [`Model::refresh`] compute the
+    /// rest.
     ///
     /// # Errors
     /// When no such values exist.
@@ -52,6 +53,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        calculate_parameters(self, variables);
         variables.states_from_start();
         self.refresh(context.experiment.start_time, variables, inputs);
         Ok(())
@@ -95,8 +97,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// change along a direction: the directional derivative of derivatives, locals and outputs.
     ///
     /// `direction` holds inputs and parameters in their places, and states in `start`; the result holds derivatives in
-    /// the variables' places. Inputs held at a bound do not change; nor do parameters, except those that may be set
-    /// between steps, which only FMI 3.0 differentiates by.
+    /// the variables' places. Inputs held at a bound do not change, nor do parameters in FMI 2.0.
     ///
     /// # Errors
     /// When there is no such derivative, or the model does not provide it (`directional_derivatives` in its JSON).
@@ -165,12 +166,23 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives of its initialization"))
     }
 
-    /// Whether [`Model::take_parameters`] does anything: if not, [`Simulation`](crate::Simulation) need not look for
-    /// changes.
+    /// Whether [`Model::calculate_parameters`] and [`Model::take_parameters`] do anything: if not,
+    /// [`Simulation`](crate::Simulation) need not look for changes.
     const TAKES_PARAMETERS: bool = true;
 
-    /// Receives the parameters after tunable ones changed, before anything is computed: for models that store what
-    /// follows from them. They may contradict each other until [`Model::check_parameters`].
+    /// Calculates the *variables* that depend on parameters alone (calculated parameters, and locals whose variability is
+    /// `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`] calculates
+    /// them itself.
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        let _ = (parameters, calculated);
+    }
+
+    /// Receives the parameters after [`Model::calculate_parameters`]: for models that store what follows from them in
+    /// *fields*. They may contradict each other until [`Model::check_parameters`].
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
@@ -180,6 +192,13 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     fn restored(&mut self, variables: &Self::Variables) {
         self.take_parameters(variables);
     }
+}
+
+/// Calculates what follows from a model's parameters alone.
+pub(crate) fn calculate_parameters<M: Model>(model: &M, variables: &mut M::Variables) {
+    M::Variables::calculate_parameters(variables, |parameters, calculated| {
+        model.calculate_parameters(parameters, calculated);
+    });
 }
 
 /// The inputs of a model.

@@ -6,12 +6,13 @@
 //! about 4e-5 s after 1e5 s at 80 Hz. A sample meant for a communication point belongs to the step that starts there,
 //! so times whose difference such rounding explains count as equal.
 
+use crate::audit::check_calculated_parameters;
 use crate::context::Context;
 use crate::display::Shown;
 use crate::error::Error;
 use crate::event_mode::{EventMode, Stop, Stops, due_until};
 use crate::events::{Event, Events};
-use crate::model::{InputsOf, Model, Step};
+use crate::model::{InputsOf, Model, Step, calculate_parameters};
 use crate::model_exchange::ModelExchange;
 use crate::persistence::Persistent;
 use crate::scheduled_execution::ScheduledExecution;
@@ -49,6 +50,17 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         let _ = variables;
         Ok(())
+    }
+
+    /// Calculates what depends on parameters alone: calculated parameters, and locals whose variability is `fixed` or
+    /// `tunable`; all of them, and nothing else sets them. Called before [`Sampled::initialize`], and after each
+    /// change of tunable parameters.
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        let _ = (parameters, calculated);
     }
 
     /// Computes the outputs before the first sample, which is at the start time. Called on a new model, possibly
@@ -123,7 +135,7 @@ impl<S: Sampled> SampledModel<S> {
 impl<S: Sampled> Model for SampledModel<S> {
     type Variables = S::Variables;
     const LONGEST_STEP: f64 = S::LONGEST_STEP;
-    const TAKES_PARAMETERS: bool = false;
+    const TAKES_PARAMETERS: bool = S::Variables::HAS_CALCULATED_PARAMETERS;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         S::check_parameters(variables)?;
@@ -150,7 +162,17 @@ impl<S: Sampled> Model for SampledModel<S> {
                 clock.set_interval(period);
             }
         }
-        self.sampled.initialize(variables, inputs, context)
+        calculate_parameters(self, variables);
+        self.sampled.initialize(variables, inputs, context)?;
+        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))
+    }
+
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    ) {
+        self.sampled.calculate_parameters(parameters, calculated);
     }
 
     fn step(

@@ -6,7 +6,7 @@ use crate::clock::Clock;
 use crate::context::{Context, Experiment};
 use crate::error::Error;
 use crate::inputs::InputSignal;
-use crate::model::{InputsOf, Model, Step};
+use crate::model::{InputsOf, Model, Step, calculate_parameters};
 use crate::variables::Variables;
 
 /// A model with its variables and messages. Unlike in an FMU, values are not checked.
@@ -80,6 +80,7 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// Those of the model.
     pub fn tick(&mut self, clock: impl Fn(&mut M::Variables) -> &mut Clock) -> Result<(), Error> {
+        self.take_parameters();
         let Self { model, variables, inputs, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
         let mut log = log_to(messages);
@@ -93,14 +94,11 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// As [`Simulation::step`].
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
-        let Self { model, variables, experiment, messages, time, taken, .. } = self;
+        self.take_parameters();
+        let Self { model, variables, experiment, messages, time, .. } = self;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);
-        if M::TAKES_PARAMETERS && taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
-            model.take_parameters(variables);
-            *taken = Some(variables.clone());
-        }
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;
@@ -108,6 +106,16 @@ impl<M: Model> Simulation<M> {
         }
         *time += size;
         Ok(())
+    }
+
+    /// Computes what follows from the parameters, if they changed.
+    fn take_parameters(&mut self) {
+        let Self { model, variables, taken, .. } = self;
+        if M::TAKES_PARAMETERS && taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
+            calculate_parameters(model, variables);
+            model.take_parameters(variables);
+            *taken = Some(variables.clone());
+        }
     }
 }
 

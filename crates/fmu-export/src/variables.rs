@@ -22,6 +22,13 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Of<T: Number>;
     /// What [`Equations::evaluate`](crate::Equations::evaluate) reads and computes, over a number type.
     type Evaluation<'a, T: Number + 'a>;
+    /// The parameters over a number type.
+    type Parameters<T: Number>;
+    /// What follows from them alone, over a number type: calculated parameters, and locals whose variability is `fixed` or
+    /// `tunable`; `()` without any.
+    type CalculatedParameters<T: Number>;
+    /// Whether there are calculated parameters, or such locals.
+    const HAS_CALCULATED_PARAMETERS: bool = false;
     /// The nominal values of the states; 1 if undeclared.
     const STATE_NOMINALS: &'static [f64];
     /// The states with a range outside which the equations are invalid; ascending.
@@ -217,6 +224,17 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// values, of any type: what still differs after an evaluation was not set. A no-op without such variables.
     fn mark_calculated(&mut self, mark: bool) {
         let _ = mark;
+    }
+    /// Likewise everything calculated from parameters alone.
+    fn mark_calculated_parameters(&mut self, mark: bool) {
+        let _ = mark;
+    }
+    /// Has a function calculate what follows from the parameters alone. A no-op if nothing does.
+    fn calculate_parameters<T: Number>(
+        variables: &mut Self::Of<T>,
+        calculate: impl FnOnce(&Self::Parameters<T>, &mut Self::CalculatedParameters<T>),
+    ) {
+        let _ = (variables, calculate);
     }
     /// Sets the states to their start values.
     fn states_from_start(&mut self);

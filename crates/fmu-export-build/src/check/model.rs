@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use fmu_terms::Version;
 
-use crate::declaration::Causality;
+use crate::declaration::{Causality, word};
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Place, Scalar};
 use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
@@ -57,6 +57,9 @@ fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
 fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
     let declaration = model.declaration;
     let mut names: BTreeSet<_> = FIXED_NAMES.map(str::to_owned).into();
+    if model.parts.iter().any(|part| Place::CalculatedParameters.is_in(part)) {
+        names.insert(Place::CalculatedParameters.type_name().to_owned());
+    }
     if declaration.has_clocks() {
         names.insert(Place::Clocks.type_name().to_owned());
     }
@@ -88,22 +91,21 @@ fn outputs(model: &Model<'_>, refusals: &mut Refusals) {
     }
 }
 
-/// Only parameters change a calculated parameter.
+/// Only parameters change a calculated parameter, and a local whose variability is `fixed` or `tunable`.
 fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
     let scalars = &model.scalars;
-    let of_parameter = |scalar: &Scalar| {
-        matches!(
-            scalar.causality,
-            Causality::Parameter | Causality::StructuralParameter | Causality::CalculatedParameter
-        )
-    };
-    for scalar in scalars.iter().filter(|scalar| scalar.causality == Causality::CalculatedParameter) {
+    let is_calculated = |scalar: &&Scalar| scalar.place == Place::CalculatedParameters;
+    let of_parameter = |scalar: &Scalar| scalar.place == Place::Parameters || is_calculated(&scalar);
+    for scalar in scalars.iter().filter(is_calculated) {
         for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {
             let read = reads.iter().flatten().map(|&read| &scalars[read]).find(|read| !of_parameter(read));
             if let Some(read) = read {
                 let (name, read) = (&scalar.name, &read.name);
-                let reason =
-                    format!("{name}: a calculatedParameter reads '{read}', which is not a parameter");
+                let kind = match scalar.causality {
+                    Causality::Local => format!("{} local", word(scalar.variability)),
+                    causality => word(causality).to_string(),
+                };
+                let reason = format!("{name}: a {kind} reads '{read}', which is not a parameter");
                 refusals.add(format!("{}.{list}", scalar.key), reason);
                 break;
             }

@@ -143,7 +143,15 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
         Causality::Parameter | Causality::StructuralParameter => Place::Parameters,
         Causality::Input => Place::Inputs,
         Causality::Output => Place::Outputs,
-        Causality::CalculatedParameter | Causality::Local | Causality::Independent => Place::Locals,
+        Causality::CalculatedParameter => Place::CalculatedParameters,
+        // With clocks, it changes at their ticks.
+        Causality::Local
+            if matches!(variability, Variability::Fixed | Variability::Tunable)
+                && variable.clocks.is_empty() =>
+        {
+            Place::CalculatedParameters
+        }
+        Causality::Local | Causality::Independent => Place::Locals,
     };
     Ok((place, variability))
 }

@@ -103,10 +103,10 @@ impl ::fmu_export::Variables for Variables {{
     }}
 
     fn zero() -> Self {{
-        let Self {{ parameters, inputs, states, locals, outputs, .. }} = Self::default();
+        let Self {{ parameters, {calculated}inputs, states, locals, outputs, .. }} = Self::default();
         Self {{
             parameters: {zero_parameters},
-            inputs: {zero_inputs},
+{zero_calculated}            inputs: {zero_inputs},
             start: {zero_states},
             states: {zero_states},
             derivatives: {zero_states},
@@ -145,14 +145,21 @@ impl ::fmu_export::Variables for Variables {{
             dependencies = self.dependencies(),
             numbers = self.numbers(),
             accessors = self.all_accessors(),
-            marks = self.marks(),
+            marks = self.marks("mark_calculated", is_evaluated) + &self.calculated_parameters(),
             sums = sums.map(|sum| format!("            0.0{sum},\n")).concat(),
+            calculated = self.calculated_field(),
             zero_parameters = self.zero(Place::Parameters),
+            zero_calculated = if self.has(Place::CalculatedParameters) {
+                format!("            calculated_parameters: {},\n", self.zero(Place::CalculatedParameters))
+            } else {
+                String::new()
+            },
             zero_inputs = self.zero(Place::Inputs),
             zero_states = self.zero(Place::States),
             zero_locals = self.zero(Place::Locals),
             zero_outputs = self.zero(Place::Outputs),
-            zero_clocks = if self.has_clocks() { "            clocks: Clocks::default(),\n" } else { "" },
+            zero_clocks =
+                if self.has(Place::Clocks) { "            clocks: Clocks::default(),\n" } else { "" },
             clock_tables = self.clock_tables(),
             clocks = self.clocks(),
         )
@@ -252,20 +259,57 @@ impl ::fmu_export::Variables for Variables {{
     fn set_states<T: ::fmu_export::Number>(_variables: &mut Self::Of<T>, _state: impl Fn(usize) -> T) {}
 "
         };
-        let evaluation = "
-    fn evaluation<'a, T: ::fmu_export::Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T> {
-        let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
-        Evaluation { parameters, inputs, states, derivatives, locals, outputs }
-    }
-";
-        [&of, evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set]
+        let calculated = self.calculated_field();
+        let evaluation = format!(
+            "
+    fn evaluation<'a, T: ::fmu_export::Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T> {{
+        let Variables {{ parameters, {calculated}inputs, states, derivatives, locals, outputs, .. }} = variables;
+        Evaluation {{ parameters, {calculated}inputs, states, derivatives, locals, outputs }}
+    }}
+"
+        );
+        [&of, &evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set]
             .concat()
+    }
+
+    /// The calculated parameters in a pattern, if there are any.
+    fn calculated_field(&self) -> &'static str {
+        if self.has(Place::CalculatedParameters) { "calculated_parameters, " } else { "" }
+    }
+
+    /// The types of what calculates parameters, and access to both, if there are calculated ones.
+    fn calculated_parameters(&self) -> String {
+        let type_of = |place: Place| {
+            let generic = if self.is_real(place) { "<T>" } else { "" };
+            format!("{}{generic}", place.type_name())
+        };
+        let parameters =
+            format!("    type Parameters<T: ::fmu_export::Number> = {};\n", type_of(Place::Parameters));
+        let place = Place::CalculatedParameters;
+        if !self.has(place) {
+            return format!("\n{parameters}    type CalculatedParameters<T: ::fmu_export::Number> = ();\n");
+        }
+        format!(
+            "
+{parameters}    type CalculatedParameters<T: ::fmu_export::Number> = {};
+    const HAS_CALCULATED_PARAMETERS: bool = true;
+
+    fn calculate_parameters<T: ::fmu_export::Number>(
+        variables: &mut Self::Of<T>,
+        calculate: impl FnOnce(&Self::Parameters<T>, &mut Self::CalculatedParameters<T>),
+    ) {{
+        calculate(&variables.parameters, &mut variables.calculated_parameters);
+    }}
+{}",
+            type_of(place),
+            self.marks("mark_calculated_parameters", |scalar| scalar.place == Place::CalculatedParameters),
+        )
     }
 
     /// A place's variables without changes, from its default, named after the place.
     fn zero(&self, place: Place) -> String {
-        let name = place.type_name().to_lowercase();
-        if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name }
+        let name = place.field_name();
+        if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name.to_owned() }
     }
 
     /// The getters and setters of all types.
@@ -305,10 +349,10 @@ impl ::fmu_export::Variables for Variables {{
         accessors.concat()
     }
 
-    /// How calculated variables take one of two values, if there are any.
-    fn marks(&self) -> String {
+    /// A function by which some calculated variables take one of two values, if there are any.
+    fn marks(&self, function: &str, is_marked: fn(&Scalar) -> bool) -> String {
         let mut marks = String::new();
-        for variable in self.variables.iter().filter(|variable| is_evaluated(self.first(variable))) {
+        for variable in self.variables.iter().filter(|variable| is_marked(self.first(variable))) {
             let scalar = self.first(variable);
             let value = match scalar.data_type {
                 DataType::Enumeration(enumeration) => {
@@ -332,7 +376,7 @@ impl ::fmu_export::Variables for Variables {{
         }
         format!(
             "
-    fn mark_calculated(&mut self, mark: bool) {{
+    fn {function}(&mut self, mark: bool) {{
 {marks}    }}
 "
         )

@@ -116,8 +116,9 @@ impl<'m, 'a> Generator<'m, 'a> {
         PLACES.into_iter().any(|place| self.is_real(place))
     }
 
-    pub(super) fn has_clocks(&self) -> bool {
-        self.model.in_place(Place::Clocks).next().is_some()
+    /// Whether the variables have a field for a place.
+    pub(super) fn has(&self, place: Place) -> bool {
+        !place.is_optional() || self.model.in_place(place).next().is_some()
     }
 
     /// Whether the struct of a place is generic over its number type.

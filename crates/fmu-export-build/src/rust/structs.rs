@@ -81,6 +81,11 @@ impl Generator<'_, '_> {
         let fields = [
             ("parameters", "The parameters.", Place::Parameters),
             (
+                "calculated_parameters",
+                "What follows from them alone, by `calculate_parameters`.",
+                Place::CalculatedParameters,
+            ),
+            (
                 "inputs",
                 "The inputs as set, possibly out of bounds; a model receives them within bounds.",
                 Place::Inputs,
@@ -92,7 +97,7 @@ impl Generator<'_, '_> {
             ("outputs", "The outputs other than states.", Place::Outputs),
             ("clocks", "The clocks.", Place::Clocks),
         ];
-        let fields = fields.into_iter().take(if self.has_clocks() { 8 } else { 7 });
+        let fields = fields.into_iter().filter(|&(_, _, place)| self.has(place));
         let fields = fields.map(|(name, description, place)| {
             let is_generic = self.is_real(place);
             let generic = if is_generic { "<T>" } else { "" };
@@ -115,12 +120,19 @@ impl Generator<'_, '_> {
     pub(super) fn evaluation_struct(&self) -> String {
         let fields = [
             ("parameters", "The parameters.", Place::Parameters, ""),
+            (
+                "calculated_parameters",
+                "What follows from them alone, by `calculate_parameters`.",
+                Place::CalculatedParameters,
+                "",
+            ),
             ("inputs", "The inputs, within their bounds.", Place::Inputs, ""),
             ("states", "The states.", Place::States, ""),
             ("derivatives", "The time derivatives of the states, to be calculated.", Place::States, "mut "),
             ("locals", "The local variables other than states, to be calculated.", Place::Locals, "mut "),
             ("outputs", "The outputs other than states, to be calculated.", Place::Outputs, "mut "),
         ];
+        let fields = fields.into_iter().filter(|&(_, _, place, _)| self.has(place));
         let fields = fields.map(|(name, description, place, mutable)| {
             let generic = if self.is_real(place) { "<T>" } else { "" };
             format!("    /// {description}\n    pub {name}: &'a {mutable}{}{generic},\n", place.type_name())
@@ -133,7 +145,7 @@ impl Generator<'_, '_> {
 pub struct Evaluation<'a{parameter}> {{
 {}}}
 ",
-            fields.concat()
+            fields.collect::<String>()
         )
     }
 }

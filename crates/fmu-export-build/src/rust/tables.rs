@@ -6,8 +6,8 @@ use std::fmt::Write as _;
 use super::generator::{Generator, Variable, bound};
 use crate::data_type::DataType;
 use crate::declaration::Declaration;
-use crate::dependencies::Unknown;
-use crate::model::{Place, without_subscripts};
+use crate::dependencies::{Structure, Unknown, known_in_steps};
+use crate::model::{Place, Scalar, without_subscripts};
 
 impl Generator<'_, '_> {
     /// The clocks, and the variables that belong to them, if any.
@@ -94,15 +94,39 @@ impl Generator<'_, '_> {
         if self.model.has_element_dependencies() {
             text += &self.dependencies_of("INITIAL_DEPENDENCIES", self.structure.initial_unknowns.iter());
         }
-        let is_time = |known: &usize| self.model.scalars[*known].place == Place::Time;
-        let may_depend = |unknown: &Unknown| match &unknown.dependencies {
-            Some(knowns) => knowns.iter().any(is_time),
-            None => true,
-        };
-        if self.reals(in_steps()).any(may_depend) {
+        if self.depend_on_time(in_steps()) {
             text.push_str("    const DEPENDS_ON_TIME: bool = true;\n");
         }
         text
+    }
+
+    /// Whether a Real unknown depends explicitly on time, or may.
+    fn depend_on_time<'u>(&self, unknowns: impl Iterator<Item = &'u Unknown>) -> bool {
+        let is_time = |known: &usize| self.model.scalars[*known].place == Place::Time;
+        self.reals(unknowns).any(|unknown| match &unknown.dependencies {
+            Some(knowns) => knowns.iter().any(is_time),
+            None => true,
+        })
+    }
+
+    /// A variable's roles in the equations of initialization and in those of steps: those by which `ModelStructure` lists
+    /// it.
+    fn roles(&self, scalar: &Scalar) -> [String; 2] {
+        let Structure { outputs, derivatives, initial_unknowns, .. } = self.structure;
+        let known = |known: bool, unknowns: &[&[Unknown]]| {
+            let unknowns = unknowns.iter().copied().flatten();
+            known && (scalar.place != Place::Time || self.depend_on_time(unknowns))
+        };
+        let beside = scalar.unknown_beside_the_lists();
+        let in_steps = known_in_steps(self.model.fmi.version)(scalar);
+        [
+            (
+                known(scalar.known_in_initialization(), &[initial_unknowns]),
+                scalar.unknown_in_initialization(),
+            ),
+            (known(in_steps, &[outputs, derivatives]), scalar.unknown_in_steps()),
+        ]
+        .map(|(known, unknown)| format!("fmi::Roles {{ known: {known}, unknown: {} }}", unknown || beside))
     }
 
     /// The Real ones of unknowns.
@@ -144,13 +168,15 @@ impl Generator<'_, '_> {
         for variable in self.by_value_reference() {
             let scalar = self.first(variable);
             let (min, max) = self.bounds(scalar);
+            let [in_initialization, in_steps] = self.roles(scalar);
             let name =
                 if variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
             let _ = writeln!(
                 variables,
                 "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
                  data_type: fmi::DataType::{}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
-                 initial: fmi::Initial::{}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?} }},",
+                 initial: fmi::Initial::{}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
+                 in_steps: {in_steps} }},",
                 scalar.value_reference,
                 variable.sizes,
                 self.stride(variable),

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Instance;
-use crate::calling_sequence::Phase;
-use crate::description::{Causality, Dependencies, Initial, ScalarVariable, ValueReference};
+use crate::description::{Dependencies, ValueReference};
 use crate::error::Error;
 use crate::model::Model;
 use crate::variables::Variables;
@@ -27,23 +26,14 @@ impl<M: Model> Instance<M> {
         }
         let unknowns = Self::elements(dependent)?;
         let variable = Self::checked(dependent);
-        let is_initial = matches!(
-            self.memory.phase,
-            Phase::Instantiated | Phase::ConfigurationMode | Phase::InitializationMode
-        );
-        let is_unknown = match variable.causality {
-            Causality::Output => true,
-            Causality::Local => {
-                variable.initial == Initial::Calculated || is_initial && variable.initial == Initial::Approx
-            }
-            Causality::CalculatedParameter => is_initial,
-            _ => false,
-        };
-        if !is_unknown {
+        if !self.roles(&variable).unknown {
             return Err(Error::new(format!("{} has no dependencies", variable.name())));
         }
-        let declared =
-            if is_initial { M::Variables::INITIAL_DEPENDENCIES } else { M::Variables::DEPENDENCIES };
+        let declared = if self.is_before_steps() {
+            M::Variables::INITIAL_DEPENDENCIES
+        } else {
+            M::Variables::DEPENDENCIES
+        };
         let declared: BTreeMap<_, Vec<_>> = declared
             .iter()
             .flat_map(Dependencies::each)
@@ -60,10 +50,7 @@ impl<M: Model> Instance<M> {
                 }));
             } else {
                 // It may depend on everything.
-                let variables = Self::DESCRIPTION.variables.iter();
-                let knowns = variables.filter(|known| {
-                    self.check_known(&ScalarVariable { description: known, element: 0 }).is_ok()
-                });
+                let knowns = Self::DESCRIPTION.variables.iter().filter(|known| self.roles(known).known);
                 dependencies.extend(knowns.map(|known| Dependency {
                     element,
                     independent: known.value_reference,

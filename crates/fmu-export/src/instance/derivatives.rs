@@ -4,7 +4,9 @@
 use super::values::REALS;
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, Initial, ScalarVariable, ValueReference, Version};
+use crate::description::{
+    Causality, Roles, ScalarVariable, ValueReference, Variability, VariableDescription,
+};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
@@ -177,27 +179,25 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Whether changing a known has an effect: an input held at a bound stays there.
+    /// Whether changing a known has an effect: an input held at a bound stays there, and a constant.
     fn can_change(&self, known: ValueReference) -> bool {
-        Self::checked(known).real_input().is_none_or(|input| self.memory.inputs.is_free(input))
+        let known = Self::checked(known);
+        known.variability != Variability::Constant
+            && known.real_input().is_none_or(|input| self.memory.inputs.is_free(input))
     }
 
-    /// Checks an unknown: a calculated variable.
+    /// A variable's roles in the equations of the present state.
+    pub(super) fn roles(&self, variable: &VariableDescription) -> Roles {
+        if self.is_before_steps() { variable.in_initialization } else { variable.in_steps }
+    }
+
+    pub(super) fn is_before_steps(&self) -> bool {
+        let phase = self.memory.phase;
+        matches!(phase, Phase::Instantiated | Phase::ConfigurationMode | Phase::InitializationMode)
+    }
+
     fn check_unknown(&self, variable: &ScalarVariable) -> Result<(), Error> {
-        let calculated = match variable.causality {
-            Causality::Output => true,
-            // A local state is an unknown of the initialization and a known of the steps.
-            Causality::Local => {
-                self.memory.phase == Phase::InitializationMode && variable.initial != Initial::Exact
-                    || variable.initial == Initial::Calculated
-            }
-            Causality::Parameter
-            | Causality::StructuralParameter
-            | Causality::CalculatedParameter
-            | Causality::Input
-            | Causality::Independent => false,
-        };
-        if calculated {
+        if self.roles(variable).unknown {
             Ok(())
         } else {
             Err(Error::new(format!(
@@ -208,22 +208,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Checks a known: an input, or time if anything depends on it; in initialization mode also a parameter or exact
-    /// start value; later a state, and in FMI 3.0 a settable parameter (FMI 2.0.5, section 2.2.8; FMI 3.0.2, section
-    /// 2.4.8).
-    pub(super) fn check_known(&self, variable: &ScalarVariable) -> Result<(), Error> {
-        let is_state = variable.state().is_some();
-        let initializing = self.memory.phase == Phase::InitializationMode;
-        let known = match variable.causality {
-            Causality::Input => true,
-            Causality::Independent => M::Variables::DEPENDS_ON_TIME,
-            Causality::Parameter => {
-                initializing || Self::DESCRIPTION.version == Version::Three && self.is_settable_now(variable)
-            }
-            _ if initializing => is_state && variable.initial == Initial::Exact,
-            _ => is_state,
-        };
-        if known {
+    fn check_known(&self, variable: &ScalarVariable) -> Result<(), Error> {
+        if self.roles(variable).known {
             Ok(())
         } else {
             Err(Error::new(format!("{} is not a known in the state {}", variable.name(), self.memory.phase)))

@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::events::Events;
 use crate::inputs::InputSignal;
 use crate::logger::RecentMessages;
-use crate::model::{InputsOf, Model};
+use crate::model::{InputsOf, Model, calculate_parameters};
 use crate::variables::Variables;
 
 /// The content of a saved state.
@@ -111,9 +111,15 @@ impl<M: Model> Memory<M> {
             return Ok(false);
         }
         M::check_parameters(&self.variables)?;
-        self.model.take_parameters(&self.variables);
+        self.take_parameters();
         self.parameters_changed = false;
         Ok(true)
+    }
+
+    /// Computes what follows from the parameters.
+    pub(super) fn take_parameters(&mut self) {
+        calculate_parameters(&self.model, &mut self.variables);
+        self.model.take_parameters(&self.variables);
     }
 
     pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {

@@ -22,14 +22,19 @@ fn main() {
         "field",
         "furnace",
         "two_parts",
-        "ending",
+        "tuned",
+        "tuned_samples",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
-        // What FMI 3.0 alone demands.
-        let version = if model == "ending" { Version::Three } else { Version::Two };
-        generate(Path::new(&declaration), &out_dir, version);
+        generate(Path::new(&declaration), Path::new(&out_dir), Version::Two);
+    }
+    // Of FMI 3.0, beside or instead of FMI 2.0.
+    for model in ["tuned", "tuned_samples", "tuned_ticks", "ending"] {
+        let declaration = format!("{model}.json");
+        println!("cargo::rerun-if-changed={declaration}");
+        generate(Path::new(&declaration), &Path::new(&out_dir).join("fmi3"), Version::Three);
     }
     let text = fs::read_to_string("two_parts.json").expect("it is beside this file");
     let of_capabilities = |line: &&str| line.contains("\"capabilities\"");
@@ -38,11 +43,11 @@ fn main() {
     let bare = Path::new(&out_dir).join("without_capabilities.json");
     fs::write(&bare, lines.join("\n").replace("\"two_parts\"", "\"without_capabilities\""))
         .expect("OUT_DIR is writable");
-    generate(&bare, &out_dir, Version::Two);
+    generate(&bare, Path::new(&out_dir), Version::Two);
 }
 
-fn generate(declaration: &Path, out_dir: &str, version: Version) {
+fn generate(declaration: &Path, out_dir: &Path, version: Version) {
     let fmi = Fmi { version, interfaces: Interfaces::Both };
-    generate_into(declaration, Path::new(out_dir), &Package::of_build_script(), fmi)
+    generate_into(declaration, out_dir, &Package::of_build_script(), fmi)
         .unwrap_or_else(|error| panic!("{error}"));
 }

@@ -4,7 +4,9 @@ use std::array::from_fn;
 use std::cell::Cell;
 
 use fmu_export::integrator::{Method, RODAS5P, ROS34PW2};
-use fmu_export::{Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Step};
+use fmu_export::{
+    Clocked, Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Sample, Sampled, Step,
+};
 
 macro_rules! variables {
     ($($model:ident: $identifier:literal),*) => {$(
@@ -17,7 +19,9 @@ macro_rules! variables {
 variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
-    without_capabilities: "without_capabilities", ending: "ending", vessels: "Vessels");
+    without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
+    tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
+    tuned_ticks: "fmi3/tuned_ticks");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -441,4 +445,142 @@ two_parts! {
     TwoPartsWithoutCapabilities: without_capabilities, RODAS5P;
     KeptTwoParts: two_parts, ROS34PW2;
     KeptTwoPartsWithoutCapabilities: without_capabilities, ROS34PW2;
+}
+
+/// Defines models of FMI 2.0 and 3.0 with everything that can follow from a tunable parameter.
+macro_rules! tuned {
+    ($($name:ident, $samples:ident: $module:ident, $of_samples:ident;)*) => {$(
+        /// A model of equations.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $name {
+            #[persistent(skip)]
+            field: f64,
+        }
+
+        impl $name {
+            fn compute<T: Number>(variables: &mut $module::Evaluation<'_, T>) {
+                let (calculated, states) = (variables.calculated_parameters, variables.states);
+                variables.outputs.y = calculated.scaled;
+                variables.outputs.z = if calculated.strong { calculated.plain } else { -calculated.plain };
+                variables.derivatives.x = calculated.scaled - states.x;
+                variables.derivatives.held = T::from(0.0);
+            }
+        }
+
+        impl Equations for $name {
+            type Variables = $module::Variables;
+
+            fn check_parameters(variables: &$module::Variables) -> Result<(), Error> {
+                let gain = variables.parameters.gain;
+                if gain > 50.0 { Err(Error::new(format!("gain is {gain:?}"))) } else { Ok(()) }
+            }
+
+            fn calculate_parameters<T: Number>(
+                &self,
+                parameters: &$module::Parameters<T>,
+                calculated: &mut $module::CalculatedParameters<T>,
+            ) {
+                calculated.scaled = parameters.gain * 10.0;
+                calculated.plain = calculated.scaled + parameters.gain;
+                calculated.strong = parameters.gain > 3.0;
+            }
+
+            fn take_parameters(&mut self, variables: &$module::Variables) {
+                self.field = variables.calculated_parameters.scaled;
+            }
+
+            fn initialize<T: Number>(&self, variables: &mut $module::Variables<T>) {
+                variables.states.held = variables.calculated_parameters.scaled;
+            }
+
+            fn evaluate<T: Number>(&self, _time: T, mut variables: $module::Evaluation<'_, T>) {
+                Self::compute(&mut variables);
+                variables.outputs.of_field = variables.parameters.gain * 10.0;
+            }
+
+            fn evaluate_values(&self, _time: f64, mut variables: $module::Evaluation<'_>) {
+                Self::compute(&mut variables);
+                variables.outputs.of_field = self.field;
+            }
+
+            fn next_event(&self, time: f64, variables: &$module::Variables) -> Option<f64> {
+                Some(variables.calculated_parameters.scaled).filter(|due| time < *due)
+            }
+
+            #[allow(clippy::cast_possible_truncation, reason = "they are small whole numbers")]
+            fn event(
+                &mut self,
+                _event: &Event<'_>,
+                variables: &mut $module::Variables,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                variables.outputs.seen = variables.calculated_parameters.scaled as i32;
+                Ok(())
+            }
+        }
+
+        /// A sampled model, with a sample each second.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $samples {}
+
+        impl Sampled for $samples {
+            type Variables = $of_samples::Variables;
+
+            fn period(_variables: &$of_samples::Variables) -> f64 {
+                1.0
+            }
+
+            fn calculate_parameters(
+                &self,
+                parameters: &$of_samples::Parameters,
+                calculated: &mut $of_samples::CalculatedParameters,
+            ) {
+                calculated.scaled = parameters.gain * 10.0;
+                calculated.plain = calculated.scaled + parameters.gain;
+            }
+
+            fn sample(
+                &mut self,
+                _sample: Sample,
+                variables: &mut $of_samples::Variables,
+                _inputs: &$of_samples::Inputs,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                variables.outputs.seen = variables.calculated_parameters.scaled;
+                Ok(())
+            }
+        }
+    )*};
+}
+tuned! {
+    Tuned, TunedSamples: tuned, tuned_samples;
+    Tuned3, TunedSamples3: tuned_3, tuned_samples_3;
+}
+
+/// A clocked model that reads what follows from a tunable parameter.
+#[derive(Clone, Debug, Default, Persistent)]
+pub struct TunedTicks {}
+
+impl Clocked for TunedTicks {
+    type Variables = tuned_ticks::Variables;
+
+    fn calculate_parameters(
+        &self,
+        parameters: &tuned_ticks::Parameters,
+        calculated: &mut tuned_ticks::CalculatedParameters,
+    ) {
+        calculated.scaled = parameters.gain * 10.0;
+        calculated.plain = calculated.scaled + parameters.gain;
+    }
+
+    fn tick(
+        &mut self,
+        _time: f64,
+        variables: &mut tuned_ticks::Variables,
+        _inputs: &tuned_ticks::Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.outputs.seen = variables.calculated_parameters.scaled;
+        Ok(())
+    }
 }

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod arrays;
+mod calculated_parameters;
 mod event_mode;
 mod intermediate_update;
 mod rod;

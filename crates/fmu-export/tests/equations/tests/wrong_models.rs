@@ -1,7 +1,10 @@
 //! Models whose equations compile and are wrong: told at initialization, by name.
 
-use fmu_export::{Equations, EvaluationOf, Integrated, Number, Persistent, Simulation};
-use fmu_export_equations::{Falling, bouncing_ball, decay, draining, falling};
+use fmu_export::{
+    Context, Equations, Error, EvaluationOf, Event, Integrated, Number, Persistent, Sample, Sampled,
+    SampledModel, Simulation, check_dependencies,
+};
+use fmu_export_equations::{Falling, bouncing_ball, decay, draining, falling, tuned, tuned_samples};
 
 /// Defines models that differ by one line of their equations.
 macro_rules! models {
@@ -68,11 +71,148 @@ fn what_is_wrong_is_named() {
             refusal::<OutputOfItself>(),
             "`evaluate` does not set square, or computes it from its previous value",
         ),
-        (refusal::<ChangesCount>(), "`evaluate` changes bounces (output, discrete), which it may only read"),
+        (
+            refusal::<ChangesCount>(),
+            "`evaluate` changes bounces (output, discrete), which it may only read: set it in `event`",
+        ),
         (refusal::<NoIndicator>(), "the event indicator height is NaN at 0 s"),
     ] {
         assert_eq!(found, expected);
     }
+}
+
+/// Defines models that differ in where they set what follows from parameters alone.
+macro_rules! calculating {
+    ($($name:ident: |$parameters:ident, $calculated:ident| $calculate:expr, |$variables:ident| $initialize:block, $event:block;)*) => {$(
+        #[derive(Clone, Debug, Default, Persistent)]
+        struct $name {}
+
+        impl Equations for $name {
+            type Variables = tuned::Variables;
+
+            fn calculate_parameters<T: Number>(
+                &self,
+                $parameters: &tuned::Parameters<T>,
+                $calculated: &mut tuned::CalculatedParameters<T>,
+            ) {
+                $calculate;
+            }
+
+            #[allow(unused_variables, reason = "most set nothing more")]
+            fn initialize<T: Number>(&self, $variables: &mut tuned::Variables<T>) {
+                $initialize
+            }
+
+            fn evaluate<T: Number>(&self, _time: T, variables: EvaluationOf<'_, Self, T>) {
+                let tuned::Evaluation { calculated_parameters: calculated, states, derivatives, outputs, .. } = variables;
+                derivatives.x = -states.x;
+                // The JSON denies it.
+                derivatives.held = calculated.scaled * states.x;
+                (outputs.y, outputs.z, outputs.of_field) = (calculated.scaled, calculated.plain, calculated.plain);
+            }
+
+            fn event(
+                &mut self,
+                _event: &Event<'_>,
+                $variables: &mut tuned::Variables,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                $variables.outputs.seen = 0;
+                $event
+                Ok(())
+            }
+        }
+    )*};
+}
+
+/// Sets all of them.
+fn all<T: Number>(parameters: &tuned::Parameters<T>, calculated: &mut tuned::CalculatedParameters<T>) {
+    calculated.scaled = parameters.gain;
+    calculated.plain = parameters.gain;
+    calculated.strong = true;
+}
+
+calculating! {
+    Forgets: |parameters, calculated| {
+        calculated.scaled = parameters.gain;
+        calculated.plain = parameters.gain;
+    }, |variables| {}, {};
+    Accumulates: |parameters, calculated| {
+        calculated.scaled += parameters.gain;
+        calculated.plain = parameters.gain;
+        calculated.strong = true;
+    }, |variables| {}, {};
+    SetsLater: |parameters, calculated| all(parameters, calculated), |variables| { variables.calculated_parameters.plain = T::from(3.0); }, {};
+    SetsAtEvents: |parameters, calculated| all(parameters, calculated), |variables| {}, { variables.calculated_parameters.strong = false; };
+    Undeclared: |parameters, calculated| all(parameters, calculated), |variables| {}, {};
+}
+
+/// A sampled model that sets them at its start alone.
+#[derive(Clone, Debug, Default, Persistent)]
+struct AtTheStart {}
+
+impl Sampled for AtTheStart {
+    type Variables = tuned_samples::Variables;
+
+    fn period(_variables: &tuned_samples::Variables) -> f64 {
+        1.0
+    }
+
+    fn initialize(
+        &mut self,
+        variables: &mut tuned_samples::Variables,
+        _inputs: &tuned_samples::Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        variables.calculated_parameters.scaled = 10.0 * variables.parameters.gain;
+        Ok(())
+    }
+
+    fn sample(
+        &mut self,
+        _sample: Sample,
+        _variables: &mut tuned_samples::Variables,
+        _inputs: &tuned_samples::Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_calculated_parameter_that_another_hook_sets_is_named() {
+    let sampled = Simulation::<SampledModel<AtTheStart>>::default().initialize().unwrap_err().to_string();
+    for (found, variable, reason) in [
+        (
+            refusal::<Forgets>(),
+            "strong (calculatedParameter, tunable)",
+            "does not set it, or computes it from",
+        ),
+        (
+            refusal::<Accumulates>(),
+            "scaled (calculatedParameter, tunable)",
+            "does not set it, or computes it from",
+        ),
+        (
+            refusal::<SetsLater>(),
+            "plain (local, tunable)",
+            "another hook changes it after `calculate_parameters`",
+        ),
+        (
+            refusal::<SetsAtEvents>(),
+            "strong (calculatedParameter, tunable)",
+            "another hook changes it after `calculate_parameters`",
+        ),
+        (sampled, "scaled (calculatedParameter, tunable)", "`calculate_parameters` does not set it"),
+    ] {
+        assert!(found.starts_with(&format!("{variable}: ")) && found.contains(reason), "{found}");
+    }
+}
+
+#[test]
+fn an_undeclared_dependency_through_a_calculated_parameter_is_named() {
+    let undeclared = check_dependencies::<Integrated<Undeclared>>(&tuned::Variables::default()).unwrap_err();
+    assert_eq!(undeclared.to_string(), "der(held) depends on x, which its 'reads' omit");
 }
 
 /// A model whose discrete output nothing sets.

@@ -92,6 +92,8 @@ pub struct Fmu {
     pub functions: Vec<&'static Function>,
     /// The path of its library.
     pub path: PathBuf,
+    /// Where its resources are.
+    resources: CString,
     library: Option<Library>,
     _folder: TempDir,
 }
@@ -122,6 +124,9 @@ impl Fmu {
                 .interface
                 .is_none_or(|of| description.is_fmi3() || description.interface(&format!("{of:?}")).is_some())
         };
+        // A URI (FMI 2.0.5, section 2.1.5), or a path that ends with a separator (FMI 3.0.2, section 2.3.1).
+        let [scheme, end] = if description.is_fmi3() { ["", "/"] } else { ["file://", ""] };
+        let resources = format!("{scheme}{}{end}", folder.path().join("resources").display());
         let xml = fs::read_to_string(folder.path().join("modelDescription.xml")).unwrap();
         let functions = table.iter().filter(is_exported).collect();
         let indicators = description.attribute("numberOfEventIndicators").parse();
@@ -135,6 +140,7 @@ impl Fmu {
             clocked: clocked(&xml),
             xml,
             path,
+            resources: CString::new(resources).unwrap(),
             library: None,
             description,
             _folder: folder,
@@ -291,6 +297,7 @@ impl<'f> Instance<'f> {
         let environment: *const Messages = &raw const *messages;
         let token = CString::new(fmu.description.guid()).unwrap();
         let (name, token) = (c"importer".as_ptr(), token.as_ptr());
+        let resources = fmu.resources.as_ptr();
         let nothing: *const c_void = ptr::null();
         // SAFETY: the types are those of the standards' headers; `callbacks` is valid during the call.
         let address = unsafe {
@@ -318,11 +325,10 @@ impl<'f> Instance<'f> {
                             Address,
                         ) -> *mut c_void = std::mem::transmute(symbol);
                         let events = u8::from(interface == Interface::EventMode);
-                        let path = ptr::null();
                         instantiate(
                             name,
                             token,
-                            path,
+                            resources,
                             0,
                             1,
                             events,
@@ -348,8 +354,18 @@ impl<'f> Instance<'f> {
                             Address,
                             Address,
                         ) -> *mut c_void = std::mem::transmute(symbol);
-                        let path = ptr::null();
-                        instantiate(name, token, path, 0, 1, environment, callback, nothing, nothing, nothing)
+                        instantiate(
+                            name,
+                            token,
+                            resources,
+                            0,
+                            1,
+                            environment,
+                            callback,
+                            nothing,
+                            nothing,
+                            nothing,
+                        )
                     }
                 }
             } else {
@@ -364,7 +380,7 @@ impl<'f> Instance<'f> {
                     c_int,
                 ) -> *mut c_void = std::mem::transmute(fmu.address("fmi2Instantiate"));
                 let of = c_int::from(interface != Interface::ModelExchange);
-                instantiate(name, of, token, ptr::null(), &raw const callbacks, 0, 1)
+                instantiate(name, of, token, resources, &raw const callbacks, 0, 1)
             }
         };
         assert!(!address.is_null(), "{messages:?}");

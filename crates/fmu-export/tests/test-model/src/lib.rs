@@ -10,7 +10,7 @@ use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, ModelExchange, St
 mod variables {
     fmu_export::include_variables!("TestModel");
 }
-use variables::{Gear, Inputs, Manner, Place, Start, Variables};
+use variables::{CalculatedParameters, Gear, Inputs, Manner, Parameters, Place, Start, Variables};
 
 /// A step ends at the model's end where it misses it by less, in s.
 const ROUNDING: f64 = 1e-9;
@@ -135,9 +135,13 @@ fn sign(gear: Gear) -> f64 {
 
 /// The derivative of the level's rate with respect to the rate.
 fn gain(variables: &Variables, inputs: &Inputs) -> f64 {
-    let parameters = &variables.parameters;
-    let doubled = if parameters.settings.doubled { 2.0 } else { 1.0 };
-    if inputs.enabled { doubled * parameters.tank.gain } else { 0.0 }
+    gain_factor(variables, inputs) * variables.parameters.tank.gain
+}
+
+/// Its derivative with respect to the gain.
+fn gain_factor(variables: &Variables, inputs: &Inputs) -> f64 {
+    let doubled = if variables.parameters.settings.doubled { 2.0 } else { 1.0 };
+    if inputs.enabled { doubled } else { 0.0 }
 }
 
 impl TestModel {
@@ -156,12 +160,11 @@ impl TestModel {
     fn evaluate(&self, time: f64, variables: &mut Variables, inputs: &Inputs) {
         let gain = gain(variables, inputs);
         let (parameters, states) = (&variables.parameters, &variables.states);
-        let [[a, b], [c, d]] = parameters.settings.table;
+        let determinant = variables.calculated_parameters.settings.determinant;
         let (level, position) = (states.tank.level, states.motion.position);
-        variables.locals.settings.determinant = a * d - b * c;
         variables.derivatives.tank.level = gain * inputs.rate + inputs.pulse;
         variables.derivatives.motion.position =
-            (a * d - b * c) * sign(inputs.gear) * inputs.drive - position * position;
+            determinant * sign(inputs.gear) * inputs.drive - position * position;
         variables.locals.tank.full = self.full;
         variables.locals.events.clock = time;
         variables.locals.events.ticks = self.ticks;
@@ -194,12 +197,18 @@ impl Model for TestModel {
         fail(&mut variables.clone(), Place::CheckParameters)
     }
 
+    fn calculate_parameters(&self, parameters: &Parameters, calculated: &mut CalculatedParameters) {
+        let [[a, b], [c, d]] = parameters.settings.table;
+        calculated.settings.determinant = a * d - b * c;
+    }
+
     fn initialize(
         &mut self,
         variables: &mut Variables,
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        self.calculate_parameters(&variables.parameters, &mut variables.calculated_parameters);
         variables.states = variables.start;
         if variables.parameters.motion.start == Start::AtRest {
             if variables.start.motion.position != 0.0 {
@@ -278,10 +287,17 @@ impl Model for TestModel {
         let mut result = Variables::zero();
         let (inputs_by, states_by) = (direction.inputs(), &direction.start);
         let position = variables.states.motion.position;
-        result.derivatives.tank.level = gain(variables, inputs) * inputs_by.rate + inputs_by.pulse;
-        result.derivatives.motion.position =
-            variables.locals.settings.determinant * sign(inputs.gear) * inputs_by.drive
-                - 2.0 * position * states_by.motion.position;
+        let [[a, b], [c, d]] = variables.parameters.settings.table;
+        let [[a_by, b_by], [c_by, d_by]] = direction.parameters.settings.table;
+        let determinant_by = a_by * d + a * d_by - b_by * c - b * c_by;
+        let gain_by = gain_factor(variables, inputs) * direction.parameters.tank.gain;
+        result.calculated_parameters.settings.determinant = determinant_by;
+        result.derivatives.tank.level =
+            gain(variables, inputs) * inputs_by.rate + gain_by * inputs.rate + inputs_by.pulse;
+        result.derivatives.motion.position = sign(inputs.gear)
+            * (variables.calculated_parameters.settings.determinant * inputs_by.drive
+                + determinant_by * inputs.drive)
+            - 2.0 * position * states_by.motion.position;
         result.outputs.output = states_by.tank.level
             + variables.parameters.tank.gain * inputs_by.rate
             + direction.parameters.tank.gain * inputs.rate;
@@ -316,9 +332,14 @@ impl Model for TestModel {
         result.inputs.rate =
             rates.tank.level * gain(variables, inputs) + outputs.output * variables.parameters.tank.gain;
         result.inputs.pulse = rates.tank.level;
-        result.inputs.drive =
-            rates.motion.position * variables.locals.settings.determinant * sign(inputs.gear);
-        result.parameters.tank.gain = outputs.output * inputs.rate;
+        let by_motion = rates.motion.position * sign(inputs.gear);
+        result.inputs.drive = by_motion * variables.calculated_parameters.settings.determinant;
+        result.parameters.tank.gain =
+            (outputs.output + gain_factor(variables, inputs) * rates.tank.level) * inputs.rate;
+        let [[a, b], [c, d]] = variables.parameters.settings.table;
+        let by_determinant = weights.calculated_parameters.settings.determinant + by_motion * inputs.drive;
+        result.parameters.settings.table =
+            [[d, -c], [-b, a]].map(|row| row.map(|factor| factor * by_determinant));
         result.states.tank.level = outputs.output;
         result.states.motion.position = outputs.position - 2.0 * position * rates.motion.position;
         Ok(result)

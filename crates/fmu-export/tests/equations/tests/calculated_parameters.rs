@@ -1,0 +1,523 @@
+//! What follows from tunable parameters alone: variables by `calculate_parameters`, fields by `take_parameters`. It follows
+//! at once, in each interface and mode, and with its derivatives.
+
+// They are whole numbers, computed without rounding.
+#![allow(clippy::float_cmp)]
+
+use std::ffi::{CString, c_void};
+use std::marker::PhantomData;
+use std::ptr;
+
+use fmu_export::description::{ValueReference, Version};
+use fmu_export::{ClockedModel, EventMode, Integrated, SampledModel, Simulation, Variables as _, fmi2, fmi3};
+use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Interface {
+    CoSimulation,
+    /// Co-Simulation with Event Mode.
+    EventMode,
+    ModelExchange,
+}
+
+/// An instance of a model's FMU.
+struct Importer<M: EventMode>(*mut c_void, Interface, PhantomData<M>);
+
+/// Calls a function that has the same arguments in both versions. It must succeed.
+macro_rules! call {
+    ($importer:ident, $function:ident $(, $argument:expr)*) => {{
+        // SAFETY: the instance is the importer's, and used by one thread; what is passed outlives the call.
+        let ok = unsafe {
+            if const { Self::IS_FMI2 } {
+                    fmi2::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
+                } else {
+                    fmi3::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
+                }
+        };
+        assert!(ok, "{} of {:?}", stringify!($function), $importer.1);
+    }};
+}
+
+impl<M: EventMode> Drop for Importer<M> {
+    fn drop(&mut self) {
+        // SAFETY: the instance is this importer's, and this its last use.
+        unsafe { fmi3::c_api::free_instance::<M>(self.0) }
+    }
+}
+
+// SAFETY of every call below: as above, and arrays have the passed lengths.
+impl<M: EventMode> Importer<M> {
+    /// Known to the compiler, so that it compiles the functions of one version.
+    const IS_FMI2: bool = matches!(M::Variables::DESCRIPTION.version, Version::Two);
+
+    fn new(interface: Interface) -> Self {
+        let token = CString::new(M::Variables::DESCRIPTION.guid).unwrap();
+        let (name, token, none) = (c"tuned".as_ptr(), token.as_ptr(), ptr::null_mut());
+        // SAFETY: see above.
+        let instance = unsafe {
+            if const { Self::IS_FMI2 } {
+                let callbacks = fmi2::c_types::CallbackFunctions {
+                    logger: None,
+                    allocate_memory: None,
+                    free_memory: None,
+                    step_finished: None,
+                    component_environment: none,
+                };
+                let of = i32::from(interface != Interface::ModelExchange);
+                fmi2::c_api::instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
+            } else if interface == Interface::ModelExchange {
+                fmi3::c_api::instantiate_model_exchange::<M>(name, token, ptr::null(), 0, 0, none, None)
+            } else {
+                fmi3::c_api::instantiate_co_simulation::<M>(
+                    name,
+                    token,
+                    ptr::null(),
+                    0,
+                    0,
+                    (interface == Interface::EventMode).into(),
+                    1,
+                    ptr::null(),
+                    0,
+                    none,
+                    None,
+                    None,
+                )
+            }
+        };
+        assert!(!instance.is_null());
+        Self(instance, interface, PhantomData)
+    }
+
+    fn enter_initialization(&mut self) {
+        // SAFETY: see above.
+        unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::setup_experiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi2::c_api::enter_initialization_mode::<M>(self.0);
+            } else {
+                fmi3::c_api::enter_initialization_mode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+            }
+        }
+    }
+
+    /// From a new or reset instance to Step Mode or Event Mode.
+    fn initialize(&mut self) {
+        self.enter_initialization();
+        self.exit_initialization();
+    }
+
+    fn reference(name: &str) -> ValueReference {
+        let mut described = M::Variables::described();
+        described.find(|(_, variable)| variable.name() == name).expect("there is such a variable").0
+    }
+
+    fn get<const N: usize>(&mut self, names: [&str; N]) -> [f64; N] {
+        let (references, mut values) = (names.map(Self::reference), [f64::NAN; N]);
+        let (from, to) = (references.as_ptr(), values.as_mut_ptr());
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_real::<M>(self.0, from, N, to)
+            } else {
+                fmi3::c_api::get_float64::<M>(self.0, from, N, to, N)
+            }
+        };
+        assert_eq!(status as i32, 0, "{names:?}");
+        values
+    }
+
+    /// Sets the gain. Returns whether it is accepted.
+    fn tune(&mut self, gain: f64) -> bool {
+        let reference = Self::reference("gain");
+        let (to, from) = (&raw const reference, &raw const gain);
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::set_real::<M>(self.0, to, 1, from)
+            } else {
+                fmi3::c_api::set_float64::<M>(self.0, to, 1, from, 1)
+            }
+        };
+        status as i32 == 0
+    }
+
+    fn step(&mut self, time: f64, size: f64) {
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::do_step::<M>(self.0, time, size, 1)
+            } else {
+                let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
+                let flags = (&raw mut needed, &raw mut ends, &raw mut early);
+                fmi3::c_api::do_step_to_event::<M>(
+                    self.0,
+                    time,
+                    size,
+                    1,
+                    flags.0,
+                    flags.1,
+                    flags.2,
+                    &raw mut reached,
+                )
+            }
+        };
+        assert_eq!(status as i32, 0);
+    }
+
+    /// One iteration of an event: when the next time event is due.
+    fn update(&mut self) -> Option<f64> {
+        // SAFETY: see above.
+        unsafe {
+            if const { Self::IS_FMI2 } {
+                let mut info = fmi2::c_types::EventInfo::default();
+                let status = fmi2::c_api::new_discrete_states::<M>(self.0, &raw mut info);
+                assert_eq!(status as i32, 0);
+                return (info.next_event_time_defined == 1).then_some(info.next_event_time);
+            }
+            let ([mut again, mut ends, mut nominals, mut values, mut is_defined], mut next) = ([0; 5], 0.0);
+            let status = fmi3::c_api::update_discrete_states::<M>(
+                self.0,
+                &raw mut again,
+                &raw mut ends,
+                &raw mut nominals,
+                &raw mut values,
+                &raw mut is_defined,
+                &raw mut next,
+            );
+            assert_eq!(status as i32, 0);
+            (is_defined == 1).then_some(next)
+        }
+    }
+
+    fn rates<const N: usize>(&mut self) -> [f64; N] {
+        let mut rates = [f64::NAN; N];
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+            } else {
+                fmi3::c_api::get_continuous_state_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+            }
+        };
+        assert_eq!(status as i32, 0);
+        rates
+    }
+
+    /// The derivatives of unknowns with respect to the gain, and in FMI 3.0 their adjoint ones, one by one.
+    fn by_gain<const N: usize>(&mut self, unknowns: [&str; N]) -> Vec<[f64; N]> {
+        let (rows, column) = (unknowns.map(Self::reference), Self::reference("gain"));
+        let (one, mut forward, mut backwards) = (1.0, [f64::NAN; N], [f64::NAN; N]);
+        let (known, seed, found) = (&raw const column, &raw const one, forward.as_mut_ptr());
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::get_directional_derivative::<M>(self.0, rows.as_ptr(), N, known, 1, seed, found)
+            } else {
+                fmi3::c_api::get_directional_derivative::<M>(
+                    self.0,
+                    rows.as_ptr(),
+                    N,
+                    known,
+                    1,
+                    seed,
+                    1,
+                    found,
+                    N,
+                )
+            }
+        };
+        assert_eq!(status as i32, 0, "{unknowns:?}");
+        if const { Self::IS_FMI2 } {
+            return vec![forward];
+        }
+        for (row, found) in rows.iter().zip(&mut backwards) {
+            // SAFETY: see above.
+            let status = unsafe {
+                fmi3::c_api::get_adjoint_derivative::<M>(self.0, row, 1, known, 1, seed, 1, found, 1)
+            };
+            assert_eq!(status as i32, 0);
+        }
+        vec![forward, backwards]
+    }
+
+    /// Another instance that goes on from the bytes of this one's state.
+    fn restored(&mut self) -> Self {
+        let other = Self::new(self.1);
+        let (mut state, mut copy, mut size) = (ptr::null_mut(), ptr::null_mut(), 0);
+        call!(self, get_fmu_state, &raw mut state);
+        call!(self, serialized_fmu_state_size, state, &raw mut size);
+        let mut bytes = vec![0_u8; size];
+        call!(self, serialize_fmu_state, state, bytes.as_mut_ptr().cast(), size);
+        call!(self, free_fmu_state, &raw mut state);
+        call!(other, deserialize_fmu_state, bytes.as_ptr().cast(), size, &raw mut copy);
+        call!(other, set_fmu_state, copy);
+        call!(other, free_fmu_state, &raw mut copy);
+        other
+    }
+
+    fn enter_event_mode(&mut self) {
+        call!(self, enter_event_mode);
+    }
+
+    /// From Event Mode to the mode in which time passes.
+    fn leave_event_mode(&mut self) {
+        if self.1 == Interface::ModelExchange {
+            call!(self, enter_continuous_time_mode);
+        } else {
+            // SAFETY: see above.
+            let status = unsafe { fmi3::c_api::enter_step_mode::<M>(self.0) };
+            assert_eq!(status as i32, 0);
+        }
+    }
+
+    fn exit_initialization(&mut self) {
+        call!(self, exit_initialization_mode_with_events);
+    }
+
+    fn reset(&mut self) {
+        call!(self, reset);
+    }
+
+    fn set_time(&mut self, time: f64) {
+        call!(self, set_time, time);
+    }
+
+    fn tick(&mut self, clock: &str) {
+        let (reference, ticks) = (Self::reference(clock), 1);
+        // SAFETY: see above.
+        let status =
+            unsafe { fmi3::c_api::clocks::set_clock::<M>(self.0, &raw const reference, 1, &raw const ticks) };
+        assert_eq!(status as i32, 0);
+    }
+}
+
+/// What follows from the gain.
+fn follows(gain: f64) -> [f64; 5] {
+    let plain = 11.0 * gain;
+    [10.0 * gain, plain, 10.0 * gain, if gain > 3.0 { plain } else { -plain }, 10.0 * gain]
+}
+
+const FOLLOWING: [&str; 5] = ["scaled", "plain", "y", "z", "of_field"];
+
+/// The relative error of the state: a step's is at most the default tolerance, 1e-6, times 1 + x, and the errors of two
+/// steps add up at most.
+fn is_close(found: f64, exact: f64) -> bool {
+    (found - exact).abs() <= 2e-6 * (1.0 + exact)
+}
+
+/// In Step Mode, with a getter before the step and without.
+fn follow_in_steps<M: EventMode>() {
+    for reads in [true, false] {
+        let mut importer = Importer::<M>::new(Interface::CoSimulation);
+        importer.initialize();
+        assert_eq!(importer.get(FOLLOWING), follows(2.0));
+        importer.step(0.0, 0.5);
+        assert!(importer.tune(5.0));
+        if reads {
+            assert_eq!(importer.get(FOLLOWING), follows(5.0));
+        }
+        // The state has the change, but not its consequences.
+        let mut restored = importer.restored();
+        let middle = 20.0 * (1.0 - (-0.5_f64).exp());
+        let exact = 50.0 + (middle - 50.0) * (-0.5_f64).exp();
+        for importer in [&mut importer, &mut restored] {
+            importer.step(0.5, 0.5);
+            let [x] = importer.get(["x"]);
+            assert!(is_close(x, exact), "{x} {exact}");
+            assert_eq!(importer.get(FOLLOWING), follows(5.0));
+        }
+        let mut restored = restored.restored();
+        assert_eq!(restored.get(FOLLOWING), follows(5.0));
+        // Beyond its range it changes nothing; an FMU of FMI 3.0 needs a saved state then.
+        if Importer::<M>::IS_FMI2 {
+            assert!(!importer.tune(200.0));
+            assert_eq!(importer.get(FOLLOWING), follows(5.0));
+        }
+        importer.reset();
+        importer.initialize();
+        assert_eq!(importer.get(FOLLOWING), follows(2.0));
+        importer.reset();
+        assert!(importer.tune(4.0));
+        importer.enter_initialization();
+        assert_eq!(importer.get(FOLLOWING), follows(4.0));
+        assert!(importer.tune(3.0));
+        assert_eq!((importer.get(FOLLOWING), importer.get(["held"])), (follows(3.0), [30.0]));
+    }
+}
+
+#[test]
+fn they_follow_in_co_simulation() {
+    follow_in_steps::<Integrated<Tuned>>();
+    follow_in_steps::<Integrated<Tuned3>>();
+}
+
+/// In Event Mode, in which parameters are tuned, and in the mode that follows.
+fn follow_in_events<M: EventMode>(interface: Interface) {
+    let is_exchange = interface == Interface::ModelExchange;
+    // The time event is due when `scaled` says.
+    for reads in [true, false] {
+        let mut importer = Importer::<M>::new(interface);
+        importer.initialize();
+        assert_eq!((importer.get(FOLLOWING), importer.update()), (follows(2.0), Some(20.0)));
+        assert!(importer.tune(5.0));
+        let mut restored = importer.restored();
+        for importer in [&mut importer, &mut restored] {
+            if reads {
+                assert_eq!(importer.get(FOLLOWING), follows(5.0));
+                if is_exchange {
+                    assert_eq!(importer.rates(), [50.0, 0.0]);
+                }
+            }
+            assert_eq!(importer.update(), Some(50.0));
+            importer.leave_event_mode();
+            assert_eq!(importer.get(FOLLOWING), follows(5.0));
+        }
+        if is_exchange {
+            // To its own value: no change.
+            assert!(importer.tune(5.0));
+            assert_eq!(importer.rates(), [50.0, 0.0]);
+        }
+        // Without an iteration, too.
+        importer.enter_event_mode();
+        assert!(importer.tune(4.0));
+        importer.leave_event_mode();
+        if is_exchange {
+            assert_eq!(importer.rates(), [40.0, 0.0]);
+        } else {
+            importer.step(0.0, 0.5);
+            let ([x], exact) = (importer.get(["x"]), 40.0 * (1.0 - (-0.5_f64).exp()));
+            assert!(is_close(x, exact), "{x} {exact}");
+        }
+        assert_eq!(importer.get(FOLLOWING), follows(4.0));
+        importer.reset();
+        importer.initialize();
+        assert_eq!((importer.get(FOLLOWING), importer.update()), (follows(2.0), Some(20.0)));
+    }
+}
+
+#[test]
+fn they_follow_in_event_mode() {
+    follow_in_events::<Integrated<Tuned>>(Interface::ModelExchange);
+    follow_in_events::<Integrated<Tuned3>>(Interface::ModelExchange);
+    follow_in_events::<Integrated<Tuned3>>(Interface::EventMode);
+}
+
+/// The outputs' derivatives go through what is calculated, in FMI 3.0 between steps, too, where parameters are knowns.
+#[test]
+fn they_have_derivatives() {
+    fn check<M: EventMode>() {
+        for interface in [Interface::CoSimulation, Interface::ModelExchange] {
+            let mut importer = Importer::<M>::new(interface);
+            importer.enter_initialization();
+            for found in importer.by_gain(["scaled", "y", "z", "of_field", "held", "der(x)", "plain"]) {
+                assert_eq!(found, [10.0, 10.0, -11.0, 10.0, 10.0, 10.0, 11.0]);
+            }
+            importer.exit_initialization();
+            if Importer::<M>::IS_FMI2 {
+                continue;
+            }
+            assert!(importer.tune(5.0));
+            for found in importer.by_gain(["y", "z", "of_field", "der(x)", "plain"]) {
+                assert_eq!(found, [10.0, 11.0, 10.0, 10.0, 11.0]);
+            }
+        }
+    }
+    check::<Integrated<Tuned>>();
+    check::<Integrated<Tuned3>>();
+}
+
+/// Calculated parameters of a sampled model follow at once, its outputs at the next sample.
+#[test]
+fn those_of_sampled_models_follow_before_the_next_sample() {
+    fn check<M: EventMode>(interface: Interface) {
+        let names = ["scaled", "plain", "seen"];
+        let mut importer = Importer::<M>::new(interface);
+        importer.initialize();
+        let begin = |importer: &mut Importer<M>| {
+            if interface == Interface::CoSimulation {
+                importer.step(0.0, 0.5);
+            } else {
+                importer.update();
+            }
+        };
+        begin(&mut importer);
+        assert_eq!(importer.get(names), [20.0, 22.0, 20.0]);
+        assert!(importer.tune(5.0));
+        let mut restored = importer.restored();
+        for importer in [&mut importer, &mut restored] {
+            assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
+            match interface {
+                // The samples at 0.5 s are those before 1 s; the next one is in the step that begins there.
+                Interface::CoSimulation => {
+                    importer.step(0.5, 0.5);
+                    assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
+                    importer.step(1.0, 0.5);
+                }
+                Interface::EventMode => {
+                    importer.leave_event_mode();
+                    importer.step(0.0, 1.0);
+                    assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
+                    importer.enter_event_mode();
+                    importer.update();
+                }
+                Interface::ModelExchange => {
+                    importer.leave_event_mode();
+                    importer.set_time(1.0);
+                    assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
+                    importer.enter_event_mode();
+                    importer.update();
+                }
+            }
+            assert_eq!(importer.get(names), [50.0, 55.0, 50.0]);
+        }
+        importer.reset();
+        importer.initialize();
+        begin(&mut importer);
+        assert_eq!(importer.get(names), [20.0, 22.0, 20.0]);
+    }
+    check::<SampledModel<TunedSamples>>(Interface::CoSimulation);
+    check::<SampledModel<TunedSamples>>(Interface::ModelExchange);
+    check::<SampledModel<TunedSamples3>>(Interface::CoSimulation);
+    check::<SampledModel<TunedSamples3>>(Interface::ModelExchange);
+    check::<SampledModel<TunedSamples3>>(Interface::EventMode);
+}
+
+/// Likewise those of a clocked model, whose outputs wait for a tick.
+#[test]
+fn those_of_clocked_models_follow_before_the_next_tick() {
+    for interface in [Interface::ModelExchange, Interface::EventMode] {
+        let mut importer = Importer::<ClockedModel<TunedTicks>>::new(interface);
+        importer.initialize();
+        assert_eq!(importer.get(["scaled", "plain"]), [20.0, 22.0]);
+        assert!(importer.tune(5.0));
+        let mut restored = importer.restored();
+        for importer in [&mut importer, &mut restored] {
+            assert_eq!(importer.get(["scaled", "plain"]), [50.0, 55.0]);
+            importer.tick("sample");
+            assert_eq!(importer.get(["scaled", "plain", "seen"]), [50.0, 55.0, 50.0]);
+            // A tick is computed from the newest parameters.
+            assert!(importer.tune(4.0));
+            assert_eq!(importer.get(["scaled", "plain", "seen"]), [40.0, 44.0, 40.0]);
+        }
+    }
+}
+
+/// Models in Rust, without an FMU.
+#[test]
+fn they_follow_in_simulations() {
+    let mut simulation = Simulation::<Integrated<Tuned>>::default();
+    simulation.initialize().unwrap();
+    simulation.variables.parameters.gain = 5.0;
+    simulation.step(0.5).unwrap();
+    assert_eq!([simulation.variables.outputs.y, simulation.variables.outputs.of_field], [50.0; 2]);
+    let mut simulation = Simulation::<SampledModel<TunedSamples>>::default();
+    simulation.initialize().unwrap();
+    simulation.variables.parameters.gain = 5.0;
+    simulation.step(0.5).unwrap();
+    assert_eq!(simulation.variables.outputs.seen, 50.0);
+    let mut simulation = Simulation::<ClockedModel<TunedTicks>>::default();
+    simulation.initialize().unwrap();
+    simulation.variables.parameters.gain = 5.0;
+    simulation.tick(|variables| &mut variables.clocks.sample).unwrap();
+    assert_eq!(simulation.variables.outputs.seen, 50.0);
+}
