@@ -2,6 +2,7 @@
 //! without.
 
 use std::array::from_fn;
+use std::cell::Cell;
 
 use fmu_export::integrator::{Integrate, Integrator};
 use fmu_export::{Equations, InputSignal, Inputs as _, Integrated, Simulation, TwoRates, Variables as _};
@@ -52,7 +53,7 @@ impl Case {
             rates: [fast, slow, from_fn(|_| from_fn(|_| unit()))],
             forcing: [rate * unit(), rate * unit()],
             // Each alone, and both.
-            swing: if number % 3 == 0 { 0.0 } else { unit() },
+            swing: if number.is_multiple_of(3) { 0.0 } else { unit() },
             input: if number % 3 == 1 { [0.0; 2] } else { [unit(), unit()] },
         }
     }
@@ -93,7 +94,7 @@ fn run_from<E: Equations, I: Integrate>(
             between(simulation);
         }
         let [value, slope] = case.input;
-        let [rise, slope] = if number % 2 == 0 { [0.0, slope] } else { [0.1 * slope, -slope] };
+        let [rise, slope] = if number.is_multiple_of(2) { [0.0, slope] } else { [0.1 * slope, -slope] };
         let mut inputs = simulation.inputs.clone();
         inputs.set_real(0, value + rise);
         let mut inputs = InputSignal::constant(inputs);
@@ -103,7 +104,7 @@ fn run_from<E: Equations, I: Integrate>(
         E::Variables::each_state(&simulation.variables, |state, value: f64| states[state] = value);
         states
     };
-    ((0..100).map(&mut step).collect(), PARTS_EVALUATIONS.with(|count| count.get()))
+    ((0..100).map(&mut step).collect(), PARTS_EVALUATIONS.with(Cell::get))
 }
 
 /// The largest error of any state at any time, relative to the sum of the state and its nominal value.
