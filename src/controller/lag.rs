@@ -1,0 +1,20 @@
+//! A first-order lag.
+
+use fmu_export::Persistent;
+
+/// A signal behind another by a time constant, by backward differences: stable for any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Lag {
+    /// None before the first sample.
+    value: Option<f64>,
+}
+
+impl Lag {
+    /// The lagged signal at a sample, with a time constant (s). It starts at the signal.
+    pub fn sample(&mut self, sample_time: f64, time_constant: f64, signal: f64) -> f64 {
+        let before = self.value.unwrap_or(signal);
+        let value = before + sample_time / (time_constant + sample_time) * (signal - before);
+        self.value = Some(value);
+        value
+    }
+}
