@@ -59,10 +59,12 @@ impl BySpeed {
                 operating_point,
                 holding: None,
                 model_lambda: lambda,
-                feedback: FeedbackSettings::new(&operating_point.local_model(), lambda, derivative_filter),
+                feedback: FeedbackSettings::new(&operating_point.local_model(), lambda),
+                derivative_filter,
                 limits,
                 own_limits: limits,
                 model_limits: limits,
+                waits: false,
                 integral_exponent: 0.0,
             },
         );

@@ -52,6 +52,8 @@ pub struct Day {
     ambient_pressure: f64,
     /// Its difference below the reference value (Pa).
     pressure_deficit: f64,
+    /// Whether ambient pressure is measured.
+    pub is_measured: bool,
 }
 
 impl Default for Day {
@@ -63,6 +65,7 @@ impl Default for Day {
             work_ratio: 1.0,
             ambient_pressure: 1.0,
             pressure_deficit: 0.0,
+            is_measured: false,
         }
     }
 }
@@ -87,6 +90,7 @@ impl Day {
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: nominal_ambient_pressure - ambient_pressure,
+            is_measured: inputs.ambient_pressure >= LEAST_PRESSURE,
         }
     }
 

@@ -25,14 +25,12 @@ pub struct FeedbackSettings {
     pub integral_time: f64,
     /// `T_d` (s).
     pub derivative_time: f64,
-    /// `T_d` over the time constant of the derivative filter.
-    pub derivative_filter: f64,
 }
 
 impl FeedbackSettings {
     /// λ-tuning for a local model; λ (s) is the desired closed-loop time constant.
     #[must_use]
-    pub fn new(model: &LocalModel, lambda: f64, derivative_filter: f64) -> Self {
+    pub fn new(model: &LocalModel, lambda: f64) -> Self {
         let half_delay = model.delay / 2.0;
         let integral_time = model.time_constant + half_delay;
         let integral_gain = 1.0 / ((half_delay + lambda) * model.gain);
@@ -41,16 +39,13 @@ impl FeedbackSettings {
             integral_gain,
             integral_time,
             derivative_time: model.time_constant * model.delay / (model.delay + 2.0 * model.time_constant),
-            derivative_filter,
         }
     }
 
-    /// With a lead (s) in the derivative term for a lag beyond the local model's delay, and filtered over one sample (s):
-    /// a slower filter would cost the lead.
+    /// Adds a lead (s) to the derivative term for a lag beyond the local model's delay.
     #[must_use]
-    pub fn leading(self, lead: f64, sample_time: f64) -> Self {
-        let derivative_time = self.derivative_time + lead;
-        Self { derivative_time, derivative_filter: larger(derivative_time / sample_time, 1.0), ..self }
+    pub fn with_lead(self, lead: f64) -> Self {
+        Self { derivative_time: self.derivative_time + lead, ..self }
     }
 
     /// The tracking time `T_tr` of paper, section 6, at least four samples (s).
@@ -90,9 +85,14 @@ impl Pid {
     /// Updates the derivative term with the measurement (Pa) of a new sample.
     ///
     /// It acts only on the measurement, so reference steps cause no kick, through a filter with the time constant
-    /// `T_d / derivative_filter`, discretised by backward differences.
-    pub fn differentiate(&mut self, tuning: &FeedbackSettings, sample_time: f64, measurement: f64) {
-        let filter = tuning.derivative_filter;
+    /// `T_d / filter`, discretised by backward differences.
+    pub fn differentiate(
+        &mut self,
+        tuning: &FeedbackSettings,
+        filter: f64,
+        sample_time: f64,
+        measurement: f64,
+    ) {
         let pole = tuning.derivative_time / (tuning.derivative_time + filter * sample_time);
         let change = measurement - self.measurement;
         self.derivative = pole * self.derivative - tuning.gain * filter * pole * change;

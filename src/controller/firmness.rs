@@ -1,15 +1,14 @@
-//! How firm the feedback is: at rest as gentle as the vacuum needs, on engine speed ramps as fast as the actuator lets
-//! it.
+//! How firm the feedback is: at rest as gentle as the vacuum needs, on engine speed ramps as fast as the actuator
+//! permits.
 //!
-//! Measurement noise moves the wastegate, and each movement costs vacuum, so that noise sets the shortest λ at rest. A
-//! ramp lasts seconds, which the tank sustains: there λ is the actuator's lag, and the derivative term leads by it, as in
-//! a Smith predictor for an integrating plant, which the shafts are on that time scale.
+//! Measurement noise moves the wastegate, and each movement costs vacuum. So at rest λ exceeds the actuator's lag, and a
+//! filter of the measurement takes up the difference, which the local model knows as a delay. A ramp lasts seconds, which
+//! the tank sustains: there λ is the actuator's lag, the measurement is not filtered, and the derivative term leads by
+//! the lag, as in a Smith predictor for an integrating plant, which the shafts are on that time scale.
 
 use fmu_export::Persistent;
 
 use super::allocation::ramp;
-use super::feedback::FeedbackSettings;
-use super::schedule::LocalModel;
 use super::variables::{FirmnessParameters, Parameters};
 use crate::elementary::{between, larger};
 
@@ -28,11 +27,18 @@ impl Firmness {
         *self
     }
 
-    /// The feedback for a local model.
-    pub fn feedback(self, parameters: &Parameters, model: &LocalModel) -> FeedbackSettings {
-        let &Parameters { feedback_lambda, actuator_lag, derivative_filter, sample_time, .. } = parameters;
-        let lambda = between(feedback_lambda, actuator_lag, self.share);
-        FeedbackSettings::new(model, lambda, derivative_filter)
-            .leading(self.share * actuator_lag, sample_time)
+    /// λ of the feedback (s).
+    pub fn lambda(self, parameters: &Parameters) -> f64 {
+        between(parameters.feedback_lambda, parameters.actuator_lag, self.share)
+    }
+
+    /// The time constant (s) of the measurement's filter.
+    pub fn filter_time(self, parameters: &Parameters) -> f64 {
+        larger(self.lambda(parameters) - parameters.actuator_lag, 0.0)
+    }
+
+    /// The lead (s) of the derivative term.
+    pub fn lead(self, parameters: &Parameters) -> f64 {
+        self.share * parameters.actuator_lag
     }
 }

@@ -10,10 +10,14 @@ pub struct Lag {
 }
 
 impl Lag {
-    /// The lagged signal at a sample, with a time constant (s). It starts at the signal.
+    /// The lagged signal at a sample, with a time constant (s), or the signal itself without one. It starts at the signal.
     pub fn sample(&mut self, sample_time: f64, time_constant: f64, signal: f64) -> f64 {
         let before = self.value.unwrap_or(signal);
-        let value = before + sample_time / (time_constant + sample_time) * (signal - before);
+        let value = if time_constant > 0.0 {
+            before + sample_time / (time_constant + sample_time) * (signal - before)
+        } else {
+            signal
+        };
         self.value = Some(value);
         value
     }

@@ -52,11 +52,15 @@ pub struct Task<'a, const COLUMNS: usize> {
     /// λ of the reference model (s).
     pub model_lambda: f64,
     pub feedback: FeedbackSettings,
+    /// Derivative time over the time constant of the derivative filter.
+    pub derivative_filter: f64,
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
     /// The limits within which the duty moves the reference model.
     pub model_limits: Limits,
+    /// Whether the reference model waits for an engine that cannot follow.
+    pub waits: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
 }
@@ -68,12 +72,18 @@ pub struct BoostLaw {
     reference_model: ReferenceModel,
     /// The reference model's gain at the last sample (Pa/%), if the integral term is rescaled.
     gain: Option<f64>,
+    /// The part of the duty cut off by its own limits at the last sample (%).
+    blocked: f64,
 }
 
 impl BoostLaw {
     /// A controller at rest at a boost pressure (Pa).
     pub fn at(boost_pressure: f64) -> Self {
-        Self { pid: Pid::at(boost_pressure), reference_model: ReferenceModel::at(boost_pressure), gain: None }
+        Self {
+            pid: Pid::at(boost_pressure),
+            reference_model: ReferenceModel::at(boost_pressure),
+            ..Self::default()
+        }
     }
 
     /// The same with all pressures (Pa) converted.
@@ -95,12 +105,16 @@ impl BoostLaw {
     ) -> DutyTerms {
         let sample_time = parameters.sample_time;
         let &Task { reference, measurement, operating_point, ref feedback, .. } = task;
-        self.pid.differentiate(feedback, sample_time, measurement);
+        self.pid.differentiate(feedback, task.derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
+                let waits = task.waits && self.blocked * model.error(measurement) > 0.0;
+                if waits {
+                    model.approach(measurement, sample_time / task.model_lambda);
+                }
                 let linearized = model.linearize(operating_point, task.holding);
                 if let Some(before) = self.gain {
                     self.pid.rescale(before / linearized.gain, task.integral_exponent);
@@ -109,7 +123,10 @@ impl BoostLaw {
                 let feedforward = model.feedforward(&linearized, reference, task.model_lambda);
                 let (error, pressure) = (model.error(measurement), model.pressure);
                 let duty = task.model_limits.clip(feedforward);
-                model.advance(&linearized, duty, operating_point.local_model().delay, sample_time);
+                let delay = operating_point.local_model().delay;
+                if !waits {
+                    model.advance(&linearized, duty, delay, sample_time);
+                }
                 (feedforward, error, pressure)
             }
         };
@@ -125,7 +142,8 @@ impl BoostLaw {
         // While the shaft's limits override the duty, the integral term is frozen: the feedback cannot correct the
         // error, and the term would be too large when the limits release.
         let error = if task.limits.clip(duty) > own { 0.0 } else { error };
-        self.pid.integrate(feedback, sample_time, error, own - duty);
+        self.blocked = own - duty;
+        self.pid.integrate(feedback, sample_time, error, self.blocked);
         terms
     }
 }

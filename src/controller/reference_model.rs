@@ -70,6 +70,13 @@ impl ReferenceModel {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }
 
+    /// Moves the model a share of the way to a measurement (Pa).
+    pub fn approach(&mut self, measurement: f64, share: f64) {
+        let shift = share * self.error(measurement);
+        self.pressure -= shift;
+        self.delayed = self.delayed.map(|delayed| delayed - shift);
+    }
+
     /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a first-order
     /// lag of equal time.
     pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {

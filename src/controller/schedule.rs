@@ -105,6 +105,8 @@ pub struct OperatingPoint<'a, const COLUMNS: usize> {
     weights: [f64; 4],
     /// The factor of time constants.
     time_scale: f64,
+    /// What delays add to the schedule's (s).
+    lag: f64,
 }
 
 impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
@@ -121,7 +123,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
         let (y, x) = (row.fraction, column.fraction);
         let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
-        Self { schedule, row, column, weights, time_scale: 1.0 }
+        Self { schedule, row, column, weights, time_scale: 1.0, lag: 0.0 }
     }
 
     /// With time constants longer by a factor.
@@ -130,11 +132,18 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { time_scale, ..self }
     }
 
+    /// With delays longer by a lag (s).
+    #[must_use]
+    pub fn later(self, lag: f64) -> Self {
+        Self { lag, ..self }
+    }
+
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale)
+        let Self { schedule, column, time_scale, lag, .. } = self;
+        Self { time_scale, lag, ..Self::at(schedule, boost_pressure, column) }
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
@@ -183,7 +192,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         LocalModel {
             gain: self.interpolate(self.schedule.gain),
             time_constant: self.time_scale * self.interpolate(self.schedule.time_constant),
-            delay: self.interpolate(self.schedule.delay),
+            delay: self.interpolate(self.schedule.delay) + self.lag,
         }
     }
 

@@ -20,7 +20,7 @@ use super::firmness::Firmness;
 use super::lag::Lag;
 use super::law::{BoostLaw, DutyTerms, Task};
 use super::rate_filter::RateFilter;
-use super::schedule::{self, OperatingPoint};
+use super::schedule::{self, LocalModel, OperatingPoint};
 use super::shaft_speed_limit::{self, Engine, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
@@ -32,14 +32,15 @@ use crate::elementary::{between, larger, smaller};
 pub struct SplitRange {
     engine_speed: RateFilter,
     firmness: Firmness,
+    measured: Lag,
     asked: Lag,
     bypass: Bypass,
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
     /// The virtual duty at the last sample (%).
     virtual_duty: f64,
-    /// The limited reference at the last sample (Pa, at reference conditions).
-    reference: f64,
+    /// The limit of the reference at the last sample (Pa, at reference conditions).
+    limit: f64,
     /// The ambient conditions of the law's pressures.
     day: Day,
 }
@@ -55,24 +56,21 @@ impl SplitRange {
     ) -> Command {
         let &Parameters { sample_time, actuator_lag, ref allocation, .. } = parameters;
         let day = self.convert(law, parameters, inputs);
-        let measurement = day.scheduled_pressure(inputs.boost_pressure);
         let pressure = law.model_pressure();
         let speed_factor = day.speed_factor(pressure);
         let engine_speed = speed_factor * inputs.engine_speed;
         let at = |pressure| {
             OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed).slower(day.time_scale())
         };
-
-        // As fast as the actuator can.
+        // As fast as the actuator permits.
         let model_lambda = larger(2.0 * actuator_lag, sample_time);
-        let filter_time = 0.5 * actuator_lag;
-        let rate = self.engine_speed.sample(sample_time, filter_time, inputs.engine_speed);
-        let firmness = self.firmness.sample(parameters, rate);
+        let rate_filter = 0.5 * actuator_lag;
+        let rate = self.engine_speed.sample(sample_time, rate_filter, inputs.engine_speed);
 
         let engine = Engine {
-            boost_pressure: measurement,
+            boost_pressure: day.scheduled_pressure(inputs.boost_pressure),
             speed: inputs.engine_speed,
-            speed_to_come: inputs.engine_speed + (model_lambda + filter_time) * rate,
+            speed_to_come: inputs.engine_speed + (model_lambda + rate_filter) * rate,
             virtual_duty: self.virtual_duty,
             gain: at(pressure).local_model().gain,
         };
@@ -80,10 +78,9 @@ impl SplitRange {
             .shaft_speed
             .of_reference(parameters, &day, inputs.hp_turbo_speed, &engine)
             .unwrap_or_else(|| shaft_speed_limit::scheduled_limit(parameters, engine_speed));
-        let asked =
-            self.lagged(parameters, &day, feedforward::bounded_reference(parameters, inputs), model_lambda);
-        let reference = smaller(day.scheduled_pressure(asked), limit);
-        self.reference = reference;
+        self.limit = limit;
+        let asked = self.lagged(parameters, &day, inputs, model_lambda);
+        let reference = smaller(asked, limit);
 
         let own_limits = allocation.limits(parameters, engine_speed, compensator);
         let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
@@ -92,7 +89,17 @@ impl SplitRange {
             larger(own_limits.least, shaft_speed_limit::least_duty(parameters, excess, holding))
         });
         let limits = Limits { least, ..own_limits };
-        let firmness = if least > own_limits.least { Firmness::default() } else { firmness };
+
+        let changing = self.firmness.sample(parameters, rate);
+        let firmness = if least > own_limits.least { Firmness::default() } else { changing };
+        let filter_time = match parameters.structure {
+            FeedbackStructure::Paper => 0.0,
+            FeedbackStructure::ModelReference => firmness.filter_time(parameters),
+        };
+        let measured = self.measured.sample(sample_time, filter_time, inputs.boost_pressure);
+        let operating_point = at(reference).later(filter_time);
+        let (feedback, derivative_filter) =
+            feedback(parameters, &operating_point.local_model(), engine_speed, firmness);
 
         let scheduled_rate = day.time_scale() * (speed_factor * rate);
         let bypass = self.bypass.opening();
@@ -100,8 +107,8 @@ impl SplitRange {
             parameters,
             &Task {
                 reference,
-                measurement,
-                operating_point: at(reference),
+                measurement: day.scheduled_pressure(measured),
+                operating_point,
                 holding: speed_feedforward::holding_duty(
                     parameters,
                     pressure,
@@ -110,10 +117,12 @@ impl SplitRange {
                     bypass,
                 ),
                 model_lambda,
-                feedback: feedback(parameters, at(reference), engine_speed, firmness),
+                feedback,
+                derivative_filter,
                 limits,
                 own_limits,
                 model_limits: model_limits(parameters, own_limits),
+                waits: day.is_measured,
                 integral_exponent: parameters.integral_exponent,
             },
         );
@@ -141,26 +150,29 @@ impl SplitRange {
         day
     }
 
-    /// The reference (Pa) with a lag, so that boost follows with `reference_lambda` in all, and slower by as much as the
-    /// ambient conditions slow the shafts. For a faster step the wastegate shuts, and opens too late.
-    fn lagged(&mut self, parameters: &Parameters, day: &Day, asked: f64, model_lambda: f64) -> f64 {
-        match parameters.structure {
-            FeedbackStructure::Paper => asked,
+    /// The reference (Pa, at reference conditions) with a lag, so that boost follows with `reference_lambda` in all, and
+    /// slower by as much as the ambient conditions slow the shafts. For a faster step the wastegate shuts, and opens too
+    /// late.
+    fn lagged(&mut self, parameters: &Parameters, day: &Day, inputs: &Inputs, model_lambda: f64) -> f64 {
+        let lag = match parameters.structure {
+            FeedbackStructure::Paper => 0.0,
             FeedbackStructure::ModelReference => {
-                let time_constant = parameters.reference_lambda * day.time_scale() - model_lambda;
-                self.asked.sample(parameters.sample_time, larger(time_constant, 0.0), asked)
+                parameters.reference_lambda * day.time_scale() - model_lambda
             }
-        }
+        };
+        let asked = feedforward::bounded_reference(parameters, inputs);
+        day.scheduled_pressure(self.asked.sample(parameters.sample_time, lag, asked))
     }
 
-    /// The inputs and the boost pressure reference (Pa) at the last sample, and the pressure (Pa) of the largest
-    /// reference, all at reference conditions.
+    /// The inputs, the boost pressure reference (Pa) without its lag, and the pressure (Pa) of the largest reference, all
+    /// at reference conditions.
     pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
         let day = &self.day;
         let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
         let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
         let largest = day.scheduled_pressure(parameters.boost_limit);
-        (Inputs { boost_pressure, engine_speed, ..*inputs }, self.reference, largest)
+        let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
+        (Inputs { boost_pressure, engine_speed, ..*inputs }, smaller(asked, self.limit), largest)
     }
 }
 
@@ -176,21 +188,27 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-/// The feedback at an operating point and engine speed (rpm).
+/// The settings of the feedback for a local model at an engine speed (rpm), and its derivative time over the time
+/// constant of the derivative filter.
 fn feedback(
     parameters: &Parameters,
-    operating_point: OperatingPoint<'_, 12>,
+    model: &LocalModel,
     engine_speed: f64,
     firmness: Firmness,
-) -> FeedbackSettings {
-    let model = operating_point.local_model();
+) -> (FeedbackSettings, f64) {
+    let &Parameters { sample_time, lambda, feedback_lambda, derivative_filter, ref allocation, .. } =
+        parameters;
     match parameters.structure {
         FeedbackStructure::Paper => {
-            let &Parameters { lambda, feedback_lambda, derivative_filter, ref allocation, .. } = parameters;
             let lambda = between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed));
-            FeedbackSettings::new(&model, lambda, derivative_filter)
+            (FeedbackSettings::new(model, lambda), derivative_filter)
         }
-        FeedbackStructure::ModelReference => firmness.feedback(parameters, &model),
+        FeedbackStructure::ModelReference => {
+            let settings = FeedbackSettings::new(model, firmness.lambda(parameters))
+                .with_lead(firmness.lead(parameters));
+            // Over one sample: a slower filter would cost the lead.
+            (settings, larger(settings.derivative_time / sample_time, 1.0))
+        }
     }
 }
 
