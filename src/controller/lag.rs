@@ -1,4 +1,4 @@
-//! A first-order lag.
+//! A first-order lag, and the rate of change filtered with it.
 
 use fmu_export::Persistent;
 
@@ -20,5 +20,10 @@ impl Lag {
         };
         self.value = Some(value);
         value
+    }
+
+    /// The rate of change of a signal (1/s) at a sample, filtered with a time constant (s).
+    pub fn rate(&mut self, sample_time: f64, time_constant: f64, signal: f64) -> f64 {
+        (signal - self.sample(sample_time, time_constant, signal)) / time_constant
     }
 }

@@ -11,7 +11,7 @@ use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
 
 /// A duty at nominal voltage as the sum of its terms (%).
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct DutyTerms {
     pub feedforward: f64,
     pub proportional: f64,
@@ -24,13 +24,7 @@ pub struct DutyTerms {
 impl DutyTerms {
     /// A duty without feedback.
     pub fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
-        Self {
-            feedforward: duty,
-            proportional: 0.0,
-            integral: 0.0,
-            derivative: 0.0,
-            reference_model_pressure,
-        }
+        Self { feedforward: duty, reference_model_pressure, ..Self::default() }
     }
 
     pub fn duty(&self) -> f64 {

@@ -35,7 +35,6 @@ mod feedforward;
 mod firmness;
 mod lag;
 mod law;
-mod rate_filter;
 mod reference_model;
 pub mod schedule;
 mod shaft_speed_limit;

@@ -126,24 +126,17 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { schedule, row, column, weights, time_scale: 1.0, lag: 0.0 }
     }
 
-    /// With time constants longer by a factor.
+    /// With time constants longer by a factor, and delays by a lag (s).
     #[must_use]
-    pub fn slower(self, time_scale: f64) -> Self {
-        Self { time_scale, ..self }
-    }
-
-    /// With delays longer by a lag (s).
-    #[must_use]
-    pub fn later(self, lag: f64) -> Self {
-        Self { lag, ..self }
+    pub fn slower(self, time_scale: f64, lag: f64) -> Self {
+        Self { time_scale, lag, ..self }
     }
 
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        let Self { schedule, column, time_scale, lag, .. } = self;
-        Self { time_scale, lag, ..Self::at(schedule, boost_pressure, column) }
+        Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale, self.lag)
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the

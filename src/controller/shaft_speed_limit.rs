@@ -20,9 +20,9 @@ use fmu_export::Persistent;
 
 use super::allocation::ramp;
 use super::day::Day;
-use super::rate_filter::RateFilter;
+use super::lag::Lag;
 use super::schedule;
-use super::variables::{Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
+use super::variables::{Inputs, Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
 use crate::elementary::{larger, smaller};
 
 /// The lowest speed (rpm) that is a measurement: below it, the limit is out of reach.
@@ -95,43 +95,31 @@ fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> 
     larger(by_speed, gain * (parameters.pwm_max - virtual_duty) - too_fast)
 }
 
-/// What the limit of the reference depends on, besides the shaft's speed.
-#[derive(Clone, Copy, Debug)]
-pub struct Engine {
-    /// Measured boost pressure (Pa, at reference conditions).
-    pub boost_pressure: f64,
-    /// The engine speed (rpm), and what it will be when boost has followed the reference.
-    pub speed: f64,
-    pub speed_to_come: f64,
-    /// The virtual duty at the last sample (%), and its gain (Pa/%).
-    pub virtual_duty: f64,
-    pub gain: f64,
-}
-
 /// The memory of the limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ShaftSpeedLimit {
-    speed: RateFilter,
+    speed: Lag,
     /// The correction of the schedule's pressure limit (Pa).
     correction: f64,
 }
 
 impl ShaftSpeedLimit {
-    /// The limit of the reference (Pa, at reference conditions) at a measured shaft speed (rpm), if it is one. A rising
-    /// limit is taken ahead.
+    /// The limit of the reference (Pa, at reference conditions), if the shaft's speed is measured, from the virtual duty at
+    /// the last sample (%) and its gain (Pa/%). A rising limit is taken at the engine speed to come (rpm).
     pub fn of_reference(
         &mut self,
         parameters: &Parameters,
         day: &Day,
-        shaft_speed: f64,
-        engine: &Engine,
+        inputs: &Inputs,
+        speed_to_come: f64,
+        (virtual_duty, gain): (f64, f64),
     ) -> Option<f64> {
-        let shaft_speed = measured(shaft_speed)?;
+        let shaft_speed = measured(inputs.hp_turbo_speed)?;
         let at = |speed| day.limit_of_shaft(speed, |speed| uncapped_limit(parameters, speed));
-        let here = at(engine.speed);
-        let to_come = at(larger(engine.speed_to_come, 0.0));
-        let margin = margin(parameters, shaft_speed, engine.virtual_duty, engine.gain);
-        let above = engine.boost_pressure + margin - here;
+        let here = at(inputs.engine_speed);
+        let to_come = at(larger(speed_to_come, 0.0));
+        let margin = margin(parameters, shaft_speed, virtual_duty, gain);
+        let above = day.scheduled_pressure(inputs.boost_pressure) + margin - here;
         Some(larger(here, to_come) + self.correct(parameters, above, shaft_speed))
     }
 
@@ -155,7 +143,7 @@ impl ShaftSpeedLimit {
     pub fn excess(&mut self, parameters: &Parameters, speed: f64) -> Option<f64> {
         let speed = measured(speed)?;
         let &ShaftSpeedLimitParameters { speed: most, lead_time, .. } = &parameters.shaft_speed_limit;
-        let rate = self.speed.sample(parameters.sample_time, RATE_FILTER, speed);
+        let rate = self.speed.rate(parameters.sample_time, RATE_FILTER, speed);
         Some(speed + lead_time * rate - most)
     }
 }

@@ -8,7 +8,7 @@ use super::schedule::OperatingPoint;
 use super::variables::Parameters;
 use crate::elementary::{larger, smaller};
 
-/// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the
+/// Iterations of the pressure shift at the shifted pressure, after the first at the pressure itself. The map is smooth: a third would change less than the
 /// map's accuracy.
 const ITERATIONS: usize = 2;
 
@@ -55,8 +55,8 @@ pub fn holding_duty(
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
         parameters.speed_feedforward.share * sensitivity * rate
     };
-    let mut shifted = boost_pressure + shift(boost_pressure);
-    for _ in 0..ITERATIONS {
+    let mut shifted = boost_pressure;
+    for _ in 0..=ITERATIONS {
         shifted = boost_pressure + shift(shifted);
     }
     let (least, most) = PRESSURES;

@@ -2,10 +2,13 @@
 //! without switching or hysteresis, hence without bumps when one valve takes over from another.
 //!
 //! ```text
-//! reference ─ limit ─ reference model ─ feedforward ─ + ─ virtual duty ─ allocation ┬─ high-pressure wastegate
-//!                          │   change of engine speed │                             ├─ low-pressure wastegate
-//!                          └─────── feedback ─────────┘                             └─ lag ─ bypass
+//! reference ─ lag ─ min ─ reference model ─ duty that holds its pressure, by the speed feedforward ─┐
+//! shaft's limit ─────┘                                                                              + ─ limits ─ allocation
+//! boost ─ filter ─ feedback, as firm as engine speed changes ───────────────────────────────────────┘
 //! ```
+//!
+//! One law for any ambient conditions and engine speed: pressures, engine speeds and times are those of the schedule's
+//! [`day`](super::day). All time constants follow from the actuator's lag, the time until boost responds to the duty.
 
 use fmu_export::{Error, Persistent};
 
@@ -19,9 +22,8 @@ use super::feedforward;
 use super::firmness::Firmness;
 use super::lag::Lag;
 use super::law::{BoostLaw, DutyTerms, Task};
-use super::rate_filter::RateFilter;
 use super::schedule::{self, LocalModel, OperatingPoint};
-use super::shaft_speed_limit::{self, Engine, ShaftSpeedLimit};
+use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
 use super::variables::{FeedbackStructure, Inputs, Parameters};
@@ -30,7 +32,7 @@ use crate::elementary::{between, larger, smaller};
 /// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
-    engine_speed: RateFilter,
+    engine_speed: Lag,
     firmness: Firmness,
     measured: Lag,
     asked: Lag,
@@ -60,27 +62,21 @@ impl SplitRange {
         let speed_factor = day.speed_factor(pressure);
         let engine_speed = speed_factor * inputs.engine_speed;
         let at = |pressure| {
-            OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed).slower(day.time_scale())
+            OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed)
+                .slower(day.time_scale(), 0.0)
         };
         // As fast as the actuator permits.
         let model_lambda = larger(2.0 * actuator_lag, sample_time);
         let rate_filter = 0.5 * actuator_lag;
-        let rate = self.engine_speed.sample(sample_time, rate_filter, inputs.engine_speed);
+        let rate = self.engine_speed.rate(sample_time, rate_filter, inputs.engine_speed);
 
-        let engine = Engine {
-            boost_pressure: day.scheduled_pressure(inputs.boost_pressure),
-            speed: inputs.engine_speed,
-            speed_to_come: inputs.engine_speed + (model_lambda + rate_filter) * rate,
-            virtual_duty: self.virtual_duty,
-            gain: at(pressure).local_model().gain,
-        };
+        let to_come = inputs.engine_speed + (model_lambda + rate_filter) * rate;
+        let duty = (self.virtual_duty, at(pressure).local_model().gain);
         let limit = self
             .shaft_speed
-            .of_reference(parameters, &day, inputs.hp_turbo_speed, &engine)
+            .of_reference(parameters, &day, inputs, to_come, duty)
             .unwrap_or_else(|| shaft_speed_limit::scheduled_limit(parameters, engine_speed));
         self.limit = limit;
-        let asked = self.lagged(parameters, &day, inputs, model_lambda);
-        let reference = smaller(asked, limit);
 
         let own_limits = allocation.limits(parameters, engine_speed, compensator);
         let excess = self.shaft_speed.excess(parameters, inputs.hp_turbo_speed);
@@ -92,30 +88,32 @@ impl SplitRange {
 
         let changing = self.firmness.sample(parameters, rate);
         let firmness = if least > own_limits.least { Firmness::default() } else { changing };
-        let filter_time = match parameters.structure {
-            FeedbackStructure::Paper => 0.0,
-            FeedbackStructure::ModelReference => firmness.filter_time(parameters),
+        // Boost follows its reference with `reference_lambda` in all, slower by as much as the ambient conditions slow the
+        // shafts: for a faster step the wastegate shuts, and opens too late.
+        let (reference_lag, filter_time) = match parameters.structure {
+            FeedbackStructure::Paper => (0.0, 0.0),
+            FeedbackStructure::ModelReference => (
+                parameters.reference_lambda * day.time_scale() - model_lambda,
+                firmness.filter_time(parameters),
+            ),
         };
+        let asked = feedforward::bounded_reference(parameters, inputs);
+        let asked = self.asked.sample(sample_time, reference_lag, asked);
+        let reference = smaller(day.scheduled_pressure(asked), limit);
         let measured = self.measured.sample(sample_time, filter_time, inputs.boost_pressure);
-        let operating_point = at(reference).later(filter_time);
+        let operating_point = at(reference).slower(day.time_scale(), filter_time);
         let (feedback, derivative_filter) =
             feedback(parameters, &operating_point.local_model(), engine_speed, firmness);
 
-        let scheduled_rate = day.time_scale() * (speed_factor * rate);
-        let bypass = self.bypass.opening();
+        let (rate, bypass) = (day.time_scale() * (speed_factor * rate), self.bypass.opening());
+        let holding = speed_feedforward::holding_duty(parameters, pressure, engine_speed, rate, bypass);
         let terms = law.sample(
             parameters,
             &Task {
                 reference,
                 measurement: day.scheduled_pressure(measured),
                 operating_point,
-                holding: speed_feedforward::holding_duty(
-                    parameters,
-                    pressure,
-                    engine_speed,
-                    scheduled_rate,
-                    bypass,
-                ),
+                holding,
                 model_lambda,
                 feedback,
                 derivative_filter,
@@ -148,20 +146,6 @@ impl SplitRange {
             law.convert(|pressure| day.scheduled_pressure(before.pressure(pressure)));
         }
         day
-    }
-
-    /// The reference (Pa, at reference conditions) with a lag, so that boost follows with `reference_lambda` in all, and
-    /// slower by as much as the ambient conditions slow the shafts. For a faster step the wastegate shuts, and opens too
-    /// late.
-    fn lagged(&mut self, parameters: &Parameters, day: &Day, inputs: &Inputs, model_lambda: f64) -> f64 {
-        let lag = match parameters.structure {
-            FeedbackStructure::Paper => 0.0,
-            FeedbackStructure::ModelReference => {
-                parameters.reference_lambda * day.time_scale() - model_lambda
-            }
-        };
-        let asked = feedforward::bounded_reference(parameters, inputs);
-        day.scheduled_pressure(self.asked.sample(parameters.sample_time, lag, asked))
     }
 
     /// The inputs, the boost pressure reference (Pa) without its lag, and the pressure (Pa) of the largest reference, all
