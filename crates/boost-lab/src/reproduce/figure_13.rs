@@ -34,7 +34,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let paper = laboratory.run(&paper)?;
     let following = Following::new(&record, "boost_pressure", steps)?;
     let papers = Following::new(&paper, "boost_pressure", steps)?;
-    let duty = paper.get("hp_wastegate_pwm")?;
+    let duty = record.get("hp_wastegate_pwm")?;
     let results = vec![
         ("overshoot_up", greatest(following.up)),
         ("overshoot_down", greatest(following.down)),
