@@ -1,6 +1,7 @@
 """The law of the strategy `split_range` at reference conditions, transcribed from the controller's page.
 
-Prints split_range.csv again: its inputs, and the outputs that this transcription computes with the controller's maps.
+Prints split_range.csv again: its inputs, and the outputs that this transcription computes with the
+controller's maps.
 """
 
 from __future__ import annotations
@@ -90,7 +91,9 @@ class Controller:
             shift = P["speed_feedforward.share"] * sensitivity * rate
         return extrapolated(clip(self.model + shift, 0, 1e6), speed)
 
-    def sample(self, reference: float, boost: float, voltage: float, tank: float, speed: float) -> list[float]:
+    def sample(
+        self, reference: float, boost: float, voltage: float, tank: float, speed: float
+    ) -> list[float]:
         if self.model is None:
             self.model = self.before = boost
         lag = P["actuator_lag"]
@@ -140,7 +143,8 @@ class Controller:
         unlimited = feedforward + gain * error + self.integral + self.derivative
         duty = clip(unlimited, P["pwm_min"], most)
         tracking_time = max(math.sqrt(integral_time * derivative_time), 4 * SAMPLE_TIME)
-        self.integral += SAMPLE_TIME * integral_gain * error + SAMPLE_TIME / tracking_time * (duty - unlimited)
+        self.integral += SAMPLE_TIME * integral_gain * error
+        self.integral += SAMPLE_TIME / tracking_time * (duty - unlimited)
 
         beyond = duty - start
         curve = 0.0 if beyond <= 0 else 1.0 if beyond >= span else min(shape * beyond / (span - beyond), 1)
@@ -168,7 +172,8 @@ def main() -> None:
         if int(row[1]) == 0:
             controller = Controller()
         reference, boost, voltage, tank, speed = map(float, row[2:7])
-        writer.writerow(row[:7] + [repr(value) for value in controller.sample(reference, boost, voltage, tank, speed)])
+        outputs = controller.sample(reference, boost, voltage, tank, speed)
+        writer.writerow([*row[:7], *map(repr, outputs)])
 
 
 if __name__ == "__main__":
