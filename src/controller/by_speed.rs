@@ -63,7 +63,7 @@ impl BySpeed {
                 derivative_filter,
                 limits,
                 own_limits: limits,
-                model_limits: limits,
+                stops_on_seat: false,
                 waits: false,
                 integral_exponent: 0.0,
             },

@@ -22,8 +22,8 @@ impl Firmness {
     /// Takes a rate of engine speed (rpm/s): its magnitude counts at once, and fades.
     pub fn sample(&mut self, parameters: &Parameters, rate: f64) -> Self {
         let &FirmnessParameters { full_rate, fading_time } = &parameters.firmness;
-        let faded = self.share - parameters.sample_time / fading_time;
-        self.share = larger(ramp(rate.abs(), 0.0, full_rate), faded);
+        self.share =
+            larger(ramp(rate.abs(), 0.0, full_rate), self.share - parameters.sample_time / fading_time);
         *self
     }
 

@@ -4,6 +4,7 @@
 
 use fmu_export::Persistent;
 
+use super::actuator_inverse;
 use super::compensator::Limits;
 use super::feedback::{FeedbackSettings, Pid};
 use super::reference_model::ReferenceModel;
@@ -51,8 +52,8 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
-    /// The limits within which the duty moves the reference model.
-    pub model_limits: Limits,
+    /// Whether the reference model's duty stops where the high-pressure wastegate is on its seat.
+    pub stops_on_seat: bool,
     /// Whether the reference model waits for an engine that cannot follow.
     pub waits: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
@@ -116,7 +117,11 @@ impl BoostLaw {
                 self.gain = (task.integral_exponent > 0.0).then_some(linearized.gain);
                 let feedforward = model.feedforward(&linearized, reference, task.model_lambda);
                 let (error, pressure) = (model.error(measurement), model.pressure);
-                let duty = task.model_limits.clip(feedforward);
+                // The shaft's limits would take the model too far from the engine.
+                let mut duty = task.own_limits.clip(feedforward);
+                if task.stops_on_seat {
+                    duty = actuator_inverse::effective_duty(&parameters.actuator_inverse, duty);
+                }
                 let delay = operating_point.local_model().delay;
                 if !waits {
                     model.advance(&linearized, duty, delay, sample_time);

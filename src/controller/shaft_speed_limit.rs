@@ -58,9 +58,8 @@ fn measured(speed: f64) -> Option<f64> {
 
 /// The schedule's boost pressure limit for the shaft at rest (Pa, at reference conditions) at an engine speed (rpm).
 pub fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
-    let RangeScheduleParameters { engine_speed: speeds, boost_limit: limits, .. } =
-        &parameters.range_schedule;
-    schedule::interpolate(speeds, limits, engine_speed)
+    let maps = &parameters.range_schedule;
+    schedule::interpolate(&maps.engine_speed, &maps.boost_limit, engine_speed)
 }
 
 /// The same for a measured shaft, which `boost_limit` need not protect.
@@ -112,13 +111,13 @@ impl ShaftSpeedLimit {
         day: &Day,
         inputs: &Inputs,
         speed_to_come: f64,
-        (virtual_duty, gain): (f64, f64),
+        (virtual_duty, gain): (f64, impl Fn() -> f64),
     ) -> Option<f64> {
         let shaft_speed = measured(inputs.hp_turbo_speed)?;
         let at = |speed| day.limit_of_shaft(speed, |speed| uncapped_limit(parameters, speed));
         let here = at(inputs.engine_speed);
         let to_come = at(larger(speed_to_come, 0.0));
-        let margin = margin(parameters, shaft_speed, virtual_duty, gain);
+        let margin = margin(parameters, shaft_speed, virtual_duty, gain());
         let above = day.scheduled_pressure(inputs.boost_pressure) + margin - here;
         Some(larger(here, to_come) + self.correct(parameters, above, shaft_speed))
     }

@@ -59,9 +59,7 @@ pub fn holding_duty(
     for _ in 0..=ITERATIONS {
         shifted = boost_pressure + shift(shifted);
     }
-    let (least, most) = PRESSURES;
-    let shifted = smaller(larger(shifted, least), most);
-    Some(at(engine_speed).extrapolated_feedforward(shifted))
+    Some(at(engine_speed).extrapolated_feedforward(shifted.clamp(PRESSURES.0, PRESSURES.1)))
 }
 
 #[cfg(test)]

@@ -13,7 +13,6 @@
 use fmu_export::{Error, Persistent};
 
 use super::Command;
-use super::actuator_inverse;
 use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
 use super::day::Day;
@@ -71,10 +70,10 @@ impl SplitRange {
         let rate = self.engine_speed.rate(sample_time, rate_filter, inputs.engine_speed);
 
         let to_come = inputs.engine_speed + (model_lambda + rate_filter) * rate;
-        let duty = (self.virtual_duty, at(pressure).local_model().gain);
+        let gain = || at(pressure).local_model().gain;
         let limit = self
             .shaft_speed
-            .of_reference(parameters, &day, inputs, to_come, duty)
+            .of_reference(parameters, &day, inputs, to_come, (self.virtual_duty, gain))
             .unwrap_or_else(|| shaft_speed_limit::scheduled_limit(parameters, engine_speed));
         self.limit = limit;
 
@@ -119,7 +118,7 @@ impl SplitRange {
                 derivative_filter,
                 limits,
                 own_limits,
-                model_limits: model_limits(parameters, own_limits),
+                stops_on_seat: true,
                 waits: day.is_measured,
                 integral_exponent: parameters.integral_exponent,
             },
@@ -194,13 +193,6 @@ fn feedback(
             (settings, larger(settings.derivative_time / sample_time, 1.0))
         }
     }
-}
-
-/// The limits within which the duty moves the reference model: the law's own, where the high-pressure wastegate is off
-/// its seat. The limits that protect the shaft would take it too far from the engine.
-fn model_limits(parameters: &Parameters, own_limits: Limits) -> Limits {
-    let lift_off = actuator_inverse::duty(&parameters.actuator_inverse, 0.0);
-    Limits { least: larger(own_limits.least, lift_off), ..own_limits }
 }
 
 fn command(
