@@ -77,7 +77,7 @@ mod tests {
     }
 
     /// Where the duty's effect is of first order, with the engine speed's time constant and without a drop, the constant
-    /// duty K_N T / K cancels the lag of both, and the sensitivity of the first-order model is all that is needed.
+    /// duty `K_N T / K` cancels the lag of both, and the sensitivity of the first-order model is all that is needed.
     #[test]
     fn a_plant_of_first_order_needs_the_whole_sensitivity() {
         let (gain, time_constant, fall) = (-2000.0, 0.8, 30.0);
