@@ -102,9 +102,9 @@ def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller
 
 
 def test_lag_and_share_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
-    """Within half of the last digit of the controller's 0.08 s and 0.75."""
+    """The lag of 0.08 s within a sample, in which it is measured; the share within half of its last digit."""
     found = values(tuned / "schedule.ssv")
-    for name, accuracy in [("actuator_lag", 5e-3), ("speed_feedforward.share", 5e-3)]:
+    for name, accuracy in [("actuator_lag", 0.0125), ("speed_feedforward.share", 5e-3)]:
         assert found[name] == pytest.approx(float(controller_fmu.variables[name].start), abs=accuracy), name
 
 
