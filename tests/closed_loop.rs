@@ -1,12 +1,14 @@
 //! The closed loop: the paper's figures, and the handover between the stages.
 //!
-//! The bounds are results of an independent implementation of both models plus 0.02 kPa: 0.01 % of the full scale of
-//! 200 kPa, within which two solvers agree.
+//! Bounds of the plant, of the paper's structure and of the strategy by speed are results of an independent
+//! implementation of both models plus 0.02 kPa: 0.01 % of the full scale of 200 kPa, within which two solvers agree. Those
+//! of the strategy `split_range` are what it has to hold.
 
 mod boost_steps;
 mod day;
 #[allow(clippy::float_cmp, reason = "codes and commands at their limits are exact")]
 mod faults;
+mod noise;
 #[path = "support/random.rs"]
 mod random;
 mod speed_range;
@@ -95,6 +97,8 @@ struct Loop {
     steps: u32,
     /// Noise on the measured boost pressure.
     noise: Option<Random>,
+    /// Its standard deviation (Pa).
+    noise_deviation: f64,
     /// Whether the controller gets the speed of the high-pressure shaft.
     measures_shaft: bool,
 }
@@ -128,6 +132,7 @@ impl Loop {
             step_size,
             steps,
             noise,
+            noise_deviation: 100.0,
             measures_shaft: false,
         };
         change(&mut this.controller.variables.parameters, &mut this.plant.variables.parameters);
@@ -214,9 +219,9 @@ impl Loop {
         let before = self.plant_inputs();
         let mut inputs = self.measurements();
         if let Some(random) = &mut self.noise {
-            // A normal distribution of 100 Pa, as the sum of twelve uniform ones.
+            // A normal distribution, as the sum of twelve uniform ones.
             let sum: f64 = (0..12).map(|_| random.between(-0.5, 0.5)).sum();
-            inputs.boost_pressure += 100.0 * sum;
+            inputs.boost_pressure += self.noise_deviation * sum;
         }
         self.controller.step(time, self.step_size, &inputs);
         let inputs = match self.order {
@@ -324,14 +329,18 @@ fn figure_13_from_a_settled_start() {
     fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("figure_13.txt"), record).unwrap();
 }
 
+/// Overshoot in Fig. 13 (Pa): a fifteenth of the paper's 5 kPa, and the largest error in Fig. 14, under half of its 1 kPa.
+const OVERSHOOT: f64 = 350.0;
+const SUPPLY_ERROR: f64 = 450.0;
+
 fn assert_figure_13(answers: &[Answer]) {
-    // Times are multiples of 12.5 ms, up to rounding.
-    assert_figure_13_within(answers, 0.549..0.801);
+    // Twice `reference_lambda` and some: two lags in series of 0.32 s and 0.16 s reach 90 % after 0.98 s, the engine's
+    // delay of up to 0.1 s later.
+    assert_figure_13_within(answers, 0.98..1.08);
 }
 
 fn assert_figure_13_within(answers: &[Answer], rises: Range<f64>) {
-    assert!(largest(answers, upward, |answer| answer.overshoot) <= 530.0 + MARGIN);
-    assert!(largest(answers, |answer| !upward(answer), |answer| answer.overshoot) <= 420.0 + MARGIN);
+    assert!(largest(answers, |_| true, |answer| answer.overshoot) <= OVERSHOOT);
     assert!(largest(answers, |_| true, |answer| answer.end_error) <= 2.0 + MARGIN);
     assert!(answers.iter().all(|answer| rises.contains(&answer.rise)), "{answers:?}");
 }
@@ -346,7 +355,7 @@ fn figure_13_with_the_structure_of_the_paper() {
 #[test]
 fn figure_13_when_both_step_at_once() {
     let answers = figure_13(controller::FeedbackStructure::ModelReference, Order::AtOnce);
-    assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= 560.0 + MARGIN);
+    assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= OVERSHOOT);
 }
 
 #[test]
@@ -355,8 +364,9 @@ fn figure_13_with_measurement_noise() {
         let mut control = settled();
         control.noise = Some(Random(seed));
         let answers = figure_13_with(control, |_| {});
-        assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= 500.0 + MARGIN);
-        assert!(largest(&answers, |_| true, |answer| answer.end_error) <= 45.0 + MARGIN);
+        assert!(largest(&answers, |_| true, |answer| answer.overshoot) <= OVERSHOOT);
+        // The noise moves boost by less than its own standard deviation.
+        assert!(largest(&answers, |_| true, |answer| answer.end_error) <= 100.0);
     }
 }
 
@@ -374,7 +384,7 @@ fn figure_13_at_other_communication_rates() {
             }
         });
         // A sample of the controller may be a step of the master later or earlier.
-        assert_figure_13_within(&answers, 0.0..0.9);
+        assert_figure_13_within(&answers, 0.9..1.1);
         common
     };
     let [slow, medium, fast] = [80, 200, 1000].map(run);
@@ -420,7 +430,7 @@ fn position_control_reaches_its_reference() {
 }
 
 /// The largest boost error (Pa) from 3 s, under the supply voltage steps of fig. 14.
-fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) -> f64 {
+fn figure_14(sensor: f64, compensate: bool, noise: Option<Random>) -> f64 {
     let voltages = [
         (0.0, 12.0),
         (5.0, 11.1),
@@ -434,7 +444,6 @@ fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) 
     let mut control =
         Loop::new(controller::Inputs::default(), Order::ControllerFirst, |controller, plant| {
             controller.compensate_voltage = compensate;
-            controller.lambda = lambda;
             plant.supply_sensor.time_constant = sensor;
         });
     control.noise = noise;
@@ -448,32 +457,30 @@ fn figure_14(sensor: f64, compensate: bool, lambda: f64, noise: Option<Random>) 
             largest = largest.max((control.boost_pressure() - control.demand.boost_reference).abs());
         }
     }
-    println!("sensor {sensor} s, compensation {compensate}, lambda {lambda} s: {largest} Pa");
+    println!("sensor {sensor} s, compensation {compensate}: {largest} Pa");
     largest
 }
 
+/// The slower the supply sensor, the longer a step acts: results, rounded up.
 #[test]
 fn figure_14_with_compensation() {
-    for (sensor, expected) in [(0.001, 240.0), (0.02, 520.0), (0.05, 1050.0), (0.1, 1800.0), (0.2, 2800.0)] {
-        let largest = figure_14(sensor, true, 0.3, None);
-        // The margin, and half of the last known digit.
-        let digit = if expected < 1000.0 { 5.0 } else { 50.0 };
-        assert!((largest - expected).abs() <= MARGIN + digit, "{largest} Pa instead of {expected} Pa");
+    for (sensor, most) in [(0.001, 200.0), (0.02, SUPPLY_ERROR), (0.05, 900.0), (0.1, 1450.0), (0.2, 2150.0)]
+    {
+        let largest = figure_14(sensor, true, None);
+        assert!(largest <= most, "{largest} Pa with a sensor of {sensor} s");
     }
 }
 
 #[test]
 fn figure_14_with_compensation_and_noise() {
-    // The paper's bound.
-    assert!(figure_14(0.02, true, 0.3, Some(Random(1))) < 1000.0);
+    assert!(figure_14(0.02, true, Some(Random(1))) < SUPPLY_ERROR);
 }
 
+/// The compensation removes at least seven eighths of the error.
 #[test]
 fn figure_14_without_compensation() {
-    for (lambda, expected) in [(0.3, 6400.0), (1.0, 11_700.0)] {
-        let largest = figure_14(0.02, false, lambda, None);
-        assert!((largest - expected).abs() <= MARGIN + 50.0, "{largest} Pa instead of {expected} Pa");
-    }
+    let [without, with] = [false, true].map(|compensate| figure_14(0.02, compensate, None));
+    assert!(without > 8.0 * with, "{without} Pa without, {with} Pa with");
 }
 
 /// A running engine with the controller in open loop at a duty (%), with a supply (V).

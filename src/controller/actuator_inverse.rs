@@ -4,6 +4,7 @@
 //! Exhaust force and friction are neglected, as in the paper.
 
 use super::variables::ActuatorInverseParameters;
+use crate::elementary::larger;
 
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
@@ -16,12 +17,23 @@ const MOST_STEPS: usize = 128;
 /// lifts off) to 1 (full stroke).
 #[must_use]
 pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
+    root(&inverse.pressure_coefficient, chamber_pressure(inverse, opening))
+}
+
+/// The duty (%), or that at which the wastegate lifts off its seat: a smaller one has no more effect.
+pub(super) fn effective_duty(inverse: &ActuatorInverseParameters, duty: f64) -> f64 {
+    let (coefficients, seated) = (&inverse.pressure_coefficient, chamber_pressure(inverse, 0.0));
+    let pressure = coefficients.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient);
+    if pressure <= seated { duty } else { larger(duty, root(coefficients, seated)) }
+}
+
+/// The chamber pressure (Pa) at an opening from 0 to 1.
+fn chamber_pressure(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
     let position = opening.clamp(0.0, 1.0) * inverse.stroke;
     let spring = inverse.spring_preload
         + inverse.spring_stiffness * position
         + inverse.spring_hardening * position.powi(7);
-    let chamber_pressure = inverse.ambient_pressure - spring / inverse.membrane_area;
-    root(&inverse.pressure_coefficient, chamber_pressure)
+    inverse.ambient_pressure - spring / inverse.membrane_area
 }
 
 /// The duty (%) whose chamber pressure is lower by a difference (Pa) than another duty's (%).

@@ -135,7 +135,6 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     for (name, value) in [
         ("allocation.bypass_opening_time", of.bypass_opening_time),
         ("allocation.bypass_closing_time", of.bypass_closing_time),
-        ("speed_feedforward.filter_time", parameters.speed_feedforward.filter_time),
     ] {
         if value < parameters.sample_time {
             return Err(Error::new(format!(

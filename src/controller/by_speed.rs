@@ -12,10 +12,9 @@ use fmu_export::{Context, Error, Persistent};
 use super::Command;
 use super::allocation::Openings;
 use super::compensator::Limits;
-use super::feedback::Firmness;
+use super::feedback::FeedbackSettings;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
-use super::ramp_term::Ramp;
 use super::schedule::{self, OperatingPoint};
 use super::variables::{ControlMode, Inputs, Parameters};
 use crate::elementary::smaller;
@@ -50,21 +49,22 @@ impl BySpeed {
             return Command::new(DutyTerms::feedforward(parameters.pwm_max, measurement), limits, openings);
         }
         self.low_pressure = LowPressureLoop::default();
+        let &Parameters { lambda, derivative_filter, .. } = parameters;
+        let operating_point = OperatingPoint::new(&parameters.schedule, reference, engine_speed);
         let terms = law.sample(
             parameters,
             &Task {
                 reference,
                 measurement,
-                operating_point: OperatingPoint::new(&parameters.schedule, reference, engine_speed),
+                operating_point,
                 holding: None,
-                model_lambda: parameters.lambda,
-                firmness: Firmness::at(parameters, parameters.lambda),
+                model_lambda: lambda,
+                feedback: FeedbackSettings::new(&operating_point.local_model(), lambda),
+                derivative_filter,
                 limits,
                 own_limits: limits,
-                overridden: 0.0,
-                model_limits: limits,
-                ramp: Ramp::default(),
-                waits: 0.0,
+                stops_on_seat: false,
+                waits: false,
                 integral_exponent: 0.0,
             },
         );

@@ -23,9 +23,8 @@
 use fmu_export::Persistent;
 
 use super::actuator_inverse;
-use super::schedule::OperatingPoint;
 use super::variables::{Inputs, Parameters};
-use crate::elementary::{larger, power, smaller};
+use crate::elementary::{larger, power};
 
 /// The lowest ambient pressure (Pa) and temperature (K) that are measurements: no road has lower ones.
 const LEAST_PRESSURE: f64 = 40e3;
@@ -40,11 +39,6 @@ const LEAST_RATIO: f64 = 0.1;
 /// The lowest pressure (Pa) for converting engine speed, to stay finite for a reference of 0.
 const LEAST_CONVERTED: f64 = 1e3;
 
-/// The exponents of ambient pressure and temperature in the atmospheric factor of turbocharged engines, `δ^−0.7 θ^1.5`,
-/// and its largest deviation from 1 in a valid test on an engine test bench (40 CFR 89.331).
-const ATMOSPHERIC_EXPONENTS: (f64, f64) = (0.7, 1.5);
-const TEST_BENCH: f64 = 0.02;
-
 /// Ambient conditions relative to reference conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
 pub struct Day {
@@ -58,9 +52,8 @@ pub struct Day {
     ambient_pressure: f64,
     /// Its difference below the reference value (Pa).
     pressure_deficit: f64,
-    /// How far the conditions are off reference: from 0 at reference conditions to 1 where a test bench no longer takes
-    /// them for those.
-    pub off_reference: f64,
+    /// Whether ambient pressure is measured.
+    pub is_measured: bool,
 }
 
 impl Default for Day {
@@ -72,7 +65,7 @@ impl Default for Day {
             work_ratio: 1.0,
             ambient_pressure: 1.0,
             pressure_deficit: 0.0,
-            off_reference: 0.0,
+            is_measured: false,
         }
     }
 }
@@ -90,10 +83,6 @@ impl Day {
             measured(inputs.ambient_temperature, LEAST_TEMPERATURE, nominal_ambient_temperature);
         let pressure_ratio = ambient_pressure / nominal_ambient_pressure;
         let temperature_ratio = temperature / nominal_ambient_temperature;
-        // By amounts: in cold, thin air both effects on the factor cancel, but the conditions are off reference.
-        let (of_pressure, of_temperature) = ATMOSPHERIC_EXPONENTS;
-        let deviation =
-            of_pressure * (pressure_ratio - 1.0).abs() + of_temperature * (temperature_ratio - 1.0).abs();
         Self {
             pressure_ratio,
             temperature_ratio,
@@ -101,26 +90,8 @@ impl Day {
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: nominal_ambient_pressure - ambient_pressure,
-            off_reference: smaller(deviation / TEST_BENCH, 1.0),
+            is_measured: inputs.ambient_pressure >= LEAST_PRESSURE,
         }
-    }
-
-    /// The operating point of a pressure (Pa, at reference conditions) and an engine speed (rpm).
-    ///
-    /// Off reference conditions, operating points lie between schedule columns even when the engine runs at a column's
-    /// speed.
-    pub fn operating_point<'a>(
-        &self,
-        parameters: &'a Parameters,
-        pressure: f64,
-        engine_speed: f64,
-    ) -> OperatingPoint<'a, 12> {
-        let range = [parameters.pwm_min, parameters.pwm_max];
-        OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed).aligned(
-            pressure,
-            range,
-            self.off_reference,
-        )
     }
 
     /// The pressure at reference conditions that corresponds to one here (Pa).
@@ -180,34 +151,5 @@ impl Day {
             scheduled,
             self.pressure_deficit,
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_conditions_are_off_reference_by_their_effect_on_the_atmospheric_factor() {
-        let parameters = Parameters::default();
-        let Parameters { nominal_ambient_pressure, nominal_ambient_temperature, .. } = parameters;
-        for (pressure, temperature, expected) in [
-            (1.0, 1.0, 0.0),
-            (1.0 - 0.01 / 0.7, 1.0, 0.5),
-            (1.0 + 0.01 / 0.7, 1.0, 0.5),
-            (1.0, 1.0 - 0.01 / 1.5, 0.5),
-            // Cold, thin air may have the same factor as at reference conditions, but is far from these.
-            (1.0 - 0.01 / 0.7, 1.0 - 0.01 / 1.5, 1.0),
-            (0.7, 1.0, 1.0),
-        ] {
-            let inputs = Inputs {
-                ambient_pressure: pressure * nominal_ambient_pressure,
-                ambient_temperature: temperature * nominal_ambient_temperature,
-                ..Inputs::default()
-            };
-            let found = Day::measured(&parameters, &inputs).off_reference;
-            // The round-off of ratios near 1, over the factor's range.
-            assert!((found - expected).abs() < 1e-13, "{found} at {inputs:?}, not {expected}");
-        }
     }
 }

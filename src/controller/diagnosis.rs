@@ -343,7 +343,7 @@ impl Answer {
         let &Inputs { boost_pressure, engine_speed, .. } = inputs;
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
         // A smaller change moves no wastegate.
-        let virtual_duty = larger(virtual_duty, actuator_inverse::duty(&parameters.actuator_inverse, 0.0));
+        let virtual_duty = actuator_inverse::effective_duty(&parameters.actuator_inverse, virtual_duty);
         let now = [virtual_duty, reference];
         let before = self.before.unwrap_or(now);
         let share = sample_time / larger(MEMORY, sample_time);

@@ -4,7 +4,6 @@
 use fmu_export::Persistent;
 
 use super::schedule::LocalModel;
-use super::variables::Parameters;
 use crate::elementary::{larger, power};
 
 /// The minimum tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a tracking time
@@ -52,27 +51,6 @@ impl FeedbackSettings {
     /// The tracking time `T_tr` of paper, section 6, at least four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
         larger((self.integral_time * self.derivative_time).sqrt(), LEAST_TRACKING_SAMPLES * sample_time)
-    }
-}
-
-/// The tuning of the feedback.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Firmness {
-    /// λ: the desired closed-loop time constant (s).
-    pub lambda: f64,
-    /// The actuator lag (s) compensated by the derivative term, in addition to the local model's delay.
-    pub lead: f64,
-    /// Derivative time over the time constant of the derivative filter.
-    pub derivative_filter: f64,
-    /// The share of the integral gain used.
-    pub integral_share: f64,
-}
-
-impl Firmness {
-    /// The tuning at reference conditions, with λ (s).
-    #[must_use]
-    pub fn at(parameters: &Parameters, lambda: f64) -> Self {
-        Self { lambda, lead: 0.0, derivative_filter: parameters.derivative_filter, integral_share: 1.0 }
     }
 }
 

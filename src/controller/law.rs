@@ -4,16 +4,15 @@
 
 use fmu_export::Persistent;
 
+use super::actuator_inverse;
 use super::compensator::Limits;
-use super::feedback::{FeedbackSettings, Firmness, Pid};
-use super::ramp_term::{Ramp, RampTerm};
+use super::feedback::{FeedbackSettings, Pid};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
 use super::variables::{FeedbackStructure, Parameters};
-use crate::elementary::{between, larger};
 
 /// A duty at nominal voltage as the sum of its terms (%).
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct DutyTerms {
     pub feedforward: f64,
     pub proportional: f64,
@@ -26,13 +25,7 @@ pub struct DutyTerms {
 impl DutyTerms {
     /// A duty without feedback.
     pub fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
-        Self {
-            feedforward: duty,
-            proportional: 0.0,
-            integral: 0.0,
-            derivative: 0.0,
-            reference_model_pressure,
-        }
+        Self { feedforward: duty, reference_model_pressure, ..Self::default() }
     }
 
     pub fn duty(&self) -> f64 {
@@ -53,18 +46,16 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub holding: Option<f64>,
     /// λ of the reference model (s).
     pub model_lambda: f64,
-    pub firmness: Firmness,
-    pub ramp: Ramp,
+    pub feedback: FeedbackSettings,
+    /// Derivative time over the time constant of the derivative filter.
+    pub derivative_filter: f64,
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
-    /// The share (0 to 1) to which the limits that protect the shaft only override the duty, rather than being the
-    /// law's own.
-    pub overridden: f64,
-    /// The limits within which the duty moves the wastegate.
-    pub model_limits: Limits,
-    /// The share (0 to 1) to which the reference model waits for an engine that cannot follow.
-    pub waits: f64,
+    /// Whether the reference model's duty stops where the high-pressure wastegate is on its seat.
+    pub stops_on_seat: bool,
+    /// Whether the reference model waits for an engine that cannot follow.
+    pub waits: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
 }
@@ -73,11 +64,10 @@ pub struct Task<'a, const COLUMNS: usize> {
 #[derive(Clone, Copy, Debug, Default, Persistent)]
 pub struct BoostLaw {
     pid: Pid,
-    ramp_term: RampTerm,
     reference_model: ReferenceModel,
     /// The reference model's gain at the last sample (Pa/%), if the integral term is rescaled.
     gain: Option<f64>,
-    /// The part of the duty cut off by the limits at the last sample (%).
+    /// The part of the duty cut off by its own limits at the last sample (%).
     blocked: f64,
 }
 
@@ -109,50 +99,50 @@ impl BoostLaw {
         task: &Task<'_, COLUMNS>,
     ) -> DutyTerms {
         let sample_time = parameters.sample_time;
-        let &Task { reference, measurement, operating_point, firmness, ramp, limits, waits, .. } = task;
-        let lambda = task.model_lambda;
-        let local_model = operating_point.local_model();
-        let tuning = FeedbackSettings::new(&local_model, firmness.lambda).with_lead(firmness.lead);
-        self.pid.differentiate(&tuning, firmness.derivative_filter, sample_time, measurement);
+        let &Task { reference, measurement, operating_point, ref feedback, .. } = task;
+        self.pid.differentiate(feedback, task.derivative_filter, sample_time, measurement);
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
-                if self.blocked * model.error(measurement) > 0.0 {
-                    model.approach(measurement, waits * (sample_time / larger(lambda, sample_time)));
+                let waits = task.waits && self.blocked * model.error(measurement) > 0.0;
+                if waits {
+                    model.approach(measurement, sample_time / task.model_lambda);
                 }
                 let linearized = model.linearize(operating_point, task.holding);
                 if let Some(before) = self.gain {
                     self.pid.rescale(before / linearized.gain, task.integral_exponent);
                 }
                 self.gain = (task.integral_exponent > 0.0).then_some(linearized.gain);
-                let unlimited = model.feedforward(&linearized, reference, lambda);
-                let error = model.error(measurement);
-                let pressure = model.pressure;
-                let moves = if self.blocked * error > 0.0 { 1.0 - waits } else { 1.0 };
-                let duty = task.model_limits.clip(unlimited);
-                model.advance(&linearized, duty, local_model.delay, sample_time, moves);
-                (between(unlimited, limits.clip(unlimited), waits), error, pressure)
+                let feedforward = model.feedforward(&linearized, reference, task.model_lambda);
+                let (error, pressure) = (model.error(measurement), model.pressure);
+                // The shaft's limits would take the model too far from the engine.
+                let mut duty = task.own_limits.clip(feedforward);
+                if task.stops_on_seat {
+                    duty = actuator_inverse::effective_duty(&parameters.actuator_inverse, duty);
+                }
+                let delay = operating_point.local_model().delay;
+                if !waits {
+                    model.advance(&linearized, duty, delay, sample_time);
+                }
+                (feedforward, error, pressure)
             }
         };
         let terms = DutyTerms {
             feedforward,
-            proportional: tuning.gain * error,
-            integral: self.pid.integral + self.ramp_term.duty(ramp),
+            proportional: feedback.gain * error,
+            integral: self.pid.integral,
             derivative: self.pid.derivative,
             reference_model_pressure,
         };
         let duty = terms.duty();
-        let (limited, own) = (limits.clip(duty), task.own_limits.clip(duty));
+        let own = task.own_limits.clip(duty);
         // While the shaft's limits override the duty, the integral term is frozen: the feedback cannot correct the
         // error, and the term would be too large when the limits release.
-        let error = if limited > own { (1.0 - task.overridden) * error } else { error };
-        let known = between(limited, own, task.overridden);
-        self.pid.integrate(&tuning, sample_time, error * firmness.integral_share, known - duty);
-        self.blocked = limited - duty;
-        let error = if self.blocked == 0.0 { error } else { 0.0 };
-        self.ramp_term.integrate(&tuning, sample_time, error, ramp);
+        let error = if task.limits.clip(duty) > own { 0.0 } else { error };
+        self.blocked = own - duty;
+        self.pid.integrate(feedback, sample_time, error, self.blocked);
         terms
     }
 }

@@ -30,13 +30,11 @@ mod by_speed;
 mod compensator;
 mod day;
 mod diagnosis;
-mod duty_lead;
 pub mod feedback;
 mod feedforward;
+mod firmness;
+mod lag;
 mod law;
-mod off_schedule;
-mod ramp_term;
-mod rate_filter;
 mod reference_model;
 pub mod schedule;
 mod shaft_speed_limit;
@@ -68,9 +66,6 @@ use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Vari
 /// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first
 /// step, and no engine runs with a fifth of ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
-
-/// The duty limits (%) in the modes position and `open_loop`.
-const FULL_RANGE: (f64, f64) = (0.0, 100.0);
 
 /// The boost pressure controller.
 pub type BoostController = SampledModel<ControlLaw>;
@@ -262,12 +257,11 @@ impl ControlLaw {
 
     /// Judges whether boost responds to a command.
     fn check_answer(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
-        let virtual_duty = command.limits.clip(command.terms.duty());
+        let duty = command.limits.clip(command.terms.duty());
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
                 let (inputs, reference, largest) = self.split_range.on_scheduled_day(parameters, inputs);
-                let duty = virtual_duty;
                 self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, largest);
             }
             // Above, the low-pressure wastegate is open, for which its schedule was not identified.
@@ -277,7 +271,7 @@ impl ControlLaw {
                 (inputs.engine_speed <= parameters.lp_wastegate_close_below)
                     .then(|| Schedule::from(&parameters.schedule)),
                 feedforward::bounded_reference(parameters, inputs),
-                virtual_duty,
+                duty,
                 0.0,
             ),
         }
@@ -297,7 +291,7 @@ fn warn_of_ignored_schedule(parameters: &Parameters, context: &mut Context<'_>) 
 fn limits(parameters: &Parameters, compensator: Compensator) -> Limits {
     let (least, most) = match parameters.mode {
         ControlMode::Boost => (parameters.pwm_min, parameters.pwm_max),
-        ControlMode::Position | ControlMode::OpenLoop => FULL_RANGE,
+        ControlMode::Position | ControlMode::OpenLoop => (0.0, 100.0),
     };
     compensator.limits(least, most)
 }

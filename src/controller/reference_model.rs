@@ -77,12 +77,12 @@ impl ReferenceModel {
         self.delayed = self.delayed.map(|delayed| delayed - shift);
     }
 
-    /// Advances a share (0 to 1) of the way to the next sample with the limited feedforward duty (%). The delay (s) is
-    /// approximated by a first-order lag of equal time.
-    pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64, share: f64) {
+    /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a first-order
+    /// lag of equal time.
+    pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
         let delayed = self.delayed.unwrap_or(self.pressure);
         let lag = larger(delay, sample_time);
-        self.delayed = Some(delayed + share * (sample_time / lag * (self.pressure - delayed)));
-        self.pressure += share * (sample_time * (duty - model.holding) * model.slope);
+        self.delayed = Some(delayed + sample_time / lag * (self.pressure - delayed));
+        self.pressure += sample_time * (duty - model.holding) * model.slope;
     }
 }

@@ -8,7 +8,7 @@
 use fmu_export::Error;
 
 use super::variables::{RangeScheduleParameters, ScheduleParameters};
-use crate::elementary::{between, larger, smaller};
+use crate::elementary::{larger, smaller};
 
 /// The number of boost pressures of a schedule.
 const ROWS: usize = 16;
@@ -88,26 +88,6 @@ impl GridPosition {
     }
 }
 
-/// Corresponding pressures of two adjacent columns: at the largest and at the smallest duty (Pa).
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Alignment {
-    ends: [[f64; 2]; 2],
-}
-
-impl Alignment {
-    /// The pressure of each column that corresponds to one between them (Pa).
-    fn pressures(self, pressure: f64, column: GridPosition) -> [f64; 2] {
-        let [left, right] = self.ends;
-        let here = [0, 1].map(|end| between(left[end], right[end], column.fraction));
-        let width = here[1] - here[0];
-        if column.fraction == 0.0 || width <= 0.0 {
-            return [pressure; 2];
-        }
-        let share = (pressure - here[0]) / width;
-        self.ends.map(|[low, high]| low + share * (high - low))
-    }
-}
-
 /// Linear interpolation over one axis, clamped at its edges.
 #[must_use]
 pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POINTS], at: f64) -> f64 {
@@ -119,15 +99,14 @@ pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POI
 #[derive(Clone, Copy, Debug)]
 pub struct OperatingPoint<'a, const COLUMNS: usize> {
     schedule: Schedule<'a, COLUMNS>,
-    /// In the column below and in the next one.
-    rows: [GridPosition; 2],
+    row: GridPosition,
     column: GridPosition,
-    /// How the pressures of both columns correspond.
-    alignment: Option<Alignment>,
     /// The weights of the four surrounding grid points: the row below, then the next row.
     weights: [f64; 4],
     /// The factor of time constants.
     time_scale: f64,
+    /// What delays add to the schedule's (s).
+    lag: f64,
 }
 
 impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
@@ -136,55 +115,28 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[inline]
     pub fn new(schedule: impl Into<Schedule<'a, COLUMNS>>, boost_pressure: f64, engine_speed: f64) -> Self {
         let schedule = schedule.into();
-        Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed), None)
+        Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed))
     }
 
     #[inline]
-    fn at(
-        schedule: Schedule<'a, COLUMNS>,
-        boost_pressure: f64,
-        column: GridPosition,
-        alignment: Option<Alignment>,
-    ) -> Self {
-        let pressures =
-            alignment.map_or([boost_pressure; 2], |alignment| alignment.pressures(boost_pressure, column));
-        let rows = pressures.map(|pressure| GridPosition::on(schedule.boost_pressure, pressure));
-        let ([left, right], x) = (rows.map(|row| row.fraction), column.fraction);
-        let weights = [(1.0 - left) * (1.0 - x), (1.0 - right) * x, left * (1.0 - x), right * x];
-        Self { schedule, rows, column, alignment, weights, time_scale: 1.0 }
+    fn at(schedule: Schedule<'a, COLUMNS>, boost_pressure: f64, column: GridPosition) -> Self {
+        let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
+        let (y, x) = (row.fraction, column.fraction);
+        let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
+        Self { schedule, row, column, weights, time_scale: 1.0, lag: 0.0 }
     }
 
-    /// The same, to a share (0 to 1) with each column read at the same fraction of its range from the boost pressure of
-    /// the largest duty (%) to that of the smallest.
-    ///
-    /// Between columns this follows lines of equal duty. At equal pressures, one column may be beyond the engine's
-    /// reach, where the map is filled.
+    /// With time constants longer by a factor, and delays by a lag (s).
     #[must_use]
-    pub fn aligned(self, boost_pressure: f64, [least, most]: [f64; 2], share: f64) -> Self {
-        if share == 0.0 {
-            return self;
-        }
-        let ranges = [0.0, 1.0].map(|fraction| {
-            let column = GridPosition { fraction, ..self.column };
-            let column = Self::at(self.schedule, boost_pressure, column, None);
-            [column.pressure_held_by(most), column.pressure_held_by(least)]
-        });
-        let here = [0, 1].map(|end| between(ranges[0][end], ranges[1][end], self.column.fraction));
-        let ends = ranges.map(|range| [0, 1].map(|end| between(here[end], range[end], share)));
-        Self::at(self.schedule, boost_pressure, self.column, Some(Alignment { ends })).slower(self.time_scale)
-    }
-
-    /// With time constants longer by a factor.
-    #[must_use]
-    pub fn slower(self, time_scale: f64) -> Self {
-        Self { time_scale, ..self }
+    pub fn slower(self, time_scale: f64, lag: f64) -> Self {
+        Self { time_scale, lag, ..self }
     }
 
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     #[inline]
     pub fn at_pressure(self, boost_pressure: f64) -> Self {
-        Self::at(self.schedule, boost_pressure, self.column, self.alignment).slower(self.time_scale)
+        Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale, self.lag)
     }
 
     /// The duty at nominal voltage (%) that holds the boost pressure at rest: the static map of the
@@ -233,7 +185,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         LocalModel {
             gain: self.interpolate(self.schedule.gain),
             time_constant: self.time_scale * self.interpolate(self.schedule.time_constant),
-            delay: self.interpolate(self.schedule.delay),
+            delay: self.interpolate(self.schedule.delay) + self.lag,
         }
     }
 
@@ -241,12 +193,10 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[must_use]
     #[inline]
     pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
-        let [(below_left, next_left), (below_right, next_right)] = [0, 1].map(|side| {
-            let (row, column) = (self.rows[side].below, self.column.below + side);
-            (table[row][column], table[row + 1][column])
-        });
+        let (row, column) = (self.row.below, self.column.below);
+        let [below, next] = [row, row + 1].map(|row| [table[row][column], table[row][column + 1]]);
         let [a, b, c, d] = self.weights;
-        (a * below_left + b * below_right) + (c * next_left + d * next_right)
+        (a * below[0] + b * below[1]) + (c * next[0] + d * next[1])
     }
 }
 

@@ -7,10 +7,9 @@
 //!
 //! While boost pressure rises, the slow low-pressure stage lags and the high-pressure stage compensates with more
 //! speed. If the speed is measured, the virtual duty is at least the one that holds the limit at rest, more above it
-//! and less below it, by the predicted speed. At reference conditions the reference model receives the limited duty, so
-//! it waits. Off reference conditions the limits would take it too far from the engine and fill the integral term:
-//! boost would fall too far, or oscillate with the shaft. There they override only the duty. With 0.001 %/rpm and a
-//! lead of 0.3 s, duty and speed oscillate at 3 Hz at 85 kPa.
+//! and less below it, by the predicted speed. This overrides the duty alone: reference model and integral term do not
+//! follow, or boost would fall too far when the limit releases, or oscillate with the shaft. With 0.001 %/rpm and a lead
+//! of 0.3 s, duty and speed oscillate at 3 Hz at 85 kPa.
 //!
 //! Near the maximum speed, even at rest, the bypass shuts, and the low-pressure wastegate waits until the high-pressure
 //! one is fully open. An open bypass unloads the shaft: in the cold at 5500 rpm and 120 kPa to 219 krpm, where 178 krpm
@@ -20,20 +19,21 @@
 use fmu_export::Persistent;
 
 use super::allocation::ramp;
-use super::rate_filter::RateFilter;
+use super::day::Day;
+use super::lag::Lag;
 use super::schedule;
-use super::variables::{Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
+use super::variables::{Inputs, Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
 use crate::elementary::{larger, smaller};
 
 /// The lowest speed (rpm) that is a measurement: below it, the limit is out of reach.
 const LEAST_MEASUREMENT: f64 = 1e3;
 
-/// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 207.5 krpm, at 199.5 and 203.5 krpm.
+/// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 209.1 krpm, at 201.1 and 205.1 krpm.
 /// Closer to the maximum speed it would stay partly open on a shaft that turns too fast.
 const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
 
 /// The excess speeds (rpm) at which the other valves start to wait for the high-pressure wastegate, and wait until it
-/// is open: with 207.5 krpm, at 203.5 and 205.5 krpm.
+/// is open: with 209.1 krpm, at 205.1 and 207.1 krpm.
 const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
 
 /// The filter of the rate of change (s): a fraction of `lead_time`.
@@ -52,15 +52,21 @@ const LARGEST_CORRECTION: f64 = 60e3;
 const LEAST_LIMIT: f64 = 50e3;
 
 /// A speed (rpm) that is a measurement.
-pub fn measured(speed: f64) -> Option<f64> {
+fn measured(speed: f64) -> Option<f64> {
     (speed >= LEAST_MEASUREMENT).then_some(speed)
 }
 
-/// The schedule's boost pressure limit (Pa) for the shaft at an engine speed (rpm).
+/// The schedule's boost pressure limit for the shaft at rest (Pa, at reference conditions) at an engine speed (rpm).
+pub fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
+    let maps = &parameters.range_schedule;
+    schedule::interpolate(&maps.engine_speed, &maps.boost_limit, engine_speed)
+}
+
+/// The same for a measured shaft, which `boost_limit` need not protect.
 ///
 /// Where the schedule has the absolute limit instead, and beyond its columns, it is extrapolated from the nearest two
 /// columns.
-pub fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
+fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     let RangeScheduleParameters { engine_speed: speeds, boost_limit: limits, .. } =
         &parameters.range_schedule;
     let columns = speeds.len();
@@ -70,7 +76,7 @@ pub fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     } else if first + 1 < columns && engine_speed > speeds[columns - 1] {
         columns - 2
     } else {
-        return schedule::interpolate(speeds, limits, engine_speed);
+        return scheduled_limit(parameters, engine_speed);
     };
     let slope = (limits[left + 1] - limits[left]) / (speeds[left + 1] - speeds[left]);
     larger(limits[left] + slope * (engine_speed - speeds[left]), LEAST_LIMIT)
@@ -79,7 +85,7 @@ pub fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
 /// The boost pressure margin (Pa) to the speed at rest, from the measured speed (rpm); or if larger, the margin to the
 /// high-pressure wastegate fully open, from the virtual duty (%) and its gain (Pa/%), minus the excess over the maximum
 /// speed.
-pub fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> f64 {
+fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> f64 {
     let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, boost_per_speed, .. } =
         &parameters.shaft_speed_limit;
     let left = speed_at_rest - speed;
@@ -91,15 +97,34 @@ pub fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64)
 /// The memory of the limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ShaftSpeedLimit {
-    speed: RateFilter,
+    speed: Lag,
     /// The correction of the schedule's pressure limit (Pa).
     correction: f64,
 }
 
 impl ShaftSpeedLimit {
+    /// The limit of the reference (Pa, at reference conditions), if the shaft's speed is measured, from the virtual duty at
+    /// the last sample (%) and its gain (Pa/%). A rising limit is taken at the engine speed to come (rpm).
+    pub fn of_reference(
+        &mut self,
+        parameters: &Parameters,
+        day: &Day,
+        inputs: &Inputs,
+        speed_to_come: f64,
+        (virtual_duty, gain): (f64, impl Fn() -> f64),
+    ) -> Option<f64> {
+        let shaft_speed = measured(inputs.hp_turbo_speed)?;
+        let at = |speed| day.limit_of_shaft(speed, |speed| uncapped_limit(parameters, speed));
+        let here = at(inputs.engine_speed);
+        let to_come = at(larger(speed_to_come, 0.0));
+        let margin = margin(parameters, shaft_speed, virtual_duty, gain());
+        let above = day.scheduled_pressure(inputs.boost_pressure) + margin - here;
+        Some(larger(here, to_come) + self.correct(parameters, above, shaft_speed))
+    }
+
     /// Updates the correction of the schedule's pressure limit (Pa), from the excess of the boost pressure allowed by
     /// the shaft (Pa) and the measured speed (rpm).
-    pub fn correction(&mut self, parameters: &Parameters, above: f64, speed: f64) -> f64 {
+    fn correct(&mut self, parameters: &Parameters, above: f64, speed: f64) -> f64 {
         let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, correction_time, .. } =
             &parameters.shaft_speed_limit;
         let asked = if above < 0.0 {
@@ -113,12 +138,12 @@ impl ShaftSpeedLimit {
         self.correction
     }
 
-    /// The excess of the predicted speed over the maximum and its allowance (rpm), if the speed (rpm) is measured.
-    pub fn excess(&mut self, parameters: &Parameters, speed: f64, allowance: f64) -> Option<f64> {
+    /// The excess of the predicted speed over the maximum (rpm), if the speed (rpm) is measured.
+    pub fn excess(&mut self, parameters: &Parameters, speed: f64) -> Option<f64> {
         let speed = measured(speed)?;
         let &ShaftSpeedLimitParameters { speed: most, lead_time, .. } = &parameters.shaft_speed_limit;
-        let rate = self.speed.sample(parameters.sample_time, RATE_FILTER, speed);
-        Some(speed + lead_time * rate - (most + allowance))
+        let rate = self.speed.rate(parameters.sample_time, RATE_FILTER, speed);
+        Some(speed + lead_time * rate - most)
     }
 }
 

@@ -4,12 +4,11 @@
 //! times the rate of change: the schedule's `speed_sensitivity`. So the duty that holds a pressure during the change is
 //! the one that holds a pressure higher by that at rest.
 
-use super::day::Day;
-use super::off_schedule;
+use super::schedule::OperatingPoint;
 use super::variables::Parameters;
-use crate::elementary::{between, larger, smaller};
+use crate::elementary::{larger, smaller};
 
-/// Iterations of the pressure shift at the shifted pressure. The map is smooth: a third would change less than the
+/// Iterations of the pressure shift at the shifted pressure, after the first at the pressure itself. The map is smooth: a third would change less than the
 /// map's accuracy.
 const ITERATIONS: usize = 2;
 
@@ -19,10 +18,10 @@ const PRESSURES: (f64, f64) = (0.0, 1e6);
 /// The engine speed (rpm) for the sensitivity, at an engine speed (rpm), its rate (rpm/s) and a bypass opening.
 ///
 /// While the bypass is open, it is the speed that corresponds to its opening at rest, since the bypass lags engine
-/// speed. Off reference conditions, a deceleration uses a speed higher by the range in which the low-pressure wastegate
-/// shuts, up to the end of that range: it passes the range before the shafts reach the greater sensitivity there, and
-/// the speed lost by the high-pressure shaft is missing when it ends.
-fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
+/// speed. A deceleration uses a speed higher by the range in which the low-pressure wastegate shuts, up to the end of
+/// that range: it passes the range before the shafts reach the greater sensitivity there, and the speed lost by the
+/// high-pressure shaft is missing when it ends.
+fn sensitive_speed(parameters: &Parameters, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
     let of_bypass = if engine_speed < free && bypass > 0.0 {
@@ -34,15 +33,13 @@ fn sensitive_speed(parameters: &Parameters, day: &Day, engine_speed: f64, rate: 
         return of_bypass;
     }
     let (shut, free) = (allocation.low_pressure_shut_below, allocation.low_pressure_free_above);
-    let higher = larger(of_bypass, smaller(engine_speed + (free - shut), free));
-    between(of_bypass, higher, day.off_reference)
+    larger(of_bypass, smaller(engine_speed + (free - shut), free))
 }
 
 /// The virtual duty (%) that holds a boost pressure (Pa) while engine speed (rpm) changes at a rate (rpm/s); none at
 /// constant speed.
 pub fn holding_duty(
     parameters: &Parameters,
-    day: &Day,
     boost_pressure: f64,
     engine_speed: f64,
     rate: f64,
@@ -52,48 +49,38 @@ pub fn holding_duty(
         return None;
     }
     let schedule = &parameters.range_schedule;
-    let sensitive_speed = sensitive_speed(parameters, day, engine_speed, rate, bypass);
-    let sensitive = day.operating_point(parameters, boost_pressure, sensitive_speed);
-    let share = off_schedule::sensitivity_share(parameters, day);
+    let at = |engine_speed| OperatingPoint::new(schedule, boost_pressure, engine_speed);
+    let sensitive = at(sensitive_speed(parameters, engine_speed, rate, bypass));
     let shift = |pressure| {
         let sensitivity = sensitive.at_pressure(pressure).interpolate(&schedule.speed_sensitivity);
-        share * sensitivity * rate
+        parameters.speed_feedforward.share * sensitivity * rate
     };
-    let mut shifted = boost_pressure + shift(boost_pressure);
-    for _ in 0..ITERATIONS {
+    let mut shifted = boost_pressure;
+    for _ in 0..=ITERATIONS {
         shifted = boost_pressure + shift(shifted);
     }
-    let (least, most) = PRESSURES;
-    let shifted = smaller(larger(shifted, least), most);
-    let here = day.operating_point(parameters, boost_pressure, engine_speed);
-    Some(here.extrapolated_feedforward(shifted))
+    Some(at(engine_speed).extrapolated_feedforward(shifted.clamp(PRESSURES.0, PRESSURES.1)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controller::variables::Inputs;
 
     #[test]
-    fn a_fall_keeps_the_sensitivity_of_higher_speeds_on_other_days() {
+    fn a_deceleration_keeps_the_sensitivity_of_higher_speeds() {
         let parameters = Parameters::default();
-        let speed = |ambient_pressure, engine_speed, rate, bypass| {
-            let day = Day::measured(&parameters, &Inputs { ambient_pressure, ..Inputs::default() });
-            sensitive_speed(&parameters, &day, engine_speed, rate, bypass)
+        let near = |engine_speed, rate, bypass, expected: f64| {
+            let found = sensitive_speed(&parameters, engine_speed, rate, bypass);
+            assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
         };
-        let near =
-            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
-        let (altitude, standard) = (80e3, parameters.nominal_ambient_pressure);
-        for (engine_speed, in_a_fall) in
+        for (engine_speed, in_a_deceleration) in
             [(1600.0, 2100.0), (2000.0, 2500.0), (2300.0, 2500.0), (3000.0, 3000.0)]
         {
-            near(speed(altitude, engine_speed, -1000.0, 0.0), in_a_fall);
-            near(speed(altitude, engine_speed, 1000.0, 0.0), engine_speed);
-            near(speed(standard, engine_speed, -1000.0, 0.0), engine_speed);
+            near(engine_speed, -1000.0, 0.0, in_a_deceleration);
+            near(engine_speed, 1000.0, 0.0, engine_speed);
         }
         // The bypass would be a quarter open at 3250 rpm.
-        for (day, rate) in [(altitude, -1000.0), (standard, -1000.0), (standard, 1000.0)] {
-            near(speed(day, 2300.0, rate, 0.25), 3250.0);
-        }
+        near(2300.0, -1000.0, 0.25, 3250.0);
+        near(2300.0, 1000.0, 0.25, 3250.0);
     }
 }

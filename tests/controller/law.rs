@@ -93,7 +93,7 @@ fn the_terms_of_the_paper_structure_by_hand() {
 }
 
 /// The reference model starts at the measurement, so the first sample has no error, and the feedforward moves the
-/// model towards the reference with the time constant λ.
+/// model towards the reference with twice the actuator's lag.
 #[test]
 fn the_first_sample_of_the_reference_model_by_hand() {
     let inputs = Inputs { boost_reference: 126e3, boost_pressure: 125e3, ..Inputs::default() };
@@ -101,12 +101,12 @@ fn the_first_sample_of_the_reference_model_by_hand() {
     bench.sample(0, &inputs);
     let locals = bench.variables.locals;
     assert_eq!((locals.proportional_term, locals.integral_term, locals.derivative_term), (0.0, 0.0, 0.0));
-    // 43.9864 + 1.04121 / -3209.5 · 1000 / 0.3.
-    assert_close(locals.feedforward_pwm, 43.9864 - 1041.21 / 3209.5 / 0.3);
+    // 43.9864 + 1.04121 / -3209.5 · 1000 / 0.16.
+    assert_close(locals.feedforward_pwm, 43.9864 - 1041.21 / 3209.5 / 0.16);
     assert_eq!(locals.reference_model_pressure, 125e3);
     bench.sample(1, &inputs);
-    // One Euler step of 1000 Pa / 0.3 s.
-    assert_close(bench.variables.locals.reference_model_pressure, 125e3 + 1000.0 / 0.3 * 0.0125);
+    // One Euler step of 1000 Pa / 0.16 s.
+    assert_close(bench.variables.locals.reference_model_pressure, 125e3 + 1000.0 / 0.16 * 0.0125);
 }
 
 #[test]

@@ -60,7 +60,7 @@ type Change = fn(&mut Parameters);
 /// Each of the strategy `split_range`; the strategy by speed and the other modes do not read them.
 #[test]
 fn an_allocation_that_contradicts_itself() {
-    let cases: [(Change, [&str; 2]); 8] = [
+    let cases: [(Change, [&str; 2]); 7] = [
         (
             |parameters| parameters.allocation.low_pressure_shut_below = 2500.0,
             ["low_pressure_shut_below is 2500 rpm", "low_pressure_free_above, which is 2500 rpm"],
@@ -87,10 +87,6 @@ fn an_allocation_that_contradicts_itself() {
         (
             |parameters| parameters.allocation.bypass_closing_time = 0.0124,
             ["bypass_closing_time is 0.0124 s", "sample_time, which is 0.0125 s"],
-        ),
-        (
-            |parameters| parameters.sample_time = 0.2,
-            ["speed_feedforward.filter_time is 0.1 s", "sample_time, which is 0.2 s"],
         ),
         (
             |parameters| parameters.range_schedule.gain[15][11] = 1e3,

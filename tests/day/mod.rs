@@ -150,8 +150,8 @@ fn an_unreachable_reference_leaves_no_dip() {
     }
 }
 
-/// Engine speed ramps at altitude, and where the law is half way from the one at reference conditions: the largest boost
-/// deviation (kPa), within the bound of the study of random plants and ambient conditions.
+/// Engine speed ramps near reference conditions and at altitude: the largest boost deviation (kPa), within the bound of the
+/// study of random plants and ambient conditions.
 #[test]
 fn ramps_at_altitude() {
     let ramps = |ambient_pressure, measured| {
@@ -171,13 +171,13 @@ fn ramps_at_altitude() {
         }
         1e-3 * worst
     };
-    let half_way = ramps(99.9e3, AMBIENT);
+    let near = ramps(99.9e3, AMBIENT);
     let [without, with] = [NOTHING, AMBIENT].map(|measured| ramps(90e3, measured));
     println!(
-        "ramps of 2000 rpm/s at 90 kPa: {without:.2} kPa, {with:.2} kPa with the ambient measured, and {half_way:.2} \
-         kPa at 99.9 kPa"
+        "ramps of 2000 rpm/s at 90 kPa: {without:.2} kPa, {with:.2} kPa with the ambient measured, and {near:.2} kPa at \
+         99.9 kPa"
     );
-    assert!(half_way <= 2.0 && with <= 2.0 && with < without, "{half_way}, {with}, {without} kPa");
+    assert!(near <= 2.0 && with <= 2.0 && with < without, "{near}, {with}, {without} kPa");
 }
 
 /// The ambient changes faster than on any road, up and down by 60 K at once and by 20 kPa within seconds: the reference
@@ -244,6 +244,7 @@ fn the_feedforward_holds_off_reference_conditions() {
 /// Steps up to the reference limit: without the measurement the shaft reaches 310 krpm.
 #[test]
 fn the_shaft_keeps_its_limit_while_boost_rises() {
+    let mut saved: f64 = 0.0;
     for (engine_speed, from, to) in
         [(3500.0, 180e3, 230e3), (4000.0, 150e3, 215e3), (5000.0, 170e3, 185e3), (5500.0, 130e3, 174e3)]
     {
@@ -258,11 +259,13 @@ fn the_shaft_keeps_its_limit_while_boost_rises() {
             assert!((control.boost_pressure() - to).abs() < 50.0, "{engine_speed} rpm");
             fastest
         });
+        saved = saved.max(fastest[0] - fastest[1]);
         println!(
             "{engine_speed} rpm, {from} to {to} Pa: {fastest:.1?} krpm without and with the measurement"
         );
-        assert!(fastest[1] <= 214.0 && fastest[1] < fastest[0], "{fastest:?}");
+        assert!(fastest[1] <= 214.0 && fastest[1] <= fastest[0], "{fastest:?}");
     }
+    assert!(saved > 40.0, "{saved} krpm: the measurement changes little here");
 }
 
 /// The shaft speed at rest at an unreachable reference (krpm).

@@ -428,7 +428,7 @@ def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Pat
     """Its runs use the map, and its journal refuses another one."""
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     (tmp_path / "study.toml").write_text(
-        'scenario = "scenario.toml"\n[grid]\n"controller:lambda" = [0.3, 0.6]\n'
+        'scenario = "scenario.toml"\n[grid]\n"controller:reference_lambda" = [0.48, 0.96]\n'
         '[measures]\npeak = { maximum = "boost_pressure" }\n'
     )
     more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
@@ -437,7 +437,7 @@ def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Pat
     done = lab(*arguments, "--map", ROOT / MAP, "--out", out, **WITH_PYTHON)
     assert done.returncode == 0, done.stderr
     one, other = csv.DictReader(csv_lines(out / "results.csv"))
-    # λ is 0.3 s by default.
+    # 0.48 s is the default.
     assert float(one["peak"]) == loop(clone, "foreign_plant")["boost_pressure"].max()
     assert other["peak"] != one["peak"]
 

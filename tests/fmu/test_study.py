@@ -38,9 +38,9 @@ def test_the_controller_beside_its_strategy_by_speed(lab: Run, exported: Path, t
     of = {name: [row for row in all_rows if row["strategy"] == name] for name in ["", "by_speed"]}
     deviations = [[float(row["deviation"]) for row in found] for found in of.values()]
     assert [len(values) for values in deviations] == [6, 6]
-    # Each is within what 95 % should be; a strategy that switches stages loses 20 kPa and more.
+    # Each is within what 93 % should be; a strategy that switches stages loses 20 kPa and more.
     assert max(deviations[0]) <= 2e3 < 20e3 < median(deviations[1])
-    assert max(float(row["shaft_at_rest"]) for row in of[""]) <= 210e3
+    assert max(float(row["shaft_at_rest"]) for row in of[""]) <= 212e3
     assert {row["fault_code"] for row in of[""]} == {"0.0"}
     assert min(float(row["least_compressor_flow"]) for row in of[""]) > 0.0
     assert "Cases outside the bounds" in (tmp_path / "report.html").read_text()

@@ -101,6 +101,13 @@ def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller
     )
 
 
+def test_lag_and_share_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
+    """The lag of 0.08 s within a sample, in which it is measured; the share within half of its last digit."""
+    found = values(tuned / "schedule.ssv")
+    for name, accuracy in [("actuator_lag", 0.0125), ("speed_feedforward.share", 5e-3)]:
+        assert found[name] == pytest.approx(float(controller_fmu.variables[name].start), abs=accuracy), name
+
+
 def test_calibration_tools_read_the_same_values(tuned: Path) -> None:
     """schedule.dcm by another reader of the format: the numbers of schedule.ssv."""
     reader = DcmReader()
@@ -180,7 +187,13 @@ def test_parameter_set_of_split_range_is_valid(tuned: Path, controller_fmu: Fmu)
     parameters = root.findall("ssv:Parameters/ssv:Parameter", ns)
     components = ("range_schedule.", "allocation.")
     schedule = {name for name in controller_fmu.variables if name.startswith(components)}
-    assert {parameter.get("name") for parameter in parameters} == schedule | {"lambda", "pwm_min", "strategy"}
+    assert {parameter.get("name") for parameter in parameters} == schedule | {
+        "feedback_lambda",
+        "pwm_min",
+        "strategy",
+        "actuator_lag",
+        "speed_feedforward.share",
+    }
     for parameter in parameters:
         assert parameter[0].get("unit") == controller_fmu.variables[parameter.get("name")].unit
 
@@ -292,8 +305,8 @@ def test_lambda_needs_no_new_experiments(lab: Run, exported: Path, tuned: Path, 
     tune(lab, tmp_path, exported / "BoostPlant.fmu", "--lambda", "0.5")
     assert (tmp_path / "journal.jsonl").read_bytes() == (tuned / "journal.jsonl").read_bytes()
     before, after = values(tuned / "schedule.ssv"), values(tmp_path / "schedule.ssv")
-    assert {name for name in before if before[name] != after[name]} == {"lambda"}
-    assert after["lambda"] == 0.5
+    assert {name for name in before if before[name] != after[name]} == {"feedback_lambda"}
+    assert after["feedback_lambda"] == 0.5
     for cell in json.loads((tmp_path / "report.json").read_text())["cells"]:
         gain, time_constant, delay = cell["gain"], cell["time_constant"], cell["delay"]
         feedback = cell["feedback"]

@@ -840,7 +840,7 @@ fn leftovers_of_a_killed_study_are_removed() {
 fn a_time_constant_that_the_controller_does_not_take_is_refused_before_anything_runs() {
     let bench = Bench::new();
     let message = bench.refusal(&["tune", "--plant", "careless.fmu", "--lambda", "1e308", "--out", "out"]);
-    let reason = "the value 1e308 of lambda cannot be used: 1e308 is not within 0.001..100 s";
+    let reason = "the value 1e308 of feedback_lambda cannot be used: 1e308 is not within 0.001..100 s";
     assert!(message.contains(reason), "{message}");
 }
 

@@ -21,8 +21,8 @@ use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
 use fmu_record::Record;
 
-/// The time allowed after the fastest plant's arrival (s): five times the controller's `lambda`, the desired time
-/// constant.
+/// The time allowed after the fastest plant's arrival (s): three times the controller's `reference_lambda`, the desired
+/// time constant.
 const ALLOWANCE: f64 = 1.5;
 /// The longest cycle (in steps) of bang-bang control: the actuator's travel both ways.
 const CYCLE: usize = 2 * TURNING_STEPS;

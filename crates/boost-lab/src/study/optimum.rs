@@ -11,7 +11,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 use super::case::{Measures, Rig, Simulated, point};
-use super::criteria::{FASTEST_AT_REST, NEAR};
+use super::criteria::{FAST_AT_REST, NEAR};
 use super::draw::{Case, SETTLING, STEP};
 use super::names::SHAFT;
 use super::reach::{OpenLoop, VALVES, Valves};
@@ -72,7 +72,7 @@ pub fn search(
     let closed_loop = greatest((judged..=last).map(|row| simulated.distance(row, boost[row]).0));
     let own_shaft =
         simulated.record.get(SHAFT).map_or(0.0, |speeds| greatest(speeds[first..=last].iter().copied()));
-    let shaft_limit = own_shaft.max(FASTEST_AT_REST);
+    let shaft_limit = own_shaft.max(FAST_AT_REST);
     let mut attempt = |corrections: &Corrections| -> Result<(f64, Optimum)> {
         plant.instance().restore(&saved)?;
         let mut found = Optimum { closed_loop, ..Optimum::default() };

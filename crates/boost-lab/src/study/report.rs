@@ -5,7 +5,9 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::case::Measures;
-use super::criteria::{Criterion, FAR, NEAR, SHARE_NEAR, is_failed, is_outside, judge};
+use super::criteria::{
+    Criterion, FAR, FARTHEST, FAST_AT_REST, NEAR, SHARE_FAR, SHARE_NEAR, is_failed, is_outside, judge,
+};
 use super::draw::Case;
 use super::names::{MODEL, SHAFT};
 use super::{Explained, Outcome, Study, outside};
@@ -306,13 +308,15 @@ impl StudyReport<'_> {
             }
         }
         report.paragraph(&format!(
-            "{} of {} cases deviate by more than {} kPa or violate another bound; {:.0} % may deviate that much, none \
-             by more than {} kPa.",
+            "{} of {} cases deviate by more than {} kPa or violate another bound; {:.0} % may deviate that much, {:.1} % \
+             by more than {} kPa, and none by more than {} kPa.",
             all.len(),
             self.outcomes.len(),
             1e-3 * NEAR,
             100.0 * (1.0 - SHARE_NEAR),
-            1e-3 * FAR
+            100.0 * SHARE_FAR,
+            1e-3 * FAR,
+            1e-3 * FARTHEST
         ));
         if all.len() > self.explained.len() {
             report.paragraph(&format!("Shown: the worst {}; results.csv has all.", self.explained.len()));
@@ -402,8 +406,7 @@ fn cause(explained: &Explained) -> String {
         if let Some(flow) = measures.least_flow.filter(|flow| *flow < 0.0) {
             text += &format!(" A compressor surges: {:.2} g/s.", 1e3 * flow);
         }
-        if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > super::criteria::FASTEST_AT_REST)
-        {
+        if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > FAST_AT_REST) {
             text += &format!(" Shaft speed at rest: {:.1} krpm.", 1e-3 * speed);
         }
     }

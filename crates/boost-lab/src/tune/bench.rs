@@ -7,6 +7,7 @@ use fmu_io::terminal::number;
 use fmu_package::ParameterSet;
 use serde::{Deserialize, Serialize};
 
+use super::actuator_fit;
 use super::fit::FirstOrder;
 use super::procedure::{Procedure, SplitRange};
 use super::schedule::{Allocation, Schedule, check_unit};
@@ -69,6 +70,11 @@ pub struct Point {
     /// The model of the mean response to 1 rpm (Pa/rpm, s); none if no model fits, or none is needed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_model: Option<SpeedResponse>,
+    /// The actuator's lag (s), and the share of the engine speed sensitivity that a ramp needs, if they are found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actuator_lag: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ramp_share: Option<f64>,
 }
 
 /// The samples of a response kept for drawing, from 1.
@@ -231,16 +237,26 @@ impl<'a> Bench<'a> {
         let drawn = |response: &[f64]| {
             drawn_samples(self.procedure, sample_time).map(|sample| response[sample - 1]).collect()
         };
+        let by_duty = mean(of_duty, duty_step);
+        let model = FirstOrder::fit(&by_duty, sample_time);
+        let speed_model = split_range
+            .as_ref()
+            .zip(pairs.get(1))
+            .and_then(|(split, of_speed)| SpeedResponse::fit(&mean(of_speed, split.speed_step), sample_time));
+        let ramp_share = model.as_ref().zip(speed_model.as_ref()).and_then(|(model, speed)| {
+            let (gain, sensitivity) = (model.gain.value, speed.fall * model.time_constant.value);
+            actuator_fit::ramp_share(&by_duty, speed, gain, sensitivity, sample_time)
+        });
         Ok(Point {
             row,
             column,
             hold,
             responses: of_duty.each_ref().map(|response| drawn(response)),
             asymmetry: (ends[0] / ends[1]).abs(),
-            model: FirstOrder::fit(&mean(of_duty, duty_step), sample_time),
-            speed_model: split_range.as_ref().zip(pairs.get(1)).and_then(|(split, of_speed)| {
-                SpeedResponse::fit(&mean(of_speed, split.speed_step), sample_time)
-            }),
+            model,
+            actuator_lag: speed_model.and_then(|_| actuator_fit::actuator_lag(&by_duty, sample_time)),
+            speed_model,
+            ramp_share,
         })
     }
 

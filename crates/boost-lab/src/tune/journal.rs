@@ -11,7 +11,7 @@ use cargo_fmu::run::journal::{Journal, Part};
 #[serde(rename_all = "snake_case")]
 pub enum TuningPart {
     Sweep(Sweep),
-    Point(Point),
+    Point(Box<Point>),
 }
 
 impl Part for TuningPart {
@@ -42,8 +42,8 @@ pub fn point(
     (row, column): (usize, usize),
     run: impl FnOnce() -> Result<Point>,
 ) -> Result<Point> {
-    match journal.part(&(Some(row), column), || run().map(TuningPart::Point))? {
-        TuningPart::Point(point) => Ok(point),
+    match journal.part(&(Some(row), column), || run().map(|point| TuningPart::Point(Box::new(point))))? {
+        TuningPart::Point(point) => Ok(*point),
         TuningPart::Sweep(_) => unreachable!("a sweep has no row"),
     }
 }

@@ -5,6 +5,7 @@
 //! point the plant settles at its feedforward, and steps up and down from one saved state give the model. The other
 //! points are filled and marked as such.
 
+mod actuator_fit;
 mod bench;
 mod dcm;
 mod fit;
@@ -443,6 +444,32 @@ impl Tuning<'_> {
         least(self.lift_offs.iter().copied())
     }
 
+    /// The actuator's lag (s) and the share of the engine speed sensitivity on ramps, each the median over the points that
+    /// the schedule takes; none for the strategy `by_speed`.
+    pub fn dynamics(&self) -> [(&'static str, &'static str, &'static str, Option<f64>); 2] {
+        let points = || {
+            self.points.iter().filter(|point| {
+                let cell =
+                    self.cells.iter().find(|cell| (cell.row, cell.column) == (point.row, point.column));
+                cell.is_some_and(|cell| cell.basis == CellOrigin::Identified)
+            })
+        };
+        [
+            (
+                schedule::ACTUATOR_LAG,
+                "s",
+                "time until the rate of boost after a duty step has risen to 63 % of its peak; median of the points",
+                actuator_fit::median(points().map(|point| point.actuator_lag)),
+            ),
+            (
+                schedule::RAMP_SHARE,
+                "1",
+                "least square error on an engine speed ramp of 0.8 s; median of the points",
+                actuator_fit::median(points().map(|point| point.ramp_share)),
+            ),
+        ]
+    }
+
     /// The origin of a value as text.
     pub fn provenance(&self, cell: &Cell, map: ScheduleTable) -> String {
         let procedure = &self.task.procedure;
@@ -509,7 +536,8 @@ impl Tuning<'_> {
         let lift_off =
             "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
-            let description = if name == schedule::LAMBDA { "as requested" } else { "" };
+            let description =
+                if name == schedule::lambda_parameter(schedule.strategy) { "as requested" } else { "" };
             parameter(name, description.to_owned(), value, unit)
         });
         let mut parameters: Vec<_> = given.collect();
@@ -525,6 +553,10 @@ impl Tuning<'_> {
                 value: Value::Enumeration(strategy.get_name().to_owned()),
             });
         }
+        let dynamics = self.dynamics().into_iter();
+        parameters.extend(dynamics.filter_map(|(name, unit, description, value)| {
+            Some(parameter(name.to_owned(), description.to_owned(), value?, unit))
+        }));
         for (column, &limit) in self.boost_limits.iter().enumerate() {
             let name = schedule::boost_limit_parameter(column);
             parameters.push(parameter(name, self.source_of_limit(column), limit, "Pa"));

@@ -1,5 +1,7 @@
 //! The reports of a tuning: a self-contained report.html for readers, and report.json for programs.
 
+use std::collections::BTreeMap;
+
 use anyhow::Result;
 use serde::Serialize;
 
@@ -33,6 +35,8 @@ struct TuningReport<'a> {
     schedule: &'a Schedule,
     procedure: &'a Procedure,
     least_duty: f64,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    dynamics: BTreeMap<&'static str, f64>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     boost_limits: &'a [f64],
     notes: &'a [String],
@@ -63,6 +67,11 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
         schedule,
         procedure: &tuning.task.procedure,
         least_duty: tuning.least_duty(),
+        dynamics: tuning
+            .dynamics()
+            .into_iter()
+            .filter_map(|(name, _, _, value)| Some((name, value?)))
+            .collect(),
         boost_limits: &tuning.boost_limits,
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
@@ -93,7 +102,7 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
     let holds = tuning.sweeps.iter().flat_map(|sweep| &sweep.holds);
     let sweep_drift = greatest(holds.map(|hold| hold.drift.abs()));
     let point_drift = greatest(tuning.points.iter().map(|point| point.hold.drift.abs()));
-    let rows = [
+    let mut rows = vec![
         ("Plant", task.plant.description().attribute("modelName").to_owned()),
         ("Plant parameters", task.plant_parameters_written()),
         ("Controller", task.schedule.controller.clone()),
@@ -108,6 +117,10 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
             format!("at most {sweep_drift:.0} Pa in the sweeps, {point_drift:.0} Pa before the steps"),
         ),
     ];
+    for (name, unit, source, value) in tuning.dynamics() {
+        let text = value.map(|value| format!("{}, {source}", quantity((1e3 * value).round() / 1e3, unit)));
+        rows.extend(text.map(|text| (name, text)));
+    }
     report.html(&format!(
         "<p>The plant was held at each engine speed with low-pressure wastegate and bypass shut and throttle open. A \
          downward duty sweep gives the static map; its inverse, by monotone cubic interpolation, is the feedforward. At \

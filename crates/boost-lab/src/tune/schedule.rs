@@ -12,10 +12,21 @@ use serde::Serialize;
 
 use super::procedure::Strategy;
 
-/// The controller's parameter for the desired closed-loop time constant.
-pub(super) const LAMBDA: &str = "lambda";
+/// The controller's parameter for the feedback's desired closed-loop time constant.
+pub(super) fn lambda_parameter(strategy: Strategy) -> &'static str {
+    match strategy {
+        Strategy::SplitRange => "feedback_lambda",
+        Strategy::BySpeed => "lambda",
+    }
+}
+
 /// The controller's parameter for the minimum duty, which also limits its reference model.
 pub(super) const LEAST_DUTY: &str = "pwm_min";
+
+/// The controller's parameters for the actuator's lag and the share of the engine speed sensitivity (strategy
+/// `split_range`).
+pub(super) const ACTUATOR_LAG: &str = "actuator_lag";
+pub(super) const RAMP_SHARE: &str = "speed_feedforward.share";
 
 /// The controller's choice between strategies; a controller with one strategy needs none.
 pub(super) const STRATEGY: &str = "strategy";
@@ -163,6 +174,8 @@ impl Schedule {
                 for column in 0..engine_speeds.len() {
                     parameter(controller, &boost_limit_parameter(column), "Pa")?;
                 }
+                parameter(controller, ACTUATOR_LAG, "s")?;
+                parameter(controller, RAMP_SHARE, "1")?;
                 Some(Allocation::read(controller)?)
             }
             Strategy::BySpeed => None,
@@ -173,7 +186,7 @@ impl Schedule {
             controller: controller.attribute("modelName").to_owned(),
             nominal_voltage: start_of("nominal_voltage", "V")?,
             sample_time: start_of("sample_time", "s")?,
-            lambda: start_of(LAMBDA, "s")?,
+            lambda: start_of(lambda_parameter(strategy), "s")?,
             description: controller.clone(),
             strategy,
             allocation,
@@ -224,7 +237,7 @@ impl Schedule {
     pub(super) fn given(&self) -> Vec<(String, f64, &'static str)> {
         let axes =
             [(ENGINE_SPEED, &self.engine_speeds, "rpm"), (BOOST_REFERENCE, &self.boost_references, "Pa")];
-        let mut given = vec![(LAMBDA.to_owned(), self.lambda, "s")];
+        let mut given = vec![(lambda_parameter(self.strategy).to_owned(), self.lambda, "s")];
         given.extend(self.allocation.iter().flat_map(Allocation::given));
         for (axis, values, unit) in axes {
             let axis = in_component(self.strategy, axis);

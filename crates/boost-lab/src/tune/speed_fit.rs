@@ -56,6 +56,12 @@ impl SpeedResponse {
             .filter(|model| model.fall_time < model.rise_time)
             .min_by(|one, other| one.residual.total_cmp(&other.residual))
     }
+
+    /// The response at a time (s) after a step of 1.
+    pub fn at(&self, time: f64) -> f64 {
+        let &Self { fall, fall_time, gain, rise_time, .. } = self;
+        fall * (-time / fall_time).exp_m1() - (gain + fall) * (-time / rise_time).exp_m1()
+    }
 }
 
 /// The value of the response at a time (s), and its derivatives with respect to the parameters: the drop and the

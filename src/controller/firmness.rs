@@ -1,0 +1,44 @@
+//! How firm the feedback is: at rest as gentle as the vacuum needs, on engine speed ramps as fast as the actuator
+//! permits.
+//!
+//! Measurement noise moves the wastegate, and each movement costs vacuum. So at rest λ exceeds the actuator's lag, and a
+//! filter of the measurement takes up the difference, which the local model knows as a delay. A ramp lasts seconds, which
+//! the tank sustains: there λ is the actuator's lag, the measurement is not filtered, and the derivative term leads by
+//! the lag, as in a Smith predictor for an integrating plant, which the shafts are on that time scale.
+
+use fmu_export::Persistent;
+
+use super::allocation::ramp;
+use super::variables::{FirmnessParameters, Parameters};
+use crate::elementary::{between, larger};
+
+/// From 0 at rest to 1 on a fast ramp.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Firmness {
+    share: f64,
+}
+
+impl Firmness {
+    /// Takes a rate of engine speed (rpm/s): its magnitude counts at once, and fades.
+    pub fn sample(&mut self, parameters: &Parameters, rate: f64) -> Self {
+        let &FirmnessParameters { full_rate, fading_time } = &parameters.firmness;
+        self.share =
+            larger(ramp(rate.abs(), 0.0, full_rate), self.share - parameters.sample_time / fading_time);
+        *self
+    }
+
+    /// λ of the feedback (s).
+    pub fn lambda(self, parameters: &Parameters) -> f64 {
+        between(parameters.feedback_lambda, parameters.actuator_lag, self.share)
+    }
+
+    /// The time constant (s) of the measurement's filter.
+    pub fn filter_time(self, parameters: &Parameters) -> f64 {
+        larger(self.lambda(parameters) - parameters.actuator_lag, 0.0)
+    }
+
+    /// The lead (s) of the derivative term.
+    pub fn lead(self, parameters: &Parameters) -> f64 {
+        self.share * parameters.actuator_lag
+    }
+}

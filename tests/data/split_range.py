@@ -1,0 +1,180 @@
+"""The law of the strategy `split_range` at reference conditions, transcribed from the controller's page.
+
+Prints split_range.csv again: its inputs, and the outputs that this transcription computes with the
+controller's maps.
+"""
+
+from __future__ import annotations
+
+import bisect
+import csv
+import json
+import math
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SAMPLE_TIME = 0.0125
+# The duty at which the wastegate lifts off, by bisection of the paper's eqs. (4) and (7).
+LIFT_OFF = 28.817807269357402
+
+
+def starts() -> dict[str, object]:
+    description = json.loads((ROOT / "modelDescription/controller.json").read_text())
+    found = {variable["name"]: variable.get("start") for variable in description["variables"]}
+    for component in description["components"]:
+        for variable in component["variables"]:
+            found[f"{component['name']}.{variable['name']}"] = variable.get("start")
+    return found
+
+
+P = starts()
+SPEEDS, ROWS = P["range_schedule.engine_speed"], P["range_schedule.boost_reference"]
+
+
+def clip(value: float, least: float, most: float) -> float:
+    return min(max(value, least), most)
+
+
+def place(axis: list[float], value: float) -> tuple[int, float]:
+    value = clip(value, axis[0], axis[-1])
+    index = min(bisect.bisect_right(axis, value), len(axis) - 1) - 1
+    return index, (value - axis[index]) / (axis[index + 1] - axis[index])
+
+
+def table(name: str, pressure: float, speed: float) -> float:
+    values = P[f"range_schedule.{name}"]
+    (i, a), (j, b) = place(ROWS, pressure), place(SPEEDS, speed)
+    below = (1 - b) * values[i][j] + b * values[i][j + 1]
+    above = (1 - b) * values[i + 1][j] + b * values[i + 1][j + 1]
+    return (1 - a) * below + a * above
+
+
+def extrapolated(pressure: float, speed: float) -> float:
+    edge = clip(pressure, ROWS[0], ROWS[-1])
+    return table("virtual_duty", edge, speed) + (pressure - edge) / table("gain", edge, speed)
+
+
+def rho(value: float, begin: float, end: float) -> float:
+    return clip((value - begin) / (end - begin), 0, 1)
+
+
+class Lag:
+    def __init__(self) -> None:
+        self.value: float | None = None
+
+    def __call__(self, time_constant: float, signal: float) -> float:
+        before = signal if self.value is None else self.value
+        self.value = before + SAMPLE_TIME / (time_constant + SAMPLE_TIME) * (signal - before)
+        return self.value
+
+
+class Controller:
+    def __init__(self) -> None:
+        self.speed, self.measured, self.asked = Lag(), Lag(), Lag()
+        self.firmness = self.integral = self.derivative = 0.0
+        self.model = self.before = self.delayed = self.gain = self.bypass = None
+        self.pump = 0.0
+
+    def holding(self, speed: float, rate: float) -> float:
+        if rate == 0:
+            return table("virtual_duty", self.model, speed)
+        shut, free = P["allocation.bypass_shut_below"], P["allocation.bypass_free_above"]
+        bypass = self.bypass or 0.0
+        sensitive = max(speed, shut + bypass * (free - shut)) if speed < free and bypass > 0 else speed
+        if rate < 0:
+            shut, free = P["allocation.low_pressure_shut_below"], P["allocation.low_pressure_free_above"]
+            sensitive = max(sensitive, min(speed + free - shut, free))
+        shift = 0.0
+        for _ in range(3):
+            sensitivity = table("speed_sensitivity", self.model + shift, sensitive)
+            shift = P["speed_feedforward.share"] * sensitivity * rate
+        return extrapolated(clip(self.model + shift, 0, 1e6), speed)
+
+    def sample(
+        self, reference: float, boost: float, voltage: float, tank: float, speed: float
+    ) -> list[float]:
+        if self.model is None:
+            self.model = self.before = boost
+        lag = P["actuator_lag"]
+        model_lambda = 2 * lag
+        rate = (speed - self.speed(lag / 2, speed)) / (lag / 2)
+        fades = self.firmness - SAMPLE_TIME / P["firmness.fading_time"]
+        self.firmness = max(clip(abs(rate) / P["firmness.full_rate"], 0, 1), fades)
+        feedback_lambda = P["feedback_lambda"] + self.firmness * (lag - P["feedback_lambda"])
+        filter_time = max(feedback_lambda - lag, 0)
+        measurement = self.measured(filter_time, boost)
+
+        limits = P["range_schedule.boost_limit"]
+        index, share = place(SPEEDS, speed)
+        limit = (1 - share) * limits[index] + share * limits[index + 1]
+        asked = self.asked(P["reference_lambda"] - model_lambda, min(reference, P["boost_limit"]))
+        r = min(asked, limit)
+
+        compensation = P["nominal_voltage"] / max(voltage, 6)
+        start, span, shape = (P[f"allocation.low_pressure_{name}"] for name in ["start", "span", "shape"])
+        shut, free = P["allocation.low_pressure_shut_below"], P["allocation.low_pressure_free_above"]
+        most = start + span / (1 + shape) if speed > shut else min(P["pwm_max"], 100 / compensation)
+
+        time_constant = table("time_constant", r, speed)
+        delay = table("delay", r, speed) + filter_time
+        integral_gain = 1 / (table("gain", r, speed) * (delay / 2 + feedback_lambda))
+        integral_time = time_constant + delay / 2
+        gain = integral_time * integral_gain
+        derivative_time = time_constant * delay / (delay + 2 * time_constant) + self.firmness * lag
+        ratio = max(derivative_time / SAMPLE_TIME, 1)
+        pole = derivative_time / (derivative_time + ratio * SAMPLE_TIME)
+        self.derivative = pole * self.derivative - gain * ratio * pole * (measurement - self.before)
+        self.before = measurement
+
+        model_gain = table("gain", self.model, speed)
+        slope = model_gain / table("time_constant", self.model, speed)
+        if self.gain is not None:
+            self.integral *= (self.gain / model_gain) ** P["integral_exponent"]
+        self.gain = model_gain
+        holding = self.holding(speed, rate)
+        feedforward = holding + (r - self.model) / model_lambda / slope
+        error = 0.0 if self.delayed is None else self.delayed - measurement
+        delayed = self.model if self.delayed is None else self.delayed
+        self.delayed = delayed + SAMPLE_TIME / max(delay, SAMPLE_TIME) * (self.model - delayed)
+        moved = clip(feedforward, max(P["pwm_min"], LIFT_OFF), most)
+        self.model += SAMPLE_TIME * (moved - holding) * slope
+
+        unlimited = feedforward + gain * error + self.integral + self.derivative
+        duty = clip(unlimited, P["pwm_min"], most)
+        tracking_time = max(math.sqrt(integral_time * derivative_time), 4 * SAMPLE_TIME)
+        self.integral += SAMPLE_TIME * integral_gain * error
+        self.integral += SAMPLE_TIME / tracking_time * (duty - unlimited)
+
+        beyond = duty - start
+        curve = 0.0 if beyond <= 0 else 1.0 if beyond >= span else min(shape * beyond / (span - beyond), 1)
+        bypass = rho(speed, P["allocation.bypass_shut_below"], P["allocation.bypass_free_above"])
+        bypass *= rho(duty, P["allocation.bypass_start"], P["allocation.bypass_end"])
+        before = bypass if self.bypass is None else self.bypass
+        alone = bypass < before and duty <= start
+        time = P["allocation.bypass_closing_time" if alone else "allocation.bypass_opening_time"]
+        self.bypass = before + SAMPLE_TIME / time * (bypass - before)
+        if tank > P["tank_pressure_on"]:
+            self.pump = 1.0
+        elif tank < P["tank_pressure_off"]:
+            self.pump = 0.0
+        valve = min(min(duty, P["pwm_max"]) * compensation, 100)
+        return [valve, rho(speed, shut, free) * curve, self.bypass, self.pump]
+
+
+def main() -> None:
+    with (Path(__file__).parent / "split_range.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(rows[0])
+    controller = None
+    for row in rows[1:]:
+        if int(row[1]) == 0:
+            controller = Controller()
+        reference, boost, voltage, tank, speed = map(float, row[2:7])
+        outputs = controller.sample(reference, boost, voltage, tank, speed)
+        writer.writerow([*row[:7], *map(repr, outputs)])
+
+
+if __name__ == "__main__":
+    main()
