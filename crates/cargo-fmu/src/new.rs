@@ -27,7 +27,7 @@ pub struct New {
     vcs: Option<String>,
 }
 
-/// The models to start from: the ladder in the repository's `docs/ladder.md`, and a controller.
+/// The templates: the ladder of `docs/ladder.md` in the repository, and a controller.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Template {
@@ -43,7 +43,7 @@ enum Template {
     Stair,
     /// Inputs and outputs of each type
     Feedthrough,
-    /// Likewise with all FMI 3.0 types, for FMI 3.0
+    /// Inputs and outputs of each FMI 3.0 type, for FMI 3.0
     #[value(name = "feedthrough_3")]
     Feedthrough3,
     /// A linear system with arrays sized by structural parameters, for FMI 3.0

@@ -69,7 +69,7 @@ pub(crate) struct Refusal {
     pub(crate) reason: String,
 }
 
-/// Likewise of a variable, whose path is known elsewhere: the key, such as `unit`, and the reason.
+/// The rejection of a variable whose path the caller adds: the key, such as `unit`, and the reason.
 pub(crate) type Blame = (&'static str, String);
 
 /// Rejects a variable's key if it is wrong.

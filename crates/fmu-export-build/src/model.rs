@@ -126,7 +126,7 @@ pub(crate) struct Scalar {
     /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
-    /// Likewise in initialization.
+    /// What initialization reads.
     pub(crate) initial_reads: Reads,
 }
 

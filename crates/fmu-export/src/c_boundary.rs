@@ -91,7 +91,7 @@ macro_rules! c_functions {
     )*};
 }
 
-/// Likewise for functions that always fail, with the reason.
+/// Defines functions that always fail, each with its reason.
 macro_rules! refusals {
     ($prefix:literal; $($name:ident($($argument:ty),* $(,)?): $function:ident, $reason:expr;)*) => {$(
         #[doc = concat!("`", $prefix, stringify!($function), "`: an error.")]
@@ -252,7 +252,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
-/// Runs the body of a getter on the value references of scalars and the memory for their values.
+/// Runs the body of a getter with the value references of scalars and the memory for their values.
 ///
 /// # Safety
 /// As for [`call`]; the arrays have as many elements as their counts say.
@@ -274,7 +274,7 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
     }
 }
 
-/// Likewise for a setter.
+/// Runs the body of a setter with the value references of scalars and their values.
 ///
 /// # Safety
 /// As for [`get_values`].

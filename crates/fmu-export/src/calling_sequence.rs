@@ -136,9 +136,9 @@ impl Persistent for Phase {
 
 /// A function of one version of the standard that takes an instance.
 pub(crate) trait Function: Copy + 'static {
-    /// The standard's name for the accessors' array of value references, in messages.
+    /// The name in the standard for the array of value references of getters and setters, for messages.
     const VALUE_REFERENCES: &'static str;
-    /// Likewise for the values.
+    /// The name in the standard for their array of values.
     const VALUES: &'static str;
     /// The state after an error, unless the standard lets the importer continue.
     const AFTER_ERROR: Option<Phase>;

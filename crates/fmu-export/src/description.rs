@@ -86,9 +86,9 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
-    /// A Real input's position among the Real inputs; of an array that of its first element.
+    /// The position of a Real input among the Real inputs; for an array, that of its first element.
     pub first_real_input: Option<usize>,
-    /// Likewise of a continuous-time state among the states.
+    /// The position of a continuous-time state among the states; for an array, that of its first element.
     pub first_state: Option<usize>,
     /// Its roles in the equations of initialization.
     pub in_initialization: Roles,
@@ -237,7 +237,7 @@ pub struct Knowns {
     pub count: u32,
     /// The difference between the value references of two consecutive knowns.
     pub step: ValueReference,
-    /// Likewise between those of two consecutive unknowns.
+    /// The difference between the first knowns of two consecutive unknowns.
     pub stride: ValueReference,
 }
 

@@ -133,7 +133,7 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
-    /// Likewise in place of other inputs.
+    /// Overwrites inputs with those at a time (s) after the step's start.
     pub(crate) fn set_at(&self, offset: f64, inputs: &mut I) {
         inputs.clone_from(&self.bounded);
         self.move_to(offset, inputs);

@@ -112,8 +112,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no derivatives"))
     }
 
-    /// Likewise for what initialization computes at the start time (s), including the states, when inputs, parameters
-    /// and start values change along a direction.
+    /// The directional derivative of what initialization computes at the start time (s), including the states, when
+    /// inputs, parameters and start values change along a direction.
     ///
     /// # Errors
     /// As [`Model::differentiate`].
@@ -149,8 +149,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives"))
     }
 
-    /// Likewise for what initialization computes at the start time (s), including the states, with each input,
-    /// parameter and start value, whose derivatives are in `states`.
+    /// The adjoint derivative of what initialization computes at the start time (s), including the states: how it
+    /// changes with each input, parameter and start value. The derivatives by start values are in `states`.
     ///
     /// # Errors
     /// As [`Model::differentiate_backwards`].

@@ -63,15 +63,17 @@ pub(crate) struct VariableDeclaration {
     /// so that a solver tries a shorter step.
     #[serde(default)]
     pub(crate) strict_min: bool,
-    /// Likewise above `max`.
+    /// For a state: the equations are invalid above `max`. Evaluations there are discarded, so that a solver tries a
+    /// shorter step.
     #[serde(default)]
     pub(crate) strict_max: bool,
-    /// Variables that its equation reads directly; of an array also elements, by its own subscripts i, j, … and : for
-    /// all: `T[i-1]`, `A[i,:]`. Default: everything.
+    /// Variables that its equation reads directly. An array may also name elements, by its own subscripts i, j, …; `:` is
+    /// a whole dimension: `T[i-1]`, `A[i,:]`. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// Likewise for initialization, if different.
+    /// Variables that its equation in initialization reads directly, written like `reads`. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
-    /// Importers' number for it, up to 2147483647; for an array, the first element's. Default: the next free number.
+    /// The number by which importers access it, up to 2147483647; for an array, that of the first element. Default: the
+    /// next free number.
     pub(crate) value_reference: Option<u32>,
     /// The clocks at whose ticks the variable changes, and only then.
     #[serde(default)]
@@ -109,9 +111,9 @@ pub(crate) struct VariableDeclaration {
 pub(crate) enum IntervalVariability {
     /// Periodically, as declared.
     Constant,
-    /// Periodically, as set by the importer or following from fixed parameters.
+    /// Periodically, as set by the importer or computed from fixed parameters.
     Fixed,
-    /// Likewise with tunable parameters.
+    /// Periodically, as set by the importer or computed from tunable parameters.
     Tunable,
     /// After a time that the model determines at each tick for the next one.
     Changing,
@@ -194,9 +196,10 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) description: Option<String>,
     /// Default: the state's unit divided by s.
     pub(crate) unit: Option<String>,
-    /// Variables that its equation reads directly; of an array also elements, as above. Default: everything.
+    /// Variables that its equation reads directly; elements of an array as in a variable's `reads`. Default:
+    /// everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// Likewise for initialization, if different.
+    /// Variables that its equation in initialization reads directly. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
     /// Default: the number after the state's.
     pub(crate) value_reference: Option<u32>,

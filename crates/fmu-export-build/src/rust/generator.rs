@@ -276,13 +276,13 @@ pub(super) fn is_copy(data_type: DataType) -> bool {
     !matches!(data_type, DataType::String | DataType::Binary)
 }
 
-/// A part's variables as the fields of a struct expression.
+/// The variables of a part as the fields of a struct expression.
 pub(super) fn values(place: Place, part: &Part<'_>, value: impl Fn(&Field<'_>) -> String) -> String {
     let fields = place.fields(part).map(|field| format!("{}: {}", field.name(), value(field)));
     fields.collect::<Vec<_>>().join(", ")
 }
 
-/// Likewise for several parts, each component in its own struct.
+/// The variables of several parts as the fields of a struct expression, each component in its own struct.
 pub(super) fn nested_values(
     place: Place,
     parts: &[&Part<'_>],

@@ -191,8 +191,8 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Likewise in Continuous-Time Mode, for states and continuous inputs. Setting discrete inputs (FMPy) and tunable
-    /// parameters (CasADi) to their present values is not an error.
+    /// Sets states and continuous inputs in Continuous-Time Mode. Discrete inputs and tunable parameters may be set to
+    /// their present values, which FMPy and CasADi do.
     #[cold]
     fn set_between_events<T: Copy>(
         &mut self,

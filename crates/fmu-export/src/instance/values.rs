@@ -54,7 +54,7 @@ impl<M: Model> Instance<M> {
         Self::attributes(reference, types).map(|_| Self::checked(reference))
     }
 
-    /// Likewise its attributes.
+    /// The attributes of a variable, if its type is one of `types`.
     pub(super) fn attributes(
         reference: ValueReference,
         types: &[DataType],

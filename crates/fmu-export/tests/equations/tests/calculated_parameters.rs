@@ -482,7 +482,7 @@ fn those_of_sampled_models_follow_before_the_next_sample() {
     check::<SampledModel<TunedSamples3>>(Interface::EventMode);
 }
 
-/// Likewise those of a clocked model, whose outputs wait for a tick.
+/// In a clocked model, calculated parameters change at once and outputs at the next tick.
 #[test]
 fn those_of_clocked_models_follow_before_the_next_tick() {
     for interface in [Interface::ModelExchange, Interface::EventMode] {

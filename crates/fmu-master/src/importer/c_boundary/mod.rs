@@ -34,7 +34,7 @@ const LAST_SUCCESSFUL_TIME: c_int = 2;
 /// `fmi2Terminated`, beside it.
 const TERMINATED: c_int = 3;
 
-/// What a function of another interface would give, which nothing calls.
+/// The status of a function that the FMU's interface does not have; no caller gets there.
 const MISUSED: c_int = 3;
 
 /// Numbers that a solver reads.
