@@ -1,4 +1,5 @@
-//! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
+//! The states of an instance, and in which of them each function may be called. The tables are in the modules of the
+//! versions.
 
 use core::fmt;
 
@@ -19,7 +20,7 @@ pub(crate) enum Interface {
 }
 
 impl Interface {
-    /// Whether its instances have another interface's functions.
+    /// Whether its instances have the functions of another interface.
     #[inline]
     pub(crate) fn has(self, functions_of: Self) -> bool {
         self == functions_of || (self, functions_of) == (Self::CoSimulationWithEvents, Self::CoSimulation)

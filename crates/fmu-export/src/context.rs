@@ -71,7 +71,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Requests the end of the simulation, which has reached a time (s) in the present step.
+    /// Requests the end of the simulation at a time (s) in the present step.
     pub fn terminate(&mut self, time: f64) {
         self.end = Some(time);
     }

@@ -1,4 +1,4 @@
-//! The interface between a model and FMI: what a model implements, and what it receives.
+//! The interface between a model and FMI: the trait that a model implements, and the arguments that it receives.
 //!
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value references, C or
 //! the order of importers' calls.
@@ -13,8 +13,8 @@ use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.
 ///
-/// Importers save and restore the model with `Clone`, and carry it into other processes with [`Persistent`], so both
-/// must cover its whole memory. A struct can derive both.
+/// `Clone` saves and restores the model, and [`Persistent`] carries it into other processes, so both must cover its
+/// whole memory. A struct can derive both.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it \
                implements `Equations`, `Sampled` or `Clocked`",
@@ -181,14 +181,14 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Receives the parameters after [`Model::calculate_parameters`]: for models that store what follows from them in
-    /// *fields*. They may contradict each other until [`Model::check_parameters`].
+    /// Receives the parameters after [`Model::calculate_parameters`], so that the model can store derived values in
+    /// *fields*. Parameters may contradict each other until [`Model::check_parameters`].
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
 
-    /// Recomputes, after reading a serialized state, what was left out because it follows from the rest: by default, what
-    /// follows from the parameters.
+    /// Recomputes, after reading a serialized state, what the state omits because it follows from the rest; by default,
+    /// what follows from the parameters.
     fn restored(&mut self, variables: &Self::Variables) {
         self.take_parameters(variables);
     }

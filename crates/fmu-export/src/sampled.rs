@@ -78,7 +78,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Executes a sample: reads the inputs, already limited to their bounds, and sets outputs and locals.
+    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals.
     ///
     /// # Errors
     /// When the model cannot continue.
@@ -284,7 +284,7 @@ impl<S: Sampled> EventMode for SampledModel<S> {
 
 impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
 
-/// Why a step until a time in s, whose samples start with this one, is rejected.
+/// The reason to reject a step until a time in s, whose samples start with this one.
 #[cold]
 fn too_many_samples(sample: Sample, until: f64, period: f64) -> Error {
     Error::new(format!(

@@ -24,8 +24,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Evaluation<'a, T: Number + 'a>;
     /// The parameters over a number type.
     type Parameters<T: Number>;
-    /// What follows from them alone, over a number type: calculated parameters, and locals whose variability is `fixed` or
-    /// `tunable`; `()` without any.
+    /// What follows from parameters only, over a number type: calculated parameters, and locals whose variability is
+    /// `fixed` or `tunable`; `()` if there are none.
     type CalculatedParameters<T: Number>;
     /// Whether there are calculated parameters, or such locals.
     const HAS_CALCULATED_PARAMETERS: bool = false;
@@ -230,7 +230,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn mark_calculated_parameters(&mut self, mark: bool) {
         let _ = mark;
     }
-    /// Has a function calculate what follows from the parameters alone. A no-op if nothing does.
+    /// Calls a function to calculate what follows from the parameters only. A no-op if nothing does.
     fn calculate_parameters<T: Number>(
         variables: &mut Self::Of<T>,
         calculate: impl FnOnce(&Self::Parameters<T>, &mut Self::CalculatedParameters<T>),
