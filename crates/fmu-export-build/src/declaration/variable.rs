@@ -30,7 +30,7 @@ pub(crate) struct VariableDeclaration {
     /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
-    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. For an array optionally a list.
+    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. An array may have a list of units.
     pub(crate) unit: Option<UnitNames>,
     /// Unit in which tools show the value.
     pub(crate) display_unit: Option<String>,
@@ -49,7 +49,7 @@ pub(crate) struct VariableDeclaration {
     /// variables, counting array elements and derivatives.
     #[serde(default)]
     pub(crate) dimensions: Vec<Dimension>,
-    /// The same as numbers, from the declaration as a whole.
+    /// The array sizes as numbers; the structural parameters of the declaration are filled in.
     #[serde(skip)]
     pub(crate) sizes: Vec<usize>,
     /// Makes the variable a continuous-time state.
@@ -75,16 +75,15 @@ pub(crate) struct VariableDeclaration {
     /// The number by which importers access it, up to 2147483647; for an array, that of the first element. Default: the
     /// next free number.
     pub(crate) value_reference: Option<u32>,
-    /// The clocks at whose ticks the variable changes, and only then.
+    /// The variable changes only at ticks of these clocks.
     #[serde(default)]
     pub(crate) clocks: Vec<String>,
-    /// For a variable with clocks: the variable holding its value at the previous tick, which makes it a clocked
-    /// state.
+    /// For a variable with clocks: the variable that holds its value at the previous tick; makes it a clocked state.
     pub(crate) previous: Option<String>,
     /// For an input clock: when it ticks. Other clocks are triggered.
     pub(crate) interval_variability: Option<IntervalVariability>,
-    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable one if it follows from
-    /// parameters.
+    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable clock if the model
+    /// computes it from parameters.
     pub(crate) interval_decimal: Option<f64>,
     /// For a periodic clock with a declared interval: the time from start to first tick, in s.
     pub(crate) shift_decimal: Option<f64>,

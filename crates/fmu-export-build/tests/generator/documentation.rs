@@ -216,11 +216,11 @@ fn identifiers_of_one_letter_are_italic_and_words_are_not() {
 fn a_fragment_names_existing_variables() {
     assert_eq!(
         refusal("<p>It\nfollows <var>first.mas</var></p>"),
-        "vessels.html:2: the model has no variable 'first.mas'; the nearest is 'first.mass'"
+        "vessels.html:2: the model has no variable 'first.mas'; did you mean 'first.mass'?"
     );
     assert_eq!(
         refusal("<var>settings.table[3,1]</var>"),
-        "vessels.html:1: the model has no variable 'settings.table[3,1]'; the nearest is 'settings.table[1,1]'"
+        "vessels.html:1: the model has no variable 'settings.table[3,1]'; did you mean 'settings.table[1,1]'?"
     );
     for nameless in ["<var/>", "<var></var>", "<var><b>level</b></var>"] {
         assert_eq!(refusal(nameless), "vessels.html:1: <var> must contain a variable's name");
