@@ -165,7 +165,7 @@ impl<'m, 'a> Page<'m, 'a> {
                 of_steps && !is_fmi3,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
-                "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
+                "inputs may have derivatives and then change within a step; discrete inputs hold their values",
             ),
             (
                 of_steps && is_fmi3,

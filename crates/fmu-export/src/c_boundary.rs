@@ -341,7 +341,7 @@ pub(crate) unsafe fn set_debug_logging<M: Model>(
 ) -> Answer {
     // SAFETY: the caller's promise.
     let names = unsafe { elements("categories", categories, count) }?;
-    // SAFETY: likewise.
+    // SAFETY: the caller's promise.
     let names = names.iter().map(|&name| unsafe { c_string("categories", name) });
     instance.set_debug_logging(logging_on, &names.collect::<Result<Vec<_>, _>>()?)
 }

@@ -106,9 +106,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Calculates the *variables* that depend on parameters alone: calculated parameters, and locals whose variability is
-    /// `fixed` or `tunable`. All of them, and nothing else sets them. Called after [`Equations::prepare`], after each change
-    /// of tunable parameters, and in each derivative with respect to parameters.
+    /// Calculates the *variables* that depend on parameters only: all calculated parameters, and all locals whose
+    /// variability is `fixed` or `tunable`. No other hook sets them. Called after [`Equations::prepare`], after each
+    /// change of tunable parameters, and in each derivative with respect to parameters.
     ///
     /// [`Equations::take_parameters`] stores values that depend on parameters only and are not variables in the model's
     /// fields.
@@ -120,9 +120,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Derives the model's *fields* that depend on parameters alone, such as tables or what [`Equations::advance`] computes
-    /// with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
-    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, as fields have no derivatives.
+    /// Derives the model's *fields* that depend on parameters only, such as tables or what [`Equations::advance`]
+    /// computes with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
+    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, because fields have no derivatives.
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
@@ -200,7 +200,7 @@ pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
 /// What the equations of a model read and compute, for a number type.
 pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
 
-/// Calculates what follows from a model's parameters alone.
+/// Calculates what follows from the parameters of a model only.
 pub(crate) fn calculate_parameters<E: Equations, T: Number>(
     equations: &E,
     variables: &mut VariablesOf<E, T>,

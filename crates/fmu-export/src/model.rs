@@ -170,9 +170,9 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Simulation`](crate::Simulation) need not look for changes.
     const TAKES_PARAMETERS: bool = true;
 
-    /// Calculates the *variables* that depend on parameters alone (calculated parameters, and locals whose variability is
-    /// `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`] calculates
-    /// them itself.
+    /// Calculates the *variables* that depend on parameters only (calculated parameters, and locals whose variability
+    /// is `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`]
+    /// calculates them itself.
     fn calculate_parameters(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<f64>,
@@ -194,7 +194,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     }
 }
 
-/// Calculates what follows from a model's parameters alone.
+/// Calculates what follows from the parameters of a model only.
 pub(crate) fn calculate_parameters<M: Model>(model: &M, variables: &mut M::Variables) {
     M::Variables::calculate_parameters(variables, |parameters, calculated| {
         model.calculate_parameters(parameters, calculated);

@@ -52,9 +52,9 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Calculates what depends on parameters alone: calculated parameters, and locals whose variability is `fixed` or
-    /// `tunable`; all of them, and nothing else sets them. Called before [`Sampled::initialize`], and after each
-    /// change of tunable parameters.
+    /// Calculates what depends on parameters only: all calculated parameters, and all locals whose variability is
+    /// `fixed` or `tunable`. No other hook sets them. Called before [`Sampled::initialize`], and after each change of
+    /// tunable parameters.
     fn calculate_parameters(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<f64>,

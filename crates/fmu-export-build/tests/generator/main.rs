@@ -1,7 +1,7 @@
 //! What is generated for a small model, and what is refused.
 //!
 //! The model, `vessels.json`, has one of everything. Its descriptions are kept beside it, so that every change of them is
-//! seen, as are the Rust and the page of `oscillator.json`. After a wanted change they are written anew with
+//! seen, as are the Rust and the page of `oscillator.json`. After an intended change, update them with
 //! `FMU_EXPORT_BLESS=1 cargo test -p fmu-export-build --test generator`. The Rust of `vessels.json` is compiled, and tested,
 //! in `crates/fmu-export/tests/equations`.
 
