@@ -269,7 +269,7 @@ mod tests {
         );
         assert_eq!(
             refusal("presure", Value::Integer(1)),
-            "Vessel has no variable presure; the nearest is pressure"
+            "Vessel has no variable presure; did you mean pressure?"
         );
         assert_eq!(refusal("level", Value::Integer(1)), "level cannot be set: its causality is output");
     }

@@ -313,7 +313,7 @@ impl Connection {
         attributes.extend(self.end.component.clone().map(|component| ("endElement", component)));
         attributes.push(("endConnector", self.end.connector.clone()));
         if self.transformation.is_some() {
-            // Otherwise the transformation would be applied in addition to the unit conversion.
+            // Without this, the transformation would be applied in addition to the unit conversion.
             attributes.push(("suppressUnitConversion", true.to_string()));
         }
         element(writer, "ssd:Connection", attributes, |writer| {
