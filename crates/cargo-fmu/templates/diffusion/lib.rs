@@ -1,4 +1,4 @@
-//! Heat conduction in a rod, in cells of equal length: an array of states that read their neighbors.
+//! Heat conduction in a rod, in cells of equal length: an array of states, each of which reads its neighbors.
 
 use fmu_export::{Equations, Number};
 
