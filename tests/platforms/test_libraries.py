@@ -11,16 +11,15 @@ from pathlib import Path
 import lief
 import pytest
 from conftest import BUILT, file_of, thin
-from fmi2 import COMMON, OF_CO_SIMULATION
-from fmi3 import DECLARED
+from importer import COMMON, DECLARED, OF_CO_SIMULATION
 
-FUNCTIONS = {2: [*COMMON, *OF_CO_SIMULATION], 3: [*DECLARED]}
+FUNCTIONS = {2: COMMON + OF_CO_SIMULATION, 3: [*DECLARED[3]]}
 """Those of an FMU for co-simulation alone, which are all in FMI 3.0."""
 
-LARGEST_LIBRARY = {2: 600_000, 3: 700_000}
-"""Bytes, for each processor; FMI 3.0 has twice the functions, in three interfaces."""
+LARGEST_LIBRARY = {2: 800_000, 3: 700_000}
+"""Bytes, for each processor; the plant is larger than the controller, which alone is built as FMI 3.0."""
 
-LARGEST_FMU = 2_000_000
+LARGEST_FMU = 2_200_000
 
 PLATFORMS = {
     2: {

@@ -24,7 +24,7 @@ CONTRACTED = ["-O2", "-march=native", "-std=gnu99"]
 """What has compilers contract, unless the sources prevent it."""
 
 COMPILERS = {
-    "gcc -O0, little memory": ["gcc", *STRICT, "-O0", "-DMODEL_PAGES=18"],
+    "gcc -O0, little memory": ["gcc", *STRICT, "-O0", "-DMODEL_PAGES=20"],
     "gcc, contracting": ["gcc", *STRICT, *CONTRACTED, "-ffp-contract=fast"],
     "gcc, sanitized": ["gcc", *STRICT, *SANITIZED],
     "gcc, i386": ["i686-linux-gnu-gcc", *STRICT, "-O1", "-static", "-msse2", "-mfpmath=sse"],

@@ -353,9 +353,10 @@ def rows_of(folder, number):
 def check(number):
     """Fails if a new run of an experiment differs from the stored one.
 
-    The inputs are the same bytes. The reference may differ by the rounding of another version of SciPy or of
-    the system's mathematics: by 1e-7 of the largest value of a column, a thousandth of the tolerance of the
-    plant's tests (1e-4).
+    The inputs are the same bytes. The reference may differ by the rounding of another processor, of another
+    version of SciPy or of the system's mathematics: by 1e-6 of the largest value of a column, a hundredth of
+    the tolerance of the plant's tests (1e-4). OpenBLAS's kernels for two processors (OPENBLAS_CORETYPE) moved
+    the friction of experiment 2 by 2e-7.
     """
     with TemporaryDirectory() as name:
         made = Path(name)
@@ -371,7 +372,7 @@ def check(number):
     for column, (ours, theirs) in enumerate(columns):
         scale = max(map(abs, theirs)) or 1.0
         worst = max(abs(a - b) for a, b in zip(ours, theirs, strict=True)) / scale
-        if not worst <= 1e-7:
+        if not worst <= 1e-6:
             raise SystemExit(f"{file}: column {column} differs by {worst:.1e} of its largest value")
 
 

@@ -49,6 +49,8 @@ pub struct TwoRates<const FAST: usize, const SLOW: usize> {
     drives: [bool; FAST],
     /// The fast part's steps that the slow part still needs; none between steps.
     ahead: Vec<FastStep<FAST>>,
+    /// Those of the fast part's last trial.
+    stages: Stages<FAST>,
     /// For coupled parts.
     together: Integrator,
     /// The position of the state with which the last step failed.
@@ -57,7 +59,7 @@ pub struct TwoRates<const FAST: usize, const SLOW: usize> {
 
 impl<const FAST: usize, const SLOW: usize> Persistent for TwoRates<FAST, SLOW> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { fast, slow, coupling, drives: _, ahead: _, together, decisive: _ } = self;
+        let Self { fast, slow, coupling, drives: _, ahead: _, stages: _, together, decisive: _ } = self;
         fast.persist(archive)?;
         slow.persist(archive)?;
         coupling.persist(archive)?;
@@ -76,6 +78,7 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
             coupling: [[0.0; SLOW]; FAST],
             drives: array::from_fn(|state| S::drives(state, FAST..FAST + SLOW)),
             ahead: vec![],
+            stages: [[[0.0; FAST]; 2]; STAGES - 1],
             together: Integrator::new(size),
             decisive: 0,
         }
@@ -105,7 +108,7 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
             self.decisive = self.together.decisive_state();
             return reached;
         }
-        let Self { fast, slow, coupling, drives, ahead, .. } = self;
+        let Self { fast, slow, coupling, drives, ahead, stages, .. } = self;
         ahead.clear();
         let (mut fast_slopes, mut slow_slopes) = ([0.0; FAST], [0.0; SLOW]);
         system.present_derivatives(split(&mut fast_slopes, &mut slow_slopes));
@@ -115,7 +118,7 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         fast.begin::<S>((time, end), fast_states, fast_slopes, scale);
         slow.begin::<S>((time, end), slow_states, slow_slopes, |i| scale(FAST + i));
         ahead.reserve(MOST_AHEAD);
-        let mut parts = Parts { system, fast, drives, ahead, end, trials };
+        let mut parts = Parts { system, fast, drives, ahead, stages, end, trials };
         while slow.time < end {
             if let Err(failure) = parts.step_slow(slow, coupling) {
                 self.decisive = failure.state;
@@ -158,6 +161,9 @@ fn split<const FAST: usize, const SLOW: usize>(
     }
 }
 
+/// The states and derivatives of a step's stages after the first.
+type Stages<const N: usize> = [[[f64; N]; 2]; STAGES - 1];
+
 /// An accepted step of the fast part.
 #[derive(Clone, Copy, Debug)]
 struct FastStep<const N: usize> {
@@ -191,14 +197,16 @@ impl<const N: usize> FastStep<N> {
     /// which damps the states' errors as in a step. The derivative on the right-hand side is that of the polynomial
     /// through the states and derivatives of the stages, x″ that of the cubic.
     #[inline(never)]
-    fn smoothen(&mut self, course: &Course<N>, stages: &[[[f64; N]; 2]; STAGES]) {
+    fn smoothen(&mut self, course: &Course<N>, stages: &Stages<N>) {
         let length = self.end - self.begin;
         let weight = METHOD.gamma * course.inverse_of / length;
         let rise: [f64; N] = array::from_fn(|i| (self.states[1][i] - self.states[0][i]) / length);
         let [first, last] = self.slopes;
         self.slopes = array::from_fn(|end| {
-            let (mut states, mut slopes) = ([0.0; N], [0.0; N]);
-            for (weight, [x, f]) in STAGE_SLOPES[end].iter().zip(stages) {
+            let [first_weight, weights @ ..] = STAGE_SLOPES[end];
+            let [mut states, mut slopes] =
+                [self.states[0], first].map(|values| values.map(|value| first_weight * value));
+            for (weight, [x, f]) in weights.iter().zip(stages) {
                 states = array::from_fn(|i| states[i] + weight * x[i]);
                 slopes = array::from_fn(|i| slopes[i] + weight * f[i]);
             }
@@ -237,6 +245,7 @@ struct Parts<'a, S, const FAST: usize> {
     fast: &'a mut Course<FAST>,
     drives: &'a [bool; FAST],
     ahead: &'a mut Vec<FastStep<FAST>>,
+    stages: &'a mut Stages<FAST>,
     end: f64,
     trials: Trials<'a>,
 }
@@ -288,7 +297,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
     /// Advances the fast part at least to a time, or to its maximum lead.
     #[inline(never)]
     fn lead_to<const SLOW: usize>(&mut self, time: f64, slow: &[f64; SLOW]) -> Result<(), StepFailure> {
-        let Self { system, fast, ahead, end, trials, .. } = self;
+        let Self { system, fast, ahead, stages, end, trials, .. } = self;
         while fast.time < time && ahead.len() < MOST_AHEAD {
             let is_last = trials.add();
             let (begin, states, slopes) = (fast.time, fast.states, fast.slopes);
@@ -302,12 +311,11 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                 let later = Self::fast(system, begin + difference, &states, slow);
                 drift = array::from_fn(|i| (later[i] - slopes[i]) / difference);
             }
-            let (mut stages, mut stage) = ([[[0.0; FAST]; 2]; STAGES], 0);
-            stages[0] = [states, slopes];
+            let mut stage = 0;
             let trial = fast.trial(length, &drift, |time, states| {
-                stage += 1;
-                stages[stage] = [*states, Self::fast(system, time, states, slow)];
-                stages[stage][1]
+                let slopes = Self::fast(system, time, states, slow);
+                (stages[stage], stage) = ([*states, slopes], stage + 1);
+                slopes
             });
             if let Some(trial) = fast.settle(trial, length, (to, *end), is_last)? {
                 let mut step =
@@ -317,13 +325,13 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                     step.slopes[1] = fast.slopes;
                 } else {
                     // Those of the last stage, which is little from it.
-                    let [last, slopes] = &stages[STAGES - 1];
+                    let [last, slopes] = &stages[STAGES - 2];
                     let by_states = product(&fast.jacobian, &array::from_fn(|i| trial.states[i] - last[i]));
                     step.slopes[1] = array::from_fn(|i| slopes[i] + by_states[i]);
                 }
-                // Unless it is of no consequence.
-                if BULGE * length * fast.stiffness > 1.0 && BULGE * step.bulge(fast) > 1.0 {
-                    step.smoothen(fast, &stages);
+                // Unless errors like this step's are of no consequence.
+                if BULGE * length * fast.stiffness * trial.largest > 1.0 && BULGE * step.bulge(fast) > 1.0 {
+                    step.smoothen(fast, stages);
                 }
                 ahead.push(step);
             }
@@ -424,6 +432,8 @@ struct Trial<const N: usize> {
     states: [f64; N],
     /// Their estimated error.
     error: [f64; N],
+    /// The largest one, relative to what is allowed; infinite if it or a state is not finite, or a state out of its range.
+    largest: f64,
 }
 
 impl<const N: usize> Persistent for Course<N> {
@@ -564,7 +574,9 @@ impl<const N: usize> Course<N> {
         for (weight, stage) in METHOD.error.iter().zip(&stages) {
             error = array::from_fn(|i| error[i] + weight * stage[i]);
         }
-        Some(Trial { states: array::from_fn(|i| moved[i] + stages[3][i]), error })
+        let states = array::from_fn(|i| moved[i] + stages[3][i]);
+        let largest = if self.is_within(&states) { self.relative(&states, &error) } else { f64::INFINITY };
+        Some(Trial { states, error, largest })
     }
 
     /// The states at which a stage is evaluated.
@@ -605,10 +617,7 @@ impl<const N: usize> Course<N> {
         (to, end): (f64, f64),
         is_last: bool,
     ) -> Result<Option<Trial<N>>, StepFailure> {
-        let error = match &trial {
-            Some(trial) if self.is_within(&trial.states) => self.relative(&trial.states, &trial.error),
-            _ => f64::INFINITY,
-        };
+        let error = trial.as_ref().map_or(f64::INFINITY, |trial| trial.largest);
         // The fourth root instead of the third damps the changes of the length.
         let is_accepted = self.steps.judge(length, error, error.recip().sqrt().sqrt());
         if is_last || self.steps.is_too_short(self.time, end) {

@@ -122,6 +122,12 @@ DECLARED = {version: declared(version) for version in (2, 3)}
 assert [len(DECLARED[version]) for version in (2, 3)] == [44, 75], "the functions of the standard's headers"
 FUNCTIONS = DECLARED[2] | DECLARED[3]
 
+_OF_EACH = [*DECLARED[2]]
+_FIRST = [_OF_EACH.index(name) for name in ("fmi2EnterEventMode", "fmi2SetRealInputDerivatives")]
+COMMON, OF_CO_SIMULATION = _OF_EACH[: _FIRST[0]], _OF_EACH[_FIRST[1] :]
+OF_MODEL_EXCHANGE = _OF_EACH[_FIRST[0] : _FIRST[1]]
+"""Those of FMI 2.0; the header has them one after the other."""
+
 
 class Library:
     """A loaded library, its functions as attributes with the types of the standard."""

@@ -15,7 +15,10 @@ from math import nan
 import pytest
 from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
 from importer import (
+    COMMON,
     DECLARED,
+    OF_CO_SIMULATION,
+    OF_MODEL_EXCHANGE,
     STEP,
     CallbackFunctions,
     Fmu,
@@ -98,13 +101,6 @@ def test_what_is_not_a_type_is_refused(make: Make, fmu_type: int) -> None:
     text = refused(make(fmu_type=fmu_type))
     assert "fmuType" in text
     assert str(fmu_type) in text
-
-
-_OF_EACH = [*DECLARED[2]]
-_FIRST = [_OF_EACH.index(name) for name in ("fmi2EnterEventMode", "fmi2SetRealInputDerivatives")]
-COMMON, OF_CO_SIMULATION = _OF_EACH[: _FIRST[0]], _OF_EACH[_FIRST[1] :]
-OF_MODEL_EXCHANGE = _OF_EACH[_FIRST[0] : _FIRST[1]]
-"""The header has them one after the other."""
 
 
 @pytest.mark.parametrize(
