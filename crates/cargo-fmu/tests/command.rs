@@ -336,7 +336,7 @@ fn libraries_of_several_fmus_are_merged() {
         ("binaries/darwin64/Other.dylib", &intel),
     ];
     let linux = fmu_of("linux.fmu", &linux);
-    // What is the same in both is no matter, nor is what else lies beside a library or has another license.
+    // Equal files do not matter, nor do other files beside a library or with another license.
     let arm = [
         license,
         ("documentation/licenses/rust-1.91.0.html", b"later notices"),

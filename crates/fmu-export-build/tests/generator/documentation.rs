@@ -82,7 +82,7 @@ fn the_page_says_what_the_json_says() {
     text(guid);
 }
 
-/// Generates the small model after an edit of its JSON, with files beside it.
+/// Generates the small model after an edit of its JSON, with further files in its folder.
 fn generated(
     name: &str,
     edit: impl FnOnce(&mut Value),
@@ -170,7 +170,7 @@ fn refusal(fragment: &str) -> String {
     }
 }
 
-/// What stands before the first heading, with the element that holds this one left to the sections.
+/// The content before the first heading; the element that holds the heading belongs to the sections.
 #[test]
 fn the_page_opens_with_what_stands_before_the_first_section() {
     let opened = |name: &str, fragment: &str| {

@@ -67,7 +67,7 @@ fn refusal(name: &str, edits: &[&str]) -> (String, String) {
     }
 }
 
-/// A finding about a key that is there stands in the line of that key.
+/// A finding about an existing key has the line of that key.
 fn assert_line_is_that_of_the_key(finding: &str, text: &str) {
     let Some((line, key)) = finding.strip_prefix("vessels.json:").and_then(|rest| rest.split_once(": "))
     else {

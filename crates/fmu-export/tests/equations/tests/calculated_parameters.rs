@@ -240,7 +240,7 @@ impl<M: EventMode> Importer<M> {
         vec![forward, backwards]
     }
 
-    /// Another instance that goes on from the bytes of this one's state.
+    /// Another instance that continues from the bytes of this one's state.
     fn restored(&mut self) -> Self {
         let other = Self::new(self.1);
         let (mut state, mut copy, mut size) = (ptr::null_mut(), ptr::null_mut(), 0);
