@@ -141,7 +141,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         }
         beyond
     }
-    /// Whether the derivative of a state reads a state, as far as the model's JSON tells.
+    /// Whether the derivative of a state reads a state, according to the model's JSON.
     #[must_use]
     fn derivative_reads(derivative: usize, state: usize) -> bool
     where

@@ -162,7 +162,7 @@ impl Plan {
         self.builds.iter().enumerate().map(compile).collect()
     }
 
-    /// Builds an FMI version for one target; `of` says which of how many.
+    /// Builds an FMI version for one target; `of` is its number among all targets.
     fn compile_for(&self, build: &dyn Made, of: &str, version: Option<Version>) -> Result<Compiled> {
         // Cargo reports progress, and waiting for another cargo, on the shared standard error.
         complain(&format!(

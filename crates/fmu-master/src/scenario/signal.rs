@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn steps_hold_from_their_time_on() {
         let signal = Signal::Steps(vec![(0.0, 1.0), (2.0, 5.0)]);
-        // The last one falls short of 2 s, as a sum of steps does.
+        // The last time is slightly below 2 s, like a sum of steps.
         let values = [-1.0, 0.0, 1.999, 2.0, 9.0, 2.0 - 4e-16].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 1.0, 5.0, 5.0, 5.0].map(f64::to_bits));
     }

@@ -1,10 +1,10 @@
-//! A loop's gain, measured in the closed loop, and its margins.
+//! The gain of a loop, measured while the loop stays closed, and its margins.
 //!
-//! A sine is added to what a connection brings to an input, as a frequency response analyser does with an electronic loop
-//! (Middlebrook, "Measurement of loop gain in feedback systems", Int. J. Electronics 38, 1975). With U at the input and B
-//! from the connection, both at the sine's frequency, the gain of the loop cut open there is L = −B/U. The loop stays
-//! closed, and so at its operating point. This takes FMUs of any kind, with the controller's samples and the delays
-//! of the coupling: no FMU tells its states at samples.
+//! A sine is added to the signal of a connection to an input, as a frequency response analyser does with an electronic
+//! loop (Middlebrook, "Measurement of loop gain in feedback systems", Int. J. Electronics 38, 1975). With U at the
+//! input and B from the connection, both at the sine's frequency, the gain of the loop cut open there is L = −B/U. The
+//! loop stays closed, and so at its operating point. This works for FMUs of any kind and includes the controller's
+//! sampling and the coupling delays; no FMU exposes the states that it keeps between samples.
 
 use std::f64::consts::TAU;
 

@@ -232,7 +232,7 @@ pub struct Functions {
     pub directional3: Option<Directional3>,
     pub events3: Option<Events3>,
     symbols: Symbols,
-    // Callbacks, which later instances reuse. They are dropped after the library, whose code may use them until it is
+    // The callbacks of freed instances, for later ones. Dropped after the library, whose code may use them until it is
     // unloaded.
     callbacks: Mutex<Vec<Arc<CallbackFunctions>>>,
     _live: Live,

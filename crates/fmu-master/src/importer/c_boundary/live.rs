@@ -1,7 +1,7 @@
 //! The FMUs that live in this process: attributes messages to them, and finds which one ends the process.
 //!
 //! The environment that an FMU passes to its callbacks is a number to look up, never a pointer to follow, because some
-//! FMUs pass a different one from that they got.
+//! FMUs pass a different one.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
