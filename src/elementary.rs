@@ -53,14 +53,14 @@ pub fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The smaller of two numbers, likewise.
+/// The smaller of two numbers, by one comparison.
 #[must_use]
 #[inline]
 pub fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// A share (0 to 1) of the way from one number to another; exact at both ends.
+/// Linear interpolation between two numbers by a fraction from 0 to 1; exact at both ends.
 #[must_use]
 #[inline]
 pub fn between(from: f64, to: f64, share: f64) -> f64 {

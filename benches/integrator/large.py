@@ -1,4 +1,4 @@
-"""Exports models with many states, runs them, and prints what that takes, beside CVODE in C and SciPy's BDF
+"""Exports models with many states, runs them, and compares the cost with CVODE in C and SciPy's BDF
 with the pattern of the Jacobian: a table of docs/integrator.md.
 
 Called with an FMU, a number of steps and a file for the states at the end, runs it for a second."""

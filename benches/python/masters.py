@@ -1,4 +1,4 @@
-"""The FMUs under FMPy: the closed loop of the paper's Fig. 13, and the controller beside one of PythonFMU.
+"""The FMUs under FMPy: the closed loop of Fig. 13, and the controller compared with one of PythonFMU.
 
 `python masters.py TARGET PASS` writes how long they take into cargo's target folder.
 """

@@ -43,7 +43,7 @@ class Instances:
         return fmu
 
     def step(self, moved: bool) -> float:
-        """The time of a step in s, beside that of the same calls with a null pointer."""
+        """The time of a step in s, compared with that of the same calls with a null pointer."""
         fmu = self.make()
         fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()

@@ -1,4 +1,4 @@
-//! `check`: a table of whether an FMU can replace the plant or the controller.
+//! `check`: prints a table that shows whether an FMU can replace the plant or the controller.
 
 use std::path::Path;
 

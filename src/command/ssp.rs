@@ -84,7 +84,7 @@ fn package(
 /// The FMU that has a set's parameters.
 fn place(set: &ParameterSet, plant: &FmuDescription, controller: &FmuDescription) -> Result<Role> {
     let has = |fmu: &FmuDescription, name: &str| fmu.variable(name).is_some();
-    let Some(first) = set.parameters.first() else { bail!("it holds no parameter") };
+    let Some(first) = set.parameters.first() else { bail!("it has no parameters") };
     let role = if has(plant, &first.name) { Role::Plant } else { Role::Controller };
     let (own, other) = match role {
         Role::Plant => (plant, controller),

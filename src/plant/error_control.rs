@@ -1,4 +1,4 @@
-//! The plant's error control: how large the error of each state may be in an integration step, by what it does to the
+//! The plant's error control: the error that each state may have in an integration step, weighted by its effect on the
 //! other quantities.
 
 use super::system::GAS_PATH_SCALES;
@@ -16,9 +16,9 @@ const FRICTION_SLACK: f64 = 1.25;
 const ACTUATION_SHARE: f64 = 0.1;
 const GAS_PATH_SHARE: f64 = 0.28;
 
-/// Flows between the volumes at a compressor or wastegate depend steeply on their pressures, so errors of these count
-/// more than by full scale, to reach 0.01 % of the flow's full scale too. These shares of the full scales count as 100
-/// %.
+/// Flows through a compressor or wastegate depend steeply on the pressures of its volumes, so these pressures have a
+/// smaller scale, with which flows reach 0.01 % of their full scale too. These fractions of the full scales count as
+/// 100 %.
 const BEFORE_LP_COMPRESSOR: f64 = 0.6;
 const BETWEEN_COMPRESSORS: f64 = 0.3;
 const BEHIND_HP_COMPRESSOR: f64 = 0.75;

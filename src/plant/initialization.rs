@@ -49,7 +49,7 @@ pub struct Settled {
     pub shortcoming: Option<Shortcoming>,
 }
 
-/// Why an experiment does not start in a steady state.
+/// The reason why an experiment does not start in a steady state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shortcoming {
     /// The solver's outcome.

@@ -78,7 +78,7 @@ pub type BoostPlant = Integrated<Plant, TwoRates<{ ActuationStates::COUNT }, { G
 /// not need them (`docs/integration.md`).
 #[derive(Clone, Debug, Persistent)]
 pub struct Plant {
-    /// Derived from the parameters, for the integration.
+    /// Values derived from the parameters, for the integration.
     #[persistent(skip)]
     system: System,
     latch: DutyLatch,
@@ -109,7 +109,7 @@ impl Equations for Plant {
     /// The duty.
     const SAMPLES_INPUTS: bool = true;
 
-    /// The parameter's, or the importer's if smaller.
+    /// The tolerance of the parameter, or that of the importer if it is smaller.
     fn tolerance(&self, variables: &Variables, asked: Option<f64>) -> f64 {
         let own = variables.parameters.solver.relative_tolerance;
         own.min(asked.unwrap_or(own)).max(SMALLEST_TOLERANCE)

@@ -1,10 +1,10 @@
 //! Compressible flow through an opening (paper, eqs. (1) and (2)).
 //!
-//! Two things differ from the print. The choked branch of eq. (2) is printed as √γ·(2γ/(γ+1))^((γ+1)/(2(γ−1))), which
-//! is discontinuous; without the γ in the base it meets the other branch at the critical pressure ratio, so here the
-//! pressure ratio is simply limited to the critical one. And the slope of Ψ is infinite at equal pressures, which no
-//! integrator can follow: above a pressure ratio `Π_l` the function is the straight line to Ψ(1) = 0 (as in the
-//! Linköping mean value engine models).
+//! Two things differ from the paper as printed. The choked branch of eq. (2) is printed as
+//! √γ·(2γ/(γ+1))^((γ+1)/(2(γ−1))), which is discontinuous; without the γ in the base it meets the other branch at the
+//! critical pressure ratio, so here the pressure ratio is simply limited to the critical one. And the slope of Ψ is
+//! infinite at equal pressures, which no integrator can follow: above a pressure ratio `Π_l` the function is the
+//! straight line to Ψ(1) = 0 (as in the Linköping mean value engine models).
 
 use super::gas::Gas;
 use crate::elementary::Elementary;

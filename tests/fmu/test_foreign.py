@@ -208,7 +208,7 @@ def test_surrogate_is_fitted_to_the_maps(clone: Path, controller_fmu: Fmu) -> No
 def test_check_sees_what_the_map_is_for(
     clone: Path, boost_fmu: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
-    """With the map the surrogate can replace the plant, as the page says; without, it cannot."""
+    """The surrogate can replace the plant with the map, as the page says, and cannot without it."""
     (line,) = [line for line in LINES if " check " in line and "--map" in line]
     done = documents.run(line, clone)
     assert "hp_wastegate_pwm = 100 · wg_duty" in done

@@ -343,7 +343,7 @@ WRONG = [
     (
         '"tank.frozen" = true',
         '"tank.frosen" = true',
-        RUN_IN + r'."tank.frosen": BoostPlant.fmu has no variable tank.frosen; the nearest is tank.frozen',
+        RUN_IN + r'."tank.frosen": BoostPlant.fmu has no variable tank.frosen; did you mean tank.frozen\?',
     ),
     (
         "[inputs.boost_reference]",
@@ -364,7 +364,7 @@ WRONG = [
         "step = 0.0125",
         "step = 0.0125\nmeasurement_noise = { boost_presure = { standard_deviation = 1 } }",
         r"line \d+, measurement_noise.boost_presure: boost_presure is not recorded; "
-        r"the nearest is boost_pressure",
+        r"did you mean boost_pressure\?",
     ),
 ]
 """A text in the scenario of Fig. 13, its replacement, and the message."""

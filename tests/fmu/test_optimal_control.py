@@ -83,7 +83,7 @@ def check_fastest_step(plant: Make, engine_speed: str, found: dict, limit: float
     }
     record = Master([instance], SAMPLE_TIME, inputs=signals).run(2.0)
     boost, shaft = record["boost_pressure"], record["hp_turbo_speed"]
-    # The loop, whose valves these are, rests with the rod's friction, which a settled start is without.
+    # The valves are those of the loop, which rests with rod friction; a settled start has none.
     assert boost[0] == pytest.approx(125e3, abs=100)
     assert boost[-1] == pytest.approx(END, abs=500)
     # The limit is kept, and matters.
@@ -128,7 +128,7 @@ def numbers(text: str) -> list[float]:
 
 
 def check_page(printed: str) -> None:
-    """It has what the script prints, but for the last digits, in which machines may differ."""
+    """It has what the script prints, except for the last digits, which may differ between machines."""
     shown = "".join(documents.blocks(PAGE, "text")).splitlines()
     for line in printed.splitlines():
         words = re.split(r"\d+\.?\d*", line)

@@ -43,7 +43,7 @@ def simulate_of_cargo(*arguments: str | Path, **environment: str) -> subprocess.
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """The columns of numbers, an array's elements in columns of their own."""
+    """The columns of numbers; each element of an array has a separate column."""
     names, *rows = csv.reader(csv_lines(path))
     columns = {}
     for name, values in zip(names, zip(*rows, strict=True), strict=True):

@@ -119,7 +119,7 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
             [("lambda", 'Real value="1"'), ("tank.volume", 'Real value="1"')],
             "lambda is BoostController's and tank.volume is BoostPlant's; a set is for one of them",
         ),
-        ([], "it holds no parameter"),
+        ([], "it has no parameters"),
     ],
 )
 def test_wrong_set_is_refused_by_name(

@@ -185,7 +185,7 @@ def serialized(instance: Instance) -> bytes:
 
 
 def restore(instance: Instance, content: bytes) -> None:
-    """Goes on from a serialized state."""
+    """Resumes from a serialized state."""
     slave = instance.slave
     if not instance.fmu.is_fmi3:
         state = slave.deSerializeFMUstate(content)
@@ -224,7 +224,7 @@ def test_states_pass_from_one_library_to_the_other(
 @BOTH_VERSIONS
 @pytest.mark.parametrize("name", NAMES)
 def test_the_files(exported: Fmus, name: str, version: int) -> None:
-    """None is long, and the importer is told which to compile; FMPy compares the list with the schema."""
+    """No file is long. The description lists the files to compile; FMPy checks the list by the schema."""
     path = exported[name, version].path
     with zipfile.ZipFile(path) as archive:
         files = {file.filename: file.file_size for file in archive.infolist()}

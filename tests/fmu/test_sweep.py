@@ -236,7 +236,7 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
     [
         (
             '[grid]\n"plant:tank.volum" = [1]\n' + MEASURES,
-            "no variable tank.volum; the nearest is tank.volume",
+            "no variable tank.volum; did you mean tank.volume?",
         ),
         ('[grid]\n"engine:tank.volume" = [1]\n' + MEASURES, "has no FMU engine: there are controller, plant"),
         ('[grid]\n"plant:boost_pressure" = [1]\n' + MEASURES, "boost_pressure is calculated by the FMU"),

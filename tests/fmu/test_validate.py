@@ -125,7 +125,7 @@ def test_nothing_is_found_in_the_fmus_of_this_repository(exported: Path) -> None
 
 @pytest.mark.parametrize("importer", ["CasADi", "FMI.jl", "FMPy", "PyFMI"])
 def test_what_importers_refuse_is_noted(other_makers: Path, importer: str) -> None:
-    """FMPy reads what is in the FMUs, beside what the importer is known to refuse of it."""
+    """FMPy reads the content of the FMUs, except what this importer is known to refuse."""
     files = [
         *(TARGET / "both" / folder / f"{name}.fmu" for folder in ("", "fmi3") for name in NAMES),
         *(other_makers / file for file in FOUND if file.startswith(f"{REFERENCE}/fmi3/")),
@@ -224,7 +224,7 @@ def test_the_schema_is_read_as_libxml2_reads_it(version: int, tmp_path: Path) ->
             archive.writestr("modelDescription.xml", text)
         _, report = cargo_fmu("validate", file)
         found = [finding for finding in report["findings"] if finding["rule"].startswith("schema-")]
-        # Parsed anew, for the lines and attributes as they are written.
+        # Parsed again, for the lines and attributes as they are written.
         verdicts.append(schema.validate(etree.fromstring(text)))
         assert verdicts[-1] == (not found), (text, found, schema.error_log)
     # Both are frequent among the edits.

@@ -1,5 +1,5 @@
-//! Whether an FMU can replace the plant or the controller: its variable for each interface variable, with problems and
-//! conversions.
+//! Checks whether an FMU can replace the plant or the controller: finds its variable for each variable of the
+//! interface, with problems and conversions.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -74,7 +74,7 @@ pub enum Verdict {
 }
 
 impl<'a> Compatibility<'a> {
-    /// Compares an FMU with the interface, by equal names and by a map.
+    /// Compares an FMU with the interface, by name and by a map.
     ///
     /// # Errors
     /// When the map is for the other role or another FMU.
@@ -320,7 +320,7 @@ fn conversion(
         Meaning::Declared if variable.unit.is_empty() => return Ok((Linear::IDENTITY, false)),
         Meaning::Declared => match fmu.unit(&variable.unit) {
             Some(unit) if unit.base.is_some() => unit,
-            // Without an SI definition, equal names count as equal units.
+            // Units without an SI definition are equal if their names are.
             _ if variable.unit == port.unit().name => return Ok((Linear::IDENTITY, true)),
             _ => {
                 return Err(format!(
@@ -392,7 +392,7 @@ fn mismatch(
     Ok(None)
 }
 
-/// Our FMUs' declarations of a port, the other role's first.
+/// Our FMUs' declarations of a port; that of the other role comes first.
 fn expected<T>(port: &Port<'_>, declared: impl Fn(&FmuVariable) -> Option<T>) -> Option<T> {
     port.counterpart.and_then(&declared).or_else(|| declared(port.variable))
 }

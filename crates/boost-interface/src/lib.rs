@@ -18,7 +18,7 @@ use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
 pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::name_map::{Entry, Meaning, NameMap};
 
-/// Optional variables, coupled if both FMUs have them.
+/// Optional variables, which are connected if both FMUs have them.
 const OPTIONAL: [&str; 2] = ["hp_turbo_speed", "surge_valve"];
 
 /// The two roles in the system.
@@ -114,8 +114,8 @@ pub struct Port<'i> {
     pub variable: &'i FmuVariable,
     /// Its kind at the FMU in this role.
     pub kind: Kind,
-    /// The connected variable of our FMU in the other role. Without one it connects to the system's environment and is
-    /// optional.
+    /// The connected variable of our FMU in the other role. If there is none, the port connects to the environment of
+    /// the system and is optional.
     pub counterpart: Option<&'i FmuVariable>,
 }
 

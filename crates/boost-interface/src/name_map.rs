@@ -40,7 +40,7 @@ pub struct Entry {
     /// See `factor`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
-    /// Similar names, most similar first, where `name` is a proposal; for the user who edits the file.
+    /// Similar names, most similar first, if `name` is a proposal; for the user who edits the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! FMUs with other names and units: a [`NameMap`] gives them the interface's.
+//! FMUs with other names and units: a [`NameMap`] gives them those of the interface.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};

@@ -322,7 +322,7 @@ fn a_plot_is_what_its_ending_says_and_has_the_panels_of_the_scenario() {
     assert!(html.len() < 6_000_000, "{}", html.len());
 
     for (panels, reason) in [
-        ("[[\"level\"], [\"levle\"]]", "line 1, panels[2][1]: levle is not recorded; the nearest is level"),
+        ("[[\"level\"], [\"levle\"]]", "line 1, panels[2][1]: levle is not recorded; did you mean level?"),
         ("[[]]", "line 1, panels[1]: expected at least one name, found a list of 0"),
         ("[\"level\"]", "line 1, panels[1]: expected a list of names of variables, found the text \"level\""),
         ("[]", "line 1, panels: expected a list of panels, each a list of names"),
@@ -375,7 +375,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     let bench = Bench::new();
     let alone = ["simulate", "careless.fmu", "--step", "0.125"];
     let message = bench.refusal(&alone);
-    assert!(message.contains("careless.fmu: it says not when a run ends: give --stop-time"), "{message}");
+    assert!(message.contains("careless.fmu: it defines no stop time; give --stop-time"), "{message}");
     let alone = [&alone[..], &["--stop-time", "2", "--out", "careless.csv"]].concat();
     bench.succeeds(&alone);
     // The start value of the input is 1.
@@ -389,7 +389,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     assert!(bench.read("careless.csv").ends_with("2.0,1.0\n"));
     bench.write("other.ssv", &parameter_set("flga", "Boolean", "true"));
     for (options, reason) in [
-        (["--set", "inptu=1"], "--set inptu=1: no FMU has a settable variable inptu; the nearest is input"),
+        (["--set", "inptu=1"], "--set inptu=1: no FMU has a settable variable inptu; did you mean input?"),
         (["--set", "input=x"], "--set input=x: expected a number"),
         (["--set", "input=1 kPa"], "--set input=1 kPa: the value 1 kPa of input cannot be used: "),
         (["--set", "flag=maybe"], "--set flag=maybe: expected true or false"),
@@ -402,7 +402,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
         (["--set", "flag"], "expected NAME=VALUE"),
         (["--parameters", "other.ssv"], "--parameters other.ssv: no FMU has a parameter of the set any"),
         (["--fmu", "a=b.fmu"], "--fmu a=b.fmu: only for scenarios, not single FMUs"),
-        (["--record", "levl"], "--record: no FMU has a variable levl; the nearest is level"),
+        (["--record", "levl"], "--record: no FMU has a variable levl; did you mean level?"),
     ] {
         let message = bench.refusal(&[&alone[..], &options].concat());
         assert!(message.contains(reason), "{message}");
@@ -519,7 +519,7 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         assert!(message.contains(reason), "{message}");
     }
     for (old, new, reason) in [
-        ("stopTime=\"1\"", "", "the system in chain.ssp: it says not when a run ends"),
+        ("stopTime=\"1\"", "", "the system in chain.ssp: it defines no stop time"),
         (
             "startElement=\"first\"",
             "startElement=\"third\"",
@@ -558,9 +558,9 @@ fn what_cannot_be_linearized_is_named_and_a_cut_chain_has_no_gain() {
     assert!(printed.ends_with(" frequencies\n  gain margin none\n  phase margin none\n"), "{printed}");
     for (options, reason) in [
         (&[][..], "there is nothing to linearize: first and second are without continuous states"),
-        (&["--of", "fist"], "--of fist: there is no such FMU; the nearest is first"),
+        (&["--of", "fist"], "--of fist: there is no such FMU; did you mean first?"),
         (&["--of", "first"], "first: the FMU has no continuous states"),
-        (&["--loop", "inptu"], "--loop inptu: no FMU gets inptu from another; the nearest is input"),
+        (&["--loop", "inptu"], "--loop inptu: no FMU gets inptu from another; did you mean input?"),
         (&["--path", "input,level"], "--path input,level: no linearized FMU has this input and output"),
         (&["--frequencies", "2,1"], "--frequencies: expected two frequencies in Hz, the lower first"),
         (&["--loop", "input", "--frequencies", "3,4"], "--frequencies: a loop is measured below 2\u{202f}Hz"),
@@ -580,9 +580,10 @@ fn a_missing_fmu_is_answered_with_what_to_do() {
     bench.write("wrong.toml", &bench.read("scenario.toml").replace("careless.fmu", "carless.fmu"));
     let message = bench.refusal(&["simulate", "wrong.toml"]);
     for part in [
-        "wrong.toml, line 5, fmu[1].file: ./carless.fmu does not exist: `export` writes FMUs to target/fmu",
-        "the nearest is careless.fmu",
-        "or name another folder with --fmus DIR or another file with --fmu alone=FILE.fmu",
+        "wrong.toml, line 5, fmu[1].file: ./carless.fmu does not exist; name another",
+        ": `export` writes FMUs to target/fmu; ",
+        "did you mean careless.fmu?",
+        "name another folder with --fmus DIR or another file with --fmu alone=FILE.fmu",
     ] {
         assert!(message.contains(part), "{message}");
     }
@@ -651,10 +652,7 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
     for (arguments, reason) in [
         (["one.csv", "none.csv"].as_slice(), "cannot read none.csv: "),
         (&["one.csv"], "2 values required"),
-        (
-            &["one.csv", "two.csv", "--variables", "levl"],
-            "one.csv has no variable levl; the nearest is level",
-        ),
+        (&["one.csv", "two.csv", "--variables", "levl"], "one.csv has no variable levl; did you mean level?"),
         (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot file must end with"),
         (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
         (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),

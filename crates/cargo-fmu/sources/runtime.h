@@ -144,7 +144,7 @@ static int run(Instance *instance, Call *call, u32 *status) {
   return 1;
 }
 
-/* Likewise in the module's floating-point environment. */
+/* Runs a call in the module's floating-point environment. */
 static int guard(Instance *instance, Call *call, u32 *status) {
   const Environment importers = use_default_environment();
   const int has_returned = run(instance, call, status);

@@ -1,10 +1,10 @@
 //! `export`: compiles the models' libraries with cargo and packs each into an .fmu.
 //!
-//! A model is a workspace member whose library is a `cdylib` named after the model. The description in the FMU is the
-//! very file that the build wrote and compiled into the library, according to cargo's messages, so the two cannot
+//! A model is a workspace member whose library is a `cdylib` named after the model. Cargo's messages name the
+//! description that the build wrote and compiled into the library; the FMU contains this file, so the two cannot
 //! differ.
 //!
-//! Here are the arguments, which become a [`Plan`]; `plan` builds, `packing` writes the files.
+//! The arguments here become a [`Plan`]; `plan` builds the libraries, and `packing` writes the files.
 
 mod packing;
 mod plan;
@@ -112,7 +112,7 @@ impl Export {
             1 => Err(missing.remove(0)),
             _ => {
                 let list: Vec<_> = missing.iter().map(|error| format!("{error:#}")).collect();
-                bail!("nothing was built, as several things are missing:\n- {}", list.join("\n- "))
+                bail!("nothing was built, because several things are missing:\n- {}", list.join("\n- "))
             }
         }
     }

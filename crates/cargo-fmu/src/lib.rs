@@ -2,8 +2,8 @@
 //!
 //! # As a library
 //!
-//! The commands of `cargo fmu`, for other commands that offer them too: each is a type whose fields clap fills from
-//! the command line.
+//! The commands of `cargo fmu`, which other commands may offer as well. Each is a type whose fields clap fills from the
+//! command line.
 
 mod compile;
 mod export;
@@ -185,7 +185,7 @@ pub fn main() -> ExitCode {
 }
 
 /// Runs a command and returns the process's exit status: 0 and 1 for yes and no, 2 for an error, which is printed.
-/// Removes temporary files when the process is interrupted. An FMU that ends the process ends it with an error.
+/// Removes temporary files when the process is interrupted. If an FMU ends the process, the exit status is an error.
 pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
     temporary::remove_when_interrupted();
     #[cfg(feature = "simulate")]

@@ -111,7 +111,7 @@ fn texts_in(folder: &Path) -> Result<BTreeMap<String, String>> {
             && path.is_file()
         {
             let bytes = reading::bytes(&path)?;
-            // The same bytes wherever the sources were checked out.
+            // The bytes are the same wherever the sources were checked out.
             let text = String::from_utf8_lossy(&bytes).replace("\r\n", "\n");
             texts.insert(name.to_owned(), text.trim_end().to_owned());
         }
@@ -181,7 +181,7 @@ fn output(mut command: Command) -> Result<String> {
     if !output.status.success() {
         bail!("{name} fails: {}", String::from_utf8_lossy(&output.stderr).trim());
     }
-    String::from_utf8(output.stdout).with_context(|| format!("the answer of {name} is not text"))
+    String::from_utf8(output.stdout).with_context(|| format!("the output of {name} is not text"))
 }
 
 #[cfg(test)]

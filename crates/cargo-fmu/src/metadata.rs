@@ -1,4 +1,4 @@
-//! What cargo tells of a workspace and of a build, as JSON (the Cargo Book, "cargo metadata" and "External tools").
+//! Cargo's JSON output about a workspace and a build (the Cargo Book, "cargo metadata" and "External tools").
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -54,17 +54,16 @@ impl Metadata {
     /// The workspace of a Cargo.toml, or of this folder.
     pub fn of(manifest: Option<&Path>) -> Result<Self> {
         let mut command = cargo();
-        // Nothing is asked of the dependencies: else cargo would fetch those of members that are not exported.
+        // Dependencies are left out: otherwise cargo would fetch those of members that are not exported.
         command.args(["metadata", "--no-deps", "--format-version", "1"]);
         if let Some(file) = manifest {
             command.arg("--manifest-path").arg(file);
         }
-        let output =
-            command.output().context("cannot run cargo; install Rust, or set CARGO to where it is")?;
+        let output = command.output().context("cannot run cargo; install Rust, or set CARGO to its path")?;
         if !output.status.success() {
             bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
         }
-        serde_json::from_slice(&output.stdout).context("cannot read what cargo answers")
+        serde_json::from_slice(&output.stdout).context("cannot read cargo's output")
     }
 }
 

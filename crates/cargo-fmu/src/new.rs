@@ -1,4 +1,4 @@
-//! `new`: a package that exports immediately, as a template to edit.
+//! `new`: creates a package that exports immediately, as a template to edit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub struct New {
     vcs: Option<String>,
 }
 
-/// The models to start from: the ladder in the repository's `docs/ladder.md`, and a controller.
+/// The templates: the ladder of `docs/ladder.md` in the repository, and a controller.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Template {
@@ -43,14 +43,14 @@ enum Template {
     Stair,
     /// Inputs and outputs of each type
     Feedthrough,
-    /// Likewise with all FMI 3.0 types, for FMI 3.0
+    /// Inputs and outputs of each FMI 3.0 type, for FMI 3.0
     #[value(name = "feedthrough_3")]
     Feedthrough3,
     /// A linear system with arrays sized by structural parameters, for FMI 3.0
     StateSpace,
     /// Heat conduction in a rod: an array of states that read their neighbors, for FMI 3.0
     Diffusion,
-    /// Two rates: a fast actuator on a slow thermal mass
+    /// Two rates: a fast actuator that drives a slow thermal mass
     Furnace,
     /// Clocks of each kind, for FMI 3.0
     Clocks,
@@ -145,7 +145,8 @@ impl New {
         }
         self.fill_in(name, &identifier)?;
         Ok(print(&format!(
-            "{path}  declare variables in model.json, compute them in src/lib.rs; `cargo fmu export` exports\n"
+            "Created `{path}`. Declare variables in model.json and write the equations in src/lib.rs, then run \
+             `cargo fmu export`.\n"
         ))?)
     }
 
@@ -196,8 +197,8 @@ fn manifest_of(manifest: &str, folder: &Path) -> String {
     )
 }
 
-/// The folder of the exporter's crates, if this command was built from a checkout that still exists: packages then
-/// depend on these.
+/// The folder of the exporter's crates, if this command was built from a checkout that still exists; new packages then
+/// depend on these crates.
 pub fn checkout() -> Option<&'static Path> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     crates.join("fmu-export/Cargo.toml").is_file().then_some(crates)

@@ -1,5 +1,5 @@
-//! FMUs with parameter sets: an SSP package for each, which binds the sets to the FMU and makes its Real inputs and
-//! outputs those of the system.
+//! FMUs with parameter sets: writes an SSP package for each FMU, which binds the sets to the FMU and exposes its Real
+//! inputs and outputs as those of the system.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

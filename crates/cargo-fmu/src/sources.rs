@@ -32,8 +32,8 @@ const LONGEST: usize = 800_000;
 /// The bytes in one data file, at most five characters each.
 const DATA: usize = 150_000;
 
-/// The pages by which an instance's memory may grow, 64 KiB each. They are allocated, but most systems provide memory
-/// only on the first write.
+/// The pages by which the memory of an instance may grow, 64 KiB each. They are allocated up front, but most systems
+/// provide memory only on the first write.
 const PAGES_TO_GROW: u32 = 240;
 
 /// The files of every FMU.

@@ -52,7 +52,7 @@ impl FromStr for Target {
 }
 
 impl Target {
-    /// The builds of a target: for macOS, two targets make one platform.
+    /// The builds of a target; for macOS, two targets make one platform.
     pub fn builds(&self) -> Vec<Build> {
         match self {
             Self::Triple(build) => vec![build.clone()],
@@ -140,7 +140,7 @@ impl WebAssembly {
             .args(["--print", "sysroot"])
             .output()
             .with_context(|| format!("cannot run {}, the compiler for WebAssembly", compiler.display()))?;
-        let sysroot = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
+        let sysroot = String::from_utf8(output.stdout).context("rustc's output is not text")?;
         let libraries = Path::new(sysroot.trim()).join("lib/rustlib");
         ensure!(
             named.is_none() || libraries.join("src/rust/library/std/Cargo.toml").is_file(),
@@ -357,7 +357,7 @@ fn refuse_missing_std(triple: &str, otherwise: &str) -> Result<()> {
         let message = String::from_utf8_lossy(&output.stderr);
         bail!("{} does not know the target {triple}: {}", rustc.display(), message.trim());
     }
-    let folder = String::from_utf8(output.stdout).context("rustc's answer is not text")?;
+    let folder = String::from_utf8(output.stdout).context("rustc's output is not text")?;
     let has_std = fs::read_dir(Path::new(folder.trim())).is_ok_and(|entries| {
         entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libstd-"))
     });

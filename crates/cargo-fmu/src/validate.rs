@@ -176,7 +176,7 @@ fn table_of_rules() -> String {
     format!("| rule | severity | requirement | source |\n|---|---|---|---|\n{}", rows.collect::<String>())
 }
 
-/// What importers reject, likewise.
+/// The importers that reject FMUs as a Markdown table, also included in `docs/validation.md`.
 fn table_of_importers() -> String {
     let rows = importers::ALL.iter().flat_map(|importer| {
         let Importer { name, versions, evidence, refuses } = importer;

@@ -244,7 +244,7 @@ fn sources_take_one_version_of_wasm2c() {
     // What is missing is told at once.
     let message = refused("no-such-program", "no-such-linker");
     let lines: Vec<_> = message.lines().collect();
-    assert_eq!(lines[0], "error: nothing was built, as several things are missing:");
+    assert_eq!(lines[0], "error: nothing was built, because several things are missing:");
     assert!(lines[1].starts_with("- no linker no-such-linker for echo"), "{message}");
     assert!(lines[2].starts_with(&format!("- {missing}")), "{message}");
     assert_eq!(lines.len(), 3, "{message}");
@@ -336,7 +336,7 @@ fn libraries_of_several_fmus_are_merged() {
         ("binaries/darwin64/Other.dylib", &intel),
     ];
     let linux = fmu_of("linux.fmu", &linux);
-    // What is the same in both is no matter, nor is what else lies beside a library or has another license.
+    // Equal files do not matter, nor do other files beside a library or with another license.
     let arm = [
         license,
         ("documentation/licenses/rust-1.91.0.html", b"later notices"),

@@ -1,4 +1,4 @@
-//! From the declaration to the [`Model`], which is complete and consistent: anything else is rejected on the way.
+//! Turns the declaration into the [`Model`], which is complete and consistent; anything else is rejected.
 
 use fmu_terms::Version;
 
@@ -14,7 +14,7 @@ use crate::package::Package;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
 
-/// What an FMU for Scheduled Execution adds to the identifier of the same model's other FMU.
+/// The suffix of the model identifier of an FMU for Scheduled Execution.
 const SCHEDULED: &str = "Scheduled";
 
 /// Flattens and checks a declaration.
@@ -74,7 +74,7 @@ fn next_reference(scalars: &[Scalar]) -> u32 {
     scalars.iter().map(|scalar| scalar.value_reference + 1).max().unwrap_or(0)
 }
 
-/// Adds a sampled model's clock. Everything that changes does so at its ticks, depending on all that is known then.
+/// Adds the clock of a sampled model. Every variable changes only at its ticks, and depends on everything known then.
 fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
     let position = model.scalars.len();
     for scalar in &mut model.scalars {

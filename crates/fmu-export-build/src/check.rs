@@ -1,5 +1,5 @@
-//! What is rejected, and why: the rules of FMI and of generated Rust that a declaration can break. FMU validators catch
-//! few of these; FMU users suffer from all of them.
+//! The rules of FMI and of generated Rust that a declaration can break. FMU validators catch few violations; users of
+//! the FMU suffer from all of them.
 //!
 //! Here is what needs no variable.
 
@@ -26,10 +26,10 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
     if let Some(experiment) = &declaration.default_experiment {
         let start = experiment.start_time.unwrap_or(0.0);
         if experiment.stop_time.is_some_and(|stop| stop <= start) {
-            refusals.add("default_experiment.stop_time", "it is not after start_time");
+            refusals.add("default_experiment.stop_time", "must be after start_time");
         }
         if experiment.step_size.is_some_and(|size| size <= 0.0) {
-            refusals.add("default_experiment.step_size", "it is not greater than 0");
+            refusals.add("default_experiment.step_size", "must be greater than 0");
         }
     }
     if declaration.capabilities.serialize_state == Some(true) && !declaration.capabilities.get_and_set_state {
@@ -54,7 +54,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
             refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
         }
         if enumeration.items.is_empty() {
-            refusals.add(format!("{key}.items"), format!("{name}: it has no items"));
+            refusals.add(format!("{key}.items"), format!("{name}: has no items"));
         }
         for (number, item) in enumeration.items.iter().enumerate() {
             let (name, key) = (&item.name, format!("{key}.items[{number}].name"));

@@ -44,7 +44,7 @@ impl DataType {
         ("Clock", Self::Clock),
     ];
 
-    /// The name in a declaration; of all enumerations one.
+    /// The name in a declaration; all enumerations share one.
     pub(crate) fn name(self) -> &'static str {
         Self::BUILT_IN.iter().find(|(_, known)| *known == self).map_or("Enumeration", |(name, _)| name)
     }
@@ -60,7 +60,7 @@ impl DataType {
         Self::of_name(name).or_else(enumeration).ok_or_else(|| {
             let types = Self::BUILT_IN.map(|(name, _)| name);
             let nearest = match name {
-                // The names in FMI 3.0 and in programming languages of types that FMI 2.0 also has.
+                // Names from FMI 3.0 and programming languages for types that FMI 2.0 also has.
                 "Float64" | "f64" | "float" | "double" => "; use 'Real'".to_owned(),
                 "Int32" | "i32" | "int" => "; use 'Integer'".to_owned(),
                 "bool" => "; use 'Boolean'".to_owned(),

@@ -1,6 +1,6 @@
 //! A model's declaration, as written.
 //!
-//! Editors show the fields' comments: schema/model.schema.json is generated from them.
+//! Editors show the comments of the fields: schema/model.schema.json is generated from them.
 
 mod variable;
 
@@ -41,7 +41,7 @@ pub(crate) struct Declaration {
     pub(crate) license: Option<String>,
     /// Settings that an importer proposes for a run.
     pub(crate) default_experiment: Option<DefaultExperiment>,
-    /// What the FMU can do. Default: everything but derivatives and Event Mode, which not every model implements.
+    /// What the FMU can do. Default: everything except derivatives and Event Mode, which not every model implements.
     #[serde(default)]
     pub(crate) capabilities: Capabilities,
     /// Additional log categories, or new descriptions of the built-in logStatusError, logStatusWarning and logEvents.
@@ -76,7 +76,7 @@ pub(crate) struct Declaration {
     /// Event indicators that no event may leave positive, such as the distance beyond an end stop.
     #[serde(default)]
     pub(crate) limits: Vec<String>,
-    /// Groups of variables that tools connect at once with those of another FMU.
+    /// Groups of variables that tools connect to another FMU in one operation.
     #[serde(default)]
     pub(crate) terminals: Vec<TerminalDeclaration>,
     /// The clock of a sampled model in Scheduled Execution, which ticks at each sample.
@@ -157,21 +157,21 @@ impl Declaration {
         self.types().any(|data_type| data_type == DataType::Clock)
     }
 
-    /// Whether importers may exchange values within a communication step. With clocks the model computes in Event Mode
+    /// Whether importers may exchange values within a communication step. A model with clocks computes in Event Mode
     /// only.
     pub(crate) fn has_intermediate_updates(&self) -> bool {
         self.capabilities.event_mode && !self.has_clocks()
     }
 
-    /// Whether a communication step may end before its point (FMI 3.0.2, section 4.1.3): at an event or intermediate
-    /// update, or when the model requests the end.
+    /// Whether a communication step may end early (FMI 3.0.2, section 4.1.3): at an event or intermediate update, or
+    /// when the model requests the end.
     pub(crate) fn returns_early(&self) -> bool {
         self.has_intermediate_updates() || self.capabilities.termination
     }
 }
 
 impl ClockDeclaration {
-    /// The clock as a variable. Its interval is not declared, as it follows from parameters.
+    /// The clock as a variable. Its interval is not declared, because it depends on parameters.
     fn variable(&self) -> VariableDeclaration {
         let variable = serde_json::json!({
             "name": self.name, "description": self.description, "type": "Clock", "causality": "input",
@@ -181,7 +181,7 @@ impl ClockDeclaration {
     }
 }
 
-/// A group of variables that tools connect at once (FMI 3.0.2, section 2.4.9).
+/// A group of variables that tools connect in one operation (FMI 3.0.2, section 2.4.9).
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -240,7 +240,7 @@ pub(crate) struct Capabilities {
     pub(crate) adjoint_derivatives: bool,
     /// In FMI 3.0 co-simulation, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,
-    /// The model may end the simulation within a communication step: `Context::terminate`. FMI 3.0 announces it to
+    /// The model may end the simulation within a communication step (`Context::terminate`). FMI 3.0 announces this to
     /// importers.
     pub(crate) termination: bool,
 }

@@ -1,7 +1,7 @@
-//! Which unknown depends on which known (FMI 2.0.5, section 2.2.8).
+//! The dependencies of unknowns on knowns (FMI 2.0.5, section 2.2.8).
 //!
-//! The declaration lists what each variable's own equation reads. Importers need its closure: to find algebraic loops
-//! between FMUs they ask on which *inputs* an output depends, through all intermediate variables. If an equation does
+//! The declaration lists what the equation of each variable reads. Importers need the closure: to find algebraic loops
+//! between FMUs, they ask on which *inputs* an output depends, through all intermediate variables. If an equation does
 //! not declare its reads, the closure is everything.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -17,9 +17,9 @@ use crate::model::{Place, Reads, Scalar};
 pub(crate) struct Structure {
     /// The outputs as functions of inputs, states and time.
     pub(crate) outputs: Vec<Unknown>,
-    /// The derivatives of the states, likewise.
+    /// The derivatives of the states, as functions of inputs, states and time.
     pub(crate) derivatives: Vec<Unknown>,
-    /// The clocked states, likewise.
+    /// The clocked states, as functions of inputs, states and time.
     pub(crate) clocked_states: Vec<Unknown>,
     /// What initialization computes, as functions of inputs, exact variables and time.
     pub(crate) initial_unknowns: Vec<Unknown>,
@@ -31,7 +31,7 @@ pub(crate) struct Unknown {
     pub(crate) dependencies: Closure,
 }
 
-/// The most reads to follow, so that no model takes minutes.
+/// The most reads to follow: no model may take minutes to build.
 pub(crate) const MOST: usize = 2_000_000;
 
 /// The error for the variable at which there are more.
@@ -88,7 +88,7 @@ fn closures(
         scalar => reads(scalar).as_deref(),
     };
     let mut closures: Vec<Closure> = vec![None; scalars.len()];
-    // Equal ones are shared, as those of variables with the same reads.
+    // Equal closures are shared, such as those of variables with the same reads.
     let mut distinct: BTreeSet<Rc<[usize]>> = BTreeSet::new();
     let (mut last, mut steps) = (vec![0; scalars.len()], 0);
     for (number, circle) in
@@ -132,8 +132,8 @@ fn closures(
     Ok(closures)
 }
 
-/// Tarjan's strongly connected components: variables that read each other in circles, and each other one by itself,
-/// after all that they read; each in ascending order.
+/// Tarjan's strongly connected components: sets of variables that read each other in circles, and every other variable
+/// by itself. A component follows all that it reads; its variables are in ascending order.
 fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<usize>> {
     const NOT_SEEN: usize = usize::MAX;
     let (mut circles, mut open, mut seen) = (Vec::new(), Vec::new(), 0);
@@ -175,9 +175,9 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
     circles
 }
 
-/// Rejects variables that read each other in a circle without a state in between: no order of the equations computes
-/// them. (Initialization may solve for states simultaneously, so a circle through `initial_reads` is a valid system of
-/// equations.)
+/// Rejects variables that read each other in a circle without a state in between, because no order of the equations
+/// computes them. (Initialization may solve for states simultaneously, so a circle through `initial_reads` is a valid
+/// system of equations.)
 pub(crate) fn refuse_cycles(scalars: &[Scalar], refusals: &mut Refusals) {
     let reads = |position: usize| scalars[position].reads.as_deref().unwrap_or_default();
     let circles = circles(scalars.len(), reads).into_iter();

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why nothing was generated: one or more findings, each with file, line and key.
+/// The reason why nothing was generated: one or more findings, each with file, line and key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error(pub(crate) Vec<Finding>);
 
@@ -69,7 +69,7 @@ pub(crate) struct Refusal {
     pub(crate) reason: String,
 }
 
-/// Likewise of a variable, whose path is known elsewhere: the key, such as `unit`, and the reason.
+/// The rejection of a variable whose path the caller adds: the key, such as `unit`, and the reason.
 pub(crate) type Blame = (&'static str, String);
 
 /// Rejects a variable's key if it is wrong.
@@ -83,8 +83,8 @@ impl Refusal {
     }
 }
 
-/// Rejections collected for a single report: for each key the first, as a problem of a component type affects all its
-/// components.
+/// Rejections collected for a single report. Only the first for each key is kept, because a problem of a component type
+/// affects all its components.
 #[derive(Debug, Default)]
 pub(crate) struct Refusals {
     found: Vec<Refusal>,
@@ -132,5 +132,5 @@ impl IntoIterator for Refusals {
 /// The nearest known name, as the end of a message; empty if none is near.
 pub(crate) fn nearest<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) -> String {
     let nearest = fmu_terms::nearest(name, known);
-    nearest.map_or_else(String::new, |known| format!("; the nearest is '{}'", known.as_ref()))
+    nearest.map_or_else(String::new, |known| format!("; did you mean '{}'?", known.as_ref()))
 }

@@ -1,4 +1,4 @@
-//! From the declaration to parts and scalars: fills in components, and spreads arrays into scalars.
+//! Turns the declaration into parts and scalars: fills in components, and spreads arrays into scalars.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -96,7 +96,7 @@ impl<'a> Flat<'a> {
                     return self.refusals.add(format!("{key}.type"), reason);
                 }
             }
-            _ => return self.refusals.add(key, format!("{name}: it needs either 'variables' or a 'type'")),
+            _ => return self.refusals.add(key, format!("{name}: needs either 'variables' or a 'type'")),
         };
         let names: BTreeSet<_> = variables.iter().map(|variable| &variable.name).collect();
         for started in component.start.keys() {
@@ -254,7 +254,8 @@ impl<'a> Flat<'a> {
         Ok(())
     }
 
-    /// Records a variable's declared value references: its own, and its derivative's, which follows unless declared.
+    /// Records the declared value references of a variable and its derivative. An undeclared one of the derivative is
+    /// the next number.
     fn pin(
         &mut self,
         declaration: &VariableDeclaration,
@@ -298,8 +299,8 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// Assigns the declared value references, and the gaps to other variables, in declaration order: to an array the
-    /// first that holds all of its elements, so that their numbers follow by rule.
+    /// Assigns the declared value references, and then the gaps to other variables, in declaration order. An array gets
+    /// the first gap that holds all its elements, so that their numbers follow a rule.
     fn assign_value_references(&mut self) {
         let mut taken = BTreeMap::new();
         for (position, reference, key) in &self.pinned {
@@ -337,8 +338,8 @@ fn duplicate(name: &str, key: &str) -> Refusal {
     Refusal::new(format!("{key}.name"), format!("{name}: another variable has this name"))
 }
 
-/// An array's elements, row by row: the subscripts in FMI's notation (`[1,2]`) and the indices in Rust's (`[0][1]`). A
-/// scalar has one element without either.
+/// The elements of an array, row by row: the subscripts in the notation of FMI (`[1,2]`) and the indices in that of
+/// Rust (`[0][1]`). A scalar has one element without either.
 fn elements(dimensions: &[usize]) -> Vec<(String, String)> {
     let mut elements = vec![Vec::new()];
     for &size in dimensions {

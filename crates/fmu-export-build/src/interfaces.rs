@@ -1,4 +1,4 @@
-//! The FMI version and interfaces that an FMU offers: a choice of its export, not its declaration.
+//! The FMI version and interfaces that an FMU offers. They are chosen at export, not declared.
 
 use std::env::{self, VarError};
 use std::str::FromStr;

@@ -56,7 +56,7 @@ pub struct Generated {
     pub documentation: PathBuf,
     /// The icon, `model.png` in the same folder, if declared.
     pub icon: Option<PathBuf>,
-    /// The icon as a drawing, `model.svg` in the same folder, if an SVG of its name exists.
+    /// The icon as a vector drawing, `model.svg` in the same folder, if there is an SVG of the icon's name.
     pub drawing: Option<PathBuf>,
     /// The terminals, `terminalsAndIcons.xml` in the same folder, if declared; in FMI 3.0 also for an icon.
     pub terminals: Option<PathBuf>,
@@ -92,7 +92,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
         fmi.version = Version::Three;
     }
     match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
-        // The compiler would report every missing type separately.
+        // Without this, the compiler would report every missing type separately.
         Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
             println!(
                 "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
@@ -135,8 +135,8 @@ fn uses_generated(folder: &Path) -> bool {
     })
 }
 
-/// Ends the build script after errors, so that cargo fails the build. For a failing script, cargo would show its whole
-/// output, repeating the errors.
+/// Ends the build script after errors, so that cargo fails the build. If the script failed instead, cargo would show
+/// its whole output and repeat the errors.
 fn end_build() -> ! {
     process::exit(0)
 }
@@ -144,8 +144,8 @@ fn end_build() -> ! {
 /// Generates a model's interface into the folder of its name in another folder.
 ///
 /// # Errors
-/// When the declaration or a file named in it cannot be read, or contradicts itself or FMI, or when the documentation
-/// names something that the model lacks.
+/// If the declaration or a file that it names cannot be read, if it contradicts itself or FMI, or if the documentation
+/// names something that the model does not have.
 pub fn generate_into(
     declaration: &Path,
     out_dir: &Path,
@@ -203,7 +203,7 @@ pub fn generate_into(
     let terminals = has_terminals.then(|| xml::terminals::write(&model));
     let resources_folder = folder.join("resources");
     if resources_folder.exists() {
-        // From a previous build, which may have had other files.
+        // A previous build may have left other files.
         fs::remove_dir_all(&resources_folder).map_err(|error| Error::of_file(&resources_folder, error))?;
     }
     if let Some(resources) = &resources {

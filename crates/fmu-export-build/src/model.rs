@@ -81,7 +81,7 @@ pub(crate) enum Place {
     Inputs,
     States,
     Derivatives,
-    /// What follows from parameters alone: calculated parameters, and locals that change with parameters at most.
+    /// What follows from parameters only: calculated parameters, and locals that change only with parameters.
     CalculatedParameters,
     Locals,
     Outputs,
@@ -95,7 +95,7 @@ pub(crate) struct Scalar {
     pub(crate) name: String,
     /// The path in the declaration.
     pub(crate) key: String,
-    /// The positions of its part, and of its field there; a derivative has its state's.
+    /// The positions of its part, and of its field in the part; those of a derivative are those of its state.
     pub(crate) field: [usize; 2],
     pub(crate) value_reference: u32,
     pub(crate) description: Option<String>,
@@ -126,7 +126,7 @@ pub(crate) struct Scalar {
     /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
     pub(crate) reads: Reads,
-    /// Likewise in initialization.
+    /// What initialization reads.
     pub(crate) initial_reads: Reads,
 }
 
@@ -176,8 +176,8 @@ impl Scalar {
         self.causality == Causality::Output || self.place == Place::Derivatives || self.previous.is_some()
     }
 
-    /// Whether it is an unknown that no list of `ModelStructure` must have: an output with an exact start value in
-    /// initialization, or a local.
+    /// Whether it is an unknown that no list of `ModelStructure` needs: in initialization, an output with an exact
+    /// start value; or a local.
     pub(crate) fn unknown_beside_the_lists(&self) -> bool {
         let is_calculated = matches!(self.place, Place::Locals | Place::CalculatedParameters)
             && self.initial == Some(Initial::Calculated);

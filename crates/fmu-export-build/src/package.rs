@@ -2,7 +2,7 @@
 
 use std::env;
 
-/// A model's package, whose metadata its declaration need not repeat.
+/// The package of a model. The declaration need not repeat its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Package {
     /// Its name.

@@ -1,4 +1,4 @@
-//! The page for people: `documentation/index.html` of the FMU (FMI 2.0.5, section 2.3).
+//! The documentation page of the FMU, `documentation/index.html` (FMI 2.0.5, section 2.3).
 //!
 //! It shows the content of modelDescription.xml, from the same model, and includes the author's fragment. The page is
 //! self-contained, readable without scripts, reproducible byte for byte, and both XML and HTML: every element is
@@ -165,7 +165,7 @@ impl<'m, 'a> Page<'m, 'a> {
                 of_steps && !is_fmi3,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
-                "inputs may have derivatives, with which they change within a step; discrete ones hold their values",
+                "inputs may have derivatives and then change within a step; discrete inputs hold their values",
             ),
             (
                 of_steps && is_fmi3,
@@ -236,7 +236,7 @@ impl<'m, 'a> Page<'m, 'a> {
         )
     }
 
-    /// A scalar's start value for FMPy's command line and input files; no text, which would need quotes.
+    /// The start value of a scalar for FMPy's command line and input files. Texts are omitted: they would need quotes.
     fn typed_start(&self, field: &Field<'_>) -> Option<String> {
         let start = self.model.scalars[field.positions[0]].start.as_ref();
         match start.filter(|_| field.declaration.sizes.is_empty())? {

@@ -1,4 +1,4 @@
-//! From the names in a declaration to positions: what equations read, clocks, previous values and units.
+//! Resolves names in a declaration to positions: what equations read, clocks, previous values and units.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -207,9 +207,9 @@ fn look_up_read<'n, 'a>(
     let candidates = if let Some(connection) = placeholder {
         let component = component
             .filter(|component| component.component_type.is_some())
-            .ok_or_else(|| format!("it reads '{read}', but connections are for components with a type"))?;
+            .ok_or_else(|| format!("reads '{read}', but connections are for components with a type"))?;
         let (connection, name) = component.connections.get_key_value(connection).ok_or_else(|| {
-            format!("it reads '{read}', but the component '{}' has no such connection", component.name)
+            format!("reads '{read}', but the component '{}' has no such connection", component.name)
         })?;
         used.insert((&component.name, connection));
         if !names.contains_key(name) {
@@ -223,6 +223,6 @@ fn look_up_read<'n, 'a>(
     };
     candidates.iter().find_map(|name| names.get(name)).map(Vec::as_slice).ok_or_else(|| {
         let read = &candidates[candidates.len() - 1];
-        format!("it reads '{read}', which does not exist{}", nearest(&candidates[0], names.keys()))
+        format!("reads '{read}', which is not a variable{}", nearest(&candidates[0], names.keys()))
     })
 }

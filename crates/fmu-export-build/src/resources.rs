@@ -15,8 +15,8 @@ pub(crate) struct Resources {
 }
 
 impl Resources {
-    /// Finds a folder's files. It may not contain the declaration: that would be a whole package, with cargo's build
-    /// output.
+    /// Finds the files of a folder. The folder must not contain the declaration, because it would then be a whole
+    /// package, with cargo's build output.
     pub(crate) fn find(folder: PathBuf, declaration: &Path) -> Result<Self, String> {
         if !folder.is_dir() {
             return Err(format!("there is no folder {}", folder.display()));
@@ -63,7 +63,7 @@ impl Resources {
             if let Some(folder) = target.parent() {
                 fs::create_dir_all(folder).map_err(of(folder))?;
             }
-            // Only the content: a copy with read-only permissions could not be replaced.
+            // Copies only the content, because a copy with read-only permissions could not be replaced.
             let content = fs::read(&source).map_err(of(&source))?;
             fs::write(&target, content).map_err(of(&target))?;
         }

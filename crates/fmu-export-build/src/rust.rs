@@ -1,7 +1,7 @@
 //! The typed Rust interface, which a model uses instead of value references.
 //!
-//! The text is included in a module of the model's crate, whose lints should not apply to it: hence an inner module
-//! with `#[allow]`. Macros of `fmu-export` implement what all generated structs have in common.
+//! The text is included in a module of the model's crate. The lints of that crate should not apply to it, so it is an
+//! inner module with `#[allow]`. Macros of `fmu-export` implement what all generated structs have in common.
 
 mod access;
 mod generator;
@@ -67,8 +67,8 @@ use ::fmu_export::description as fmi;
     text + "}\n"
 }
 
-/// The enumerations, in their own module: their names are free, such as `Vec`, and the rest of the text refers to them
-/// by path.
+/// The enumerations, in their own module: they may have any name, such as `Vec`, and the rest of the text refers to
+/// them by path.
 fn enumerations(enumerations: &[EnumerationDeclaration]) -> String {
     if enumerations.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! JSON files: what the parser rejects, and the line of each key.
+//! JSON files: the findings of the parser, and the line of each key.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ impl Source {
         for _ in 0..MOST_READINGS {
             let missing = next.reason.strip_prefix("missing key '").and_then(|key| key.strip_suffix('\''));
             let place = missing.map_or(next.key.clone(), |missing| format!("{}.{missing}", next.key));
-            // What is written is missing only because it was rejected and removed.
+            // A key that the file has is missing only because it was rejected and removed.
             if missing.is_none() || written.pointer(&pointer(&place)).is_none() {
                 refusals.push(next);
             }
@@ -148,7 +148,7 @@ fn offset(root: &ast::Value<'_>, path: &str) -> usize {
     start
 }
 
-/// Serde's reason in terms of JSON, with a suggestion for an unknown word.
+/// Serde's reason in the terms of JSON, with a suggestion for an unknown word.
 fn plain(reason: &str) -> String {
     let reason = reason.replace('`', "'").replace("unknown field", "unknown key");
     let reason = reason.replace("unknown variant", "unknown value").replace("missing field", "missing key");

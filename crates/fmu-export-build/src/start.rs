@@ -22,7 +22,7 @@ pub(crate) enum Start {
 }
 
 impl Start {
-    /// The start values of a variable's scalars, row by row; one value is for all elements.
+    /// The start values of a variable's scalars, row by row; a single value is for all elements.
     pub(crate) fn all(
         declaration: &Declaration,
         variable: &VariableDeclaration,
@@ -38,7 +38,7 @@ impl Start {
             let rows = values.into_iter().map(|value| match value {
                 Value::Array(row) if row.len() == size => Ok(row),
                 Value::Array(row) => {
-                    Err(format!("it has {} elements, but the dimensions require {size}", row.len()))
+                    Err(format!("has {} elements, but the dimensions require {size}", row.len()))
                 }
                 _ => Err(format!("{value} is not an array of {size} elements, as the dimensions require")),
             });
@@ -73,10 +73,10 @@ impl Start {
                 Err(mismatch())
             }
             DataType::Boolean => value.as_bool().map(Self::Boolean).ok_or_else(mismatch),
-            DataType::Clock => Err("a Clock has none".to_owned()),
+            DataType::Clock => Err("a Clock has no 'start' value".to_owned()),
             DataType::String if survives_xml(text()?) => Ok(Self::String(text()?.to_owned())),
             DataType::String => {
-                Err("it contains a character that XML does not preserve, such as a line break".to_owned())
+                Err("contains a character that XML does not preserve, such as a line break".to_owned())
             }
             DataType::Binary => bytes(text()?)
                 .map(Self::Binary)

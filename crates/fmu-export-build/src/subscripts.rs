@@ -1,5 +1,5 @@
-//! Reading elements of arrays: in the `reads` of an array, `T[i-1]` is the element before each one's own. The letters i,
-//! j, k, … are an element's own subscripts; a subscript may also be a number, or `:` for all.
+//! Reading elements of arrays: in the `reads` of an array, `T[i-1]` is the element before that of the reader. The
+//! letters i, j, k, … are the reader's own subscripts; a subscript may also be a number, or `:` for all.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -11,7 +11,7 @@ const LETTERS: usize = 16;
 enum Subscript {
     /// A number, from 1.
     Fixed(usize),
-    /// The reading element's own subscript in a dimension, moved.
+    /// The reader's own subscript in a dimension, plus an offset.
     Own {
         dimension: usize,
         offset: isize,
@@ -62,8 +62,8 @@ impl<'a> Read<'a> {
         !self.subscripts.is_empty()
     }
 
-    /// What each element of an array with some sizes reads in another with given positions and sizes. At the ends of an
-    /// array there is nothing beyond.
+    /// What each element of an array with some sizes reads in another with given positions and sizes. Subscripts
+    /// outside the array are ignored.
     pub(crate) fn elements<'n>(
         &self,
         of: &[usize],
@@ -75,21 +75,21 @@ impl<'a> Read<'a> {
         }
         let Self { text, name, subscripts } = self;
         if sizes.is_empty() {
-            return Err(format!("it reads '{text}', but '{name}' is not an array"));
+            return Err(format!("reads '{text}', but '{name}' is not an array"));
         }
         if subscripts.len() != sizes.len() {
-            return Err(format!("it reads '{text}', but '{name}' has {} subscripts", sizes.len()));
+            return Err(format!("reads '{text}', but '{name}' has {} subscripts", sizes.len()));
         }
         for (subscript, &size) in subscripts.iter().zip(sizes) {
             match subscript {
                 Subscript::Own { dimension, .. } if *dimension >= of.len() => {
                     let (letter, dimensions) = (letter(*dimension), dimension + 1);
                     return Err(format!(
-                        "it reads '{text}', but only arrays of {dimensions} dimensions have a subscript {letter}"
+                        "reads '{text}', but only arrays of {dimensions} dimensions have a subscript {letter}"
                     ));
                 }
                 Subscript::Fixed(number) if !(1..=size).contains(number) => {
-                    return Err(format!("it reads '{text}', but '{name}' has no element {number}"));
+                    return Err(format!("reads '{text}', but '{name}' has no element {number}"));
                 }
                 _ => {}
             }
@@ -108,7 +108,7 @@ impl<'a> Read<'a> {
             })
             .collect();
         if each.iter().all(Vec::is_empty) {
-            return Err(format!("it reads '{text}', but '{name}' has no such element"));
+            return Err(format!("reads '{text}', but '{name}' has no such element"));
         }
         Ok(Found::Each(each))
     }

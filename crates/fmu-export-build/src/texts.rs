@@ -7,7 +7,7 @@ const DIRECTION_OF_WRITING: [char; 9] = [
     '\u{2069}',
 ];
 
-/// Rejects an empty text, and one that would change on its way.
+/// Rejects an empty text, and one that XML or Rust would change.
 pub(crate) fn one_line(text: &str) -> Result<(), String> {
     let reason = if text.trim().is_empty() {
         "the text is empty"

@@ -18,7 +18,7 @@ use declaration::{DisplayUnitDeclaration, UnitDeclaration};
 use notation::{WRITTEN, factors};
 use symbols::{CELSIUS, Measure, NAMES, Prefixes, SYMBOLS, built_in};
 
-/// The units that a model may use: those of its file, and SI's.
+/// The units that a model may use: those of its file, and the built-in ones.
 pub(crate) struct Units<'a> {
     declared: &'a [UnitDeclaration],
     /// Their positions.
@@ -136,7 +136,7 @@ impl<'a> Units<'a> {
         let nearest = nearest(symbol, declared.chain(symbols).chain(names));
         nearest.map_or_else(String::new, |nearest| match NAMES.iter().find(|(name, _)| *name == nearest) {
             Some((_, symbol)) => format!("; its symbol is '{symbol}'"),
-            None => format!("; the nearest is '{nearest}'"),
+            None => format!("; did you mean '{nearest}'?"),
         })
     }
 }
@@ -245,9 +245,9 @@ mod tests {
             ("metres/s", "the unit 'metres/s': 'metres' is not known; its symbol is 'm'"),
             ("kg/hh", "the unit 'kg/hh': 'hh' is not known"),
             ("kg/hour", "the unit 'kg/hour': 'hour' is not known; its symbol is 'h'"),
-            ("W/(m2.k)", "the unit 'W/(m2.k)': 'k' is not known; the nearest is 'K'"),
-            ("pa", "the unit 'pa' is not known; the nearest is 'Pa'"),
-            ("kkg", "the unit 'kkg' is not known; the nearest is 'kg'"),
+            ("W/(m2.k)", "the unit 'W/(m2.k)': 'k' is not known; did you mean 'K'?"),
+            ("pa", "the unit 'pa' is not known; did you mean 'Pa'?"),
+            ("kkg", "the unit 'kkg' is not known; did you mean 'kg'?"),
             ("Ω", "the unit 'Ω' is written 'Ohm'"),
             ("kΩ", "the unit 'kΩ' is written 'kOhm'"),
             ("°C", "the unit '°C' is written 'degC'"),

@@ -4,8 +4,8 @@ use crate::description::{DataType, ScalarVariable, ValueReference, Variability};
 use crate::error::Error;
 use crate::variables::Variables;
 
-/// Evaluates twice from different values of the calculated variables. The results must be equal, except discrete
-/// variables left alone, which events or the model's preparation may set; everything else must be unchanged.
+/// Evaluates twice from different values of the calculated variables. The results must be equal, except for discrete
+/// variables that it does not set, which events or the model's preparation may set. Everything else must be unchanged.
 ///
 /// # Errors
 /// The first variable that is not set, or changed but read-only.
@@ -26,7 +26,7 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
         let is_left = marked.iter().zip(&evaluated).all(|(marked, evaluated)| !differ([marked, evaluated]));
         let may_be_left = variable.variability == Variability::Discrete;
         if is_calculated && differ(evaluated.each_ref()) && !(is_left && may_be_left) {
-            // A variable that was left alone is the cause; others are computed from it.
+            // A variable that was not set is the cause; others are computed from it.
             follows = follows.filter(|_| !is_left).or(Some(variable));
             if is_left {
                 break;
@@ -53,8 +53,7 @@ pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&m
     })
 }
 
-/// Calculates the calculated parameters twice from different values: the results must be equal to each other, and to the
-/// present ones.
+/// Calculates the calculated parameters twice from different values. Both results must equal the present values.
 ///
 /// # Errors
 /// The first that is not set, or that another hook set.

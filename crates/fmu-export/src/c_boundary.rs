@@ -1,4 +1,5 @@
-//! What the C functions of every FMI version share: turning an importer's pointers into instances, slices and strings.
+//! The code that the C functions of all FMI versions share: it turns an importer's pointers into instances, slices and
+//! strings.
 //!
 //! All `unsafe` of the crate is here, in the functions of [`fmi2`](crate::fmi2) and [`fmi3`](crate::fmi3), in calls of
 //! their loggers, and where the floating-point environment is replaced. It relies on what the standard demands of
@@ -38,8 +39,8 @@ pub fn silence_panics() {
     ONCE.call_once(crate::wasm::host::report_panics);
 }
 
-/// Makes a C function from an expression generic over the FMU of [`exported_model!`], so that the compiler reports
-/// only once what a model lacks.
+/// Makes a C function from an expression that is generic over the FMU of [`exported_model!`], so that the compiler
+/// reports a missing trait of the model only once.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! exported_function {
@@ -75,8 +76,9 @@ macro_rules! exported_model {
     };
 }
 
-/// Defines functions of the standard that take an instance, by their names here, the traits of their models, arguments
-/// and names in the standard: each runs its body on the instance if the calling sequence allows it.
+/// Defines functions of the standard that take an instance. Each row has the name here, the trait of the model, the
+/// arguments, and the name in the standard; the function runs its body on the instance if the calling sequence allows
+/// it.
 macro_rules! c_functions {
     ($prefix:literal; $(
         $(#[$attribute:meta])*
@@ -91,7 +93,7 @@ macro_rules! c_functions {
     )*};
 }
 
-/// Likewise for functions that always fail, with the reason.
+/// Defines functions that always fail, each with its reason.
 macro_rules! refusals {
     ($prefix:literal; $($name:ident($($argument:ty),* $(,)?): $function:ident, $reason:expr;)*) => {$(
         #[doc = concat!("`", $prefix, stringify!($function), "`: an error.")]
@@ -104,7 +106,7 @@ macro_rules! refusals {
 
 pub(crate) use {c_functions, refusals};
 
-/// The target of a handle. Coupled FMUs share a process; the first word tells their instances apart.
+/// The target of a handle. Coupled FMUs share a process; the first word distinguishes their instances.
 #[repr(C)]
 pub(crate) struct Exported<M: Model> {
     fmu: u64,
@@ -150,7 +152,7 @@ impl<M: Model> Exported<M> {
     /// The locks of an instance, unless the handle is null or another FMU's.
     ///
     /// # Safety
-    /// As for [`Exported::place`]. This thread may have preempted another one's call: no call changes what is read here.
+    /// As for [`Exported::place`]. This thread may have preempted a call of another; no call changes what is read here.
     pub(crate) unsafe fn preemption(handle: *mut c_void) -> Option<Preemption> {
         // SAFETY: a target that begins with this FMU's word is one of `M`, alive; no reference is made.
         unsafe { Self::place(handle).map(|target| (&raw const (*target).instance.preemption).read()) }
@@ -203,8 +205,8 @@ pub(crate) unsafe fn call<M: Model>(
     }
 }
 
-/// Runs a function's body that only copies and compares numbers, in the importer's floating-point environment. Where
-/// it computes, it enters Rust's.
+/// Runs the body of a function that only copies and compares numbers, in the importer's floating-point environment. To
+/// compute, the body switches to Rust's.
 ///
 /// # Safety
 /// As for [`Exported::of`].
@@ -229,7 +231,7 @@ unsafe fn run<M: Model>(
     // SAFETY: the caller's promise.
     let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
     let status = body(&mut target.instance);
-    // Do not access the target below: the importer's logger may call or free it.
+    // From here on, do not access the target: the importer's logger may call or free it.
     if let Some(messages) = target.instance.take_messages() {
         messages.deliver(function);
     }
@@ -252,7 +254,7 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
     let _ = in_default_environment(|| contain(|| drop(target)));
 }
 
-/// Runs the body of a getter on the value references of scalars and the memory for their values.
+/// Runs the body of a getter with the value references of scalars and the memory for their values.
 ///
 /// # Safety
 /// As for [`call`]; the arrays have as many elements as their counts say.
@@ -274,7 +276,7 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
     }
 }
 
-/// Likewise for a setter.
+/// Runs the body of a setter with the value references of scalars and their values.
 ///
 /// # Safety
 /// As for [`get_values`].
@@ -296,7 +298,7 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
     }
 }
 
-// The bodies of functions alike in all versions.
+// The bodies of functions that are the same in all versions.
 
 /// Gets strings, valid until the next such call for this instance.
 pub(crate) fn get_strings<M: Model>(
@@ -339,7 +341,7 @@ pub(crate) unsafe fn set_debug_logging<M: Model>(
 ) -> Answer {
     // SAFETY: the caller's promise.
     let names = unsafe { elements("categories", categories, count) }?;
-    // SAFETY: likewise.
+    // SAFETY: the caller's promise.
     let names = names.iter().map(|&name| unsafe { c_string("categories", name) });
     instance.set_debug_logging(logging_on, &names.collect::<Result<Vec<_>, _>>()?)
 }

@@ -1,4 +1,5 @@
-//! An instance's states, and in which of them each function may be called. The tables are in the versions' modules.
+//! The states of an instance, and in which of them each function may be called. The tables are in the modules of the
+//! versions.
 
 use core::fmt;
 
@@ -19,7 +20,7 @@ pub(crate) enum Interface {
 }
 
 impl Interface {
-    /// Whether its instances have another interface's functions.
+    /// Whether its instances have the functions of another interface.
     #[inline]
     pub(crate) fn has(self, functions_of: Self) -> bool {
         self == functions_of || (self, functions_of) == (Self::CoSimulationWithEvents, Self::CoSimulation)
@@ -136,9 +137,9 @@ impl Persistent for Phase {
 
 /// A function of one version of the standard that takes an instance.
 pub(crate) trait Function: Copy + 'static {
-    /// The standard's name for the accessors' array of value references, in messages.
+    /// The name in the standard for the array of value references of getters and setters, for messages.
     const VALUE_REFERENCES: &'static str;
-    /// Likewise for the values.
+    /// The name in the standard for their array of values.
     const VALUES: &'static str;
     /// The state after an error, unless the standard lets the importer continue.
     const AFTER_ERROR: Option<Phase>;

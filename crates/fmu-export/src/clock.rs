@@ -2,13 +2,13 @@
 
 use crate::description::IntervalVariability;
 
-/// A clock: whether it ticks now, and, if the model determines that, when next.
+/// A clock: whether it ticks now and, if the model determines it, when it ticks next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clock {
     pub(crate) ticks: bool,
-    /// Of a time-based clock, in s: the time between two ticks, or for an aperiodic one up to the next.
+    /// For a time-based clock, in s: the time between two ticks, or, if it is aperiodic, until the next tick.
     interval: Option<f64>,
-    /// Of a periodic clock, in s: from the start to the first tick.
+    /// For a periodic clock, in s: the time from the start to the first tick.
     pub(crate) shift: f64,
     /// Whether the model has set the interval since the importer last read it.
     pub(crate) is_new: bool,
@@ -45,7 +45,7 @@ impl Clock {
         self.ticks
     }
 
-    /// Makes it tick: an output or local clock, as reported to the importer.
+    /// Makes an output or local clock tick, which is reported to the importer.
     pub fn tick(&mut self) {
         self.ticks = true;
     }
@@ -56,20 +56,20 @@ impl Clock {
         self.interval
     }
 
-    /// Sets the interval in s: of a periodic clock, which follows from parameters; otherwise from now to the next
-    /// tick.
+    /// Sets the interval in s: for a periodic clock, the interval that parameters determine; otherwise from now to the
+    /// next tick.
     pub fn set_interval(&mut self, interval: f64) {
         self.interval = Some(interval);
         self.is_new = true;
     }
 
-    /// Of a periodic clock: the time from start to first tick in s.
+    /// The time from the start to the first tick of a periodic clock, in s.
     #[must_use]
     pub fn shift(&self) -> f64 {
         self.shift
     }
 
-    /// Sets this time in s, if it follows from parameters.
+    /// Sets this time in s, if parameters determine it.
     pub fn set_shift(&mut self, shift: f64) {
         self.shift = shift;
     }

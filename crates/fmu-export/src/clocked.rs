@@ -1,4 +1,4 @@
-//! Models that compute when their clocks tick (FMI 3.0.2, section 2.2.8), in every interface of FMI 3.0.
+//! Models that compute when their clocks tick (FMI 3.0.2, section 2.2.8), for all interfaces of FMI 3.0.
 
 use crate::audit::check_calculated_parameters;
 use crate::context::Context;
@@ -33,9 +33,9 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Calculates what depends on parameters alone: calculated parameters, and locals whose variability is `fixed` or
-    /// `tunable`; all of them, and nothing else sets them. Called before [`Clocked::initialize`], and after each
-    /// change of tunable parameters.
+    /// Calculates what depends on parameters only: all calculated parameters, and all locals whose variability is
+    /// `fixed` or `tunable`. No other hook sets them. Called before [`Clocked::initialize`], and after each change of
+    /// tunable parameters.
     fn calculate_parameters(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<f64>,
@@ -44,8 +44,8 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Computes the values before the first tick, and sets clock intervals that follow from parameters. Called on a
-    /// new model, possibly repeatedly, like [`Model::initialize`].
+    /// Computes the values before the first tick, and sets clock intervals that depend on parameters. Called on a new
+    /// model, possibly repeatedly, like [`Model::initialize`].
     ///
     /// # Errors
     /// When no such values exist.
@@ -59,8 +59,8 @@ pub trait Clocked: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Recomputes, at a time (s) between ticks, what belongs to no clock and depends on changed inputs or tunable
-    /// parameters, including the intervals of tunable clocks.
+    /// Recomputes, at a time (s) between ticks, what belongs to no clock and depends on inputs or tunable parameters
+    /// that have changed, including the intervals of tunable clocks.
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<ClockedModel<Self>>) {
         let _ = (time, variables, inputs);
     }

@@ -37,12 +37,12 @@ impl<'a> Context<'a> {
         Self { experiment, log, resources: None, end: None }
     }
 
-    /// Likewise with an FMU's files.
+    /// This context with the files of an FMU.
     pub(crate) fn with_resources(self, resources: &'a Resources) -> Self {
         Self { resources: Some(resources), ..self }
     }
 
-    /// Likewise with another logger.
+    /// This context with another logger.
     pub(crate) fn with_log<'b>(
         &'b self,
         log: &'b mut dyn FnMut(&'static str, fmt::Arguments<'_>),
@@ -50,15 +50,15 @@ impl<'a> Context<'a> {
         Context { log, ..*self }
     }
 
-    /// The content of a file in the FMU's folder `resources`, by its path there: at most 256 MiB.
+    /// The content of a file in the FMU's `resources` folder, given its path there; at most 256 MiB.
     ///
     /// # Errors
-    /// When it cannot be read, is larger or not a file, or there is no FMU.
+    /// If the file cannot be read, is too large or is not a file, or if there is no FMU.
     pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
         self.resource_up_to(name, 256 << 20)
     }
 
-    /// Likewise with another size limit, in bytes.
+    /// The content of a file in the FMU's `resources` folder, up to a size in bytes.
     ///
     /// # Errors
     /// As [`Context::resource`].
@@ -71,7 +71,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Requests the end of the simulation, which has reached a time (s) in the present step.
+    /// Requests the end of the simulation at a time (s) in the present step.
     pub fn terminate(&mut self, time: f64) {
         self.end = Some(time);
     }

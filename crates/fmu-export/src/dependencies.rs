@@ -13,12 +13,12 @@ const POINTS: usize = 20;
 /// The most groups of knowns at a point: a prime above the number of points.
 const MOST_GROUPS: usize = 61;
 
-/// Tests that a model's Real outputs and derivatives depend on no inputs and states but those in its JSON (`reads`).
-/// Importers find algebraic loops by these dependencies, and miss undeclared ones.
+/// Tests that a model's Real outputs and derivatives depend only on the inputs and states that its JSON lists
+/// (`reads`). Importers use these dependencies to find algebraic loops; an undeclared one hides a loop.
 ///
 /// Evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
-/// nominal values or magnitudes. Dependencies that are zero at all points go unnoticed. Of more than 61 inputs and states,
-/// several are moved at once.
+/// nominal values or magnitudes. A dependency that is zero at all points goes unnoticed. If there are more than 61
+/// inputs and states, several are moved at once.
 ///
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.
@@ -47,7 +47,7 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
             variables.set_real(known, value + share * if value == 0.0 { 1.0 } else { 0.1 * value });
         }
         variables.states_from_start();
-        // The first unknown that changes with some knowns of which it declares none.
+        // The first unknown that changes with some knowns although it declares none of them.
         let first_undeclared = |group: &[ValueReference]| {
             let mut direction = M::Variables::zero();
             for (&known, number) in group.iter().zip(1..) {
@@ -79,8 +79,8 @@ pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Erro
     Ok(())
 }
 
-/// The knowns that are moved together at a point: of many, each two at few points only, so that one that an unknown
-/// declares does not hide another for long.
+/// The knowns that are moved together at a point. Any two are together at few points only, so that a known that an
+/// unknown declares hides an undeclared one at these points only.
 fn groups(knowns: &[ValueReference], point: usize) -> Vec<Vec<ValueReference>> {
     let mut groups = vec![Vec::new(); knowns.len().min(MOST_GROUPS)];
     for (number, &known) in knowns.iter().enumerate() {

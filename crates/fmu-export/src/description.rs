@@ -62,13 +62,13 @@ pub struct Capabilities {
     pub per_element_dependencies: bool,
 }
 
-/// A variable's attributes (FMI 2.0.5, section 2.2.7), or those of all elements of an array: whatever differs between
-/// elements follows by rule.
+/// The attributes of a variable (FMI 2.0.5, section 2.2.7), or of all elements of an array, whose differences follow a
+/// rule.
 #[derive(Debug)]
 pub struct VariableDescription {
-    /// The structured name; an array's without subscripts.
+    /// The structured name; for an array, without subscripts.
     pub base_name: &'static str,
-    /// The value reference, of an array that of its first element.
+    /// The value reference; for an array, that of its first element.
     pub value_reference: ValueReference,
     /// An array's sizes; empty if it is a scalar.
     pub dimensions: &'static [usize],
@@ -86,9 +86,9 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
-    /// A Real input's position among the Real inputs; of an array that of its first element.
+    /// The position of a Real input among the Real inputs; for an array, that of its first element.
     pub first_real_input: Option<usize>,
-    /// Likewise of a continuous-time state among the states.
+    /// The position of a continuous-time state among the states; for an array, that of its first element.
     pub first_state: Option<usize>,
     /// Its roles in the equations of initialization.
     pub in_initialization: Roles,
@@ -96,8 +96,8 @@ pub struct VariableDescription {
     pub in_steps: Roles,
 }
 
-/// What a variable is in equations (FMI 2.0.5, section 2.2.8): what the dependencies in `ModelStructure` name is known, and
-/// what it lists is unknown, besides outputs and locals that it need not list. A state that is an output is both.
+/// The role of a variable in equations (FMI 2.0.5, section 2.2.8). Dependencies in `ModelStructure` name knowns; its
+/// entries are unknowns, as are outputs and locals that it need not list. A state that is an output is both.
 #[derive(Clone, Copy, Debug)]
 pub struct Roles {
     /// Given.
@@ -122,7 +122,7 @@ impl VariableDescription {
     }
 }
 
-/// A scalar variable: an element of an array, or one that is in none.
+/// A scalar variable: an element of an array, or a variable that is not an array.
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarVariable {
     pub(crate) description: &'static VariableDescription,
@@ -214,8 +214,8 @@ impl PartialEq<&str> for Name {
     }
 }
 
-/// Scalar unknowns that depend alike: each on the first one's knowns, advanced with it. Those of an array whose
-/// elements read their neighbors are one entry, besides the first and last elements.
+/// Scalar unknowns with the same pattern of dependencies: the knowns of each are those of the first, advanced with it.
+/// In an array whose elements read their neighbors, all but the first and last elements are one entry.
 #[derive(Clone, Copy, Debug)]
 pub struct Dependencies {
     /// The first unknown.
@@ -237,7 +237,7 @@ pub struct Knowns {
     pub count: u32,
     /// The difference between the value references of two consecutive knowns.
     pub step: ValueReference,
-    /// Likewise between those of two consecutive unknowns.
+    /// The difference between the first knowns of two consecutive unknowns.
     pub stride: ValueReference,
 }
 
@@ -267,7 +267,7 @@ pub struct ClockDescription {
     pub is_input: bool,
     /// When it ticks.
     pub interval_variability: IntervalVariability,
-    /// Whether its interval is declared; if so, importers set that of a fixed or tunable clock.
+    /// Whether its interval is declared; if so, importers may set the interval of a fixed or tunable clock.
     pub has_interval: bool,
     /// Whether its interval may be exchanged as a fraction.
     pub supports_fraction: bool,

@@ -20,7 +20,7 @@ impl fmt::Display for Rounded {
     }
 }
 
-/// A time (s) to the nanosecond, which leaves the round-off of added steps out.
+/// A time (s) to the nanosecond, without the round-off of summed steps.
 ///
 /// ```
 /// assert_eq!(fmu_export::display::Seconds(6.162_500_000_000_000_5).to_string(), "6.1625");

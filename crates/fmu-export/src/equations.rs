@@ -50,7 +50,8 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Equations::event`] switches branches, which the model stores.
     fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>);
 
-    /// [`Equations::evaluate`] for plain numbers, in models that compute with what [`Equations::take_parameters`] derived.
+    /// [`Equations::evaluate`] for plain numbers. Override it to compute with fields that
+    /// [`Equations::take_parameters`] derived.
     fn evaluate_values(&self, time: f64, variables: EvaluationOf<'_, Self, f64>) {
         self.evaluate(time, variables);
     }
@@ -58,11 +59,12 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The method of the built-in integrator.
     const METHOD: &'static Method = &RODAS5P;
 
-    /// The longest step of the built-in integrator in s, where its error estimate may miss what is shorter.
+    /// The longest step of the built-in integrator in s, for models in which its error estimate may miss something
+    /// shorter.
     const LONGEST_INTERNAL_STEP: f64 = f64::INFINITY;
 
-    /// The error of each state that a tolerance of 1 allows in a step; by default the sum of its magnitude and nominal
-    /// value.
+    /// The error of each state that a tolerance of 1 allows in a step; by default the sum of the state's magnitude and
+    /// its nominal value.
     const ERROR_SCALES: Option<&'static [f64]> = None;
 
     /// The tolerance of the built-in integrator; `asked` is the importer's.
@@ -104,11 +106,12 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Calculates the *variables* that depend on parameters alone: calculated parameters, and locals whose variability is
-    /// `fixed` or `tunable`. All of them, and nothing else sets them. Called after [`Equations::prepare`], after each change
-    /// of tunable parameters, and in each derivative with respect to parameters.
+    /// Calculates the *variables* that depend on parameters only: all calculated parameters, and all locals whose
+    /// variability is `fixed` or `tunable`. No other hook sets them. Called after [`Equations::prepare`], after each
+    /// change of tunable parameters, and in each derivative with respect to parameters.
     ///
-    /// What depends on parameters alone and is no variable, [`Equations::take_parameters`] stores in the model's fields.
+    /// [`Equations::take_parameters`] stores values that depend on parameters only and are not variables in the model's
+    /// fields.
     fn calculate_parameters<T: Number>(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<T>,
@@ -117,15 +120,15 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Derives the model's *fields* that depend on parameters alone, such as tables or what [`Equations::advance`] computes
-    /// with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
-    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, as fields have no derivatives.
+    /// Derives the model's *fields* that depend on parameters only, such as tables or what [`Equations::advance`]
+    /// computes with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
+    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, because fields have no derivatives.
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
 
-    /// Computes initial states that differ from the start values, to which all states are set before. Called after
-    /// [`Equations::take_parameters`].
+    /// Computes initial states that differ from the start values. Called after [`Equations::take_parameters`], with all
+    /// states at their start values.
     fn initialize<T: Number>(&self, variables: &mut VariablesOf<Self, T>) {
         let _ = variables;
     }
@@ -145,15 +148,15 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables, indicators);
     }
 
-    /// When the next time event after a time (s) is due, whatever the states are by then. Called at each event. The
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event. The
     /// first may be due at the start time.
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);
         None
     }
 
-    /// Whether events sample inputs, which are constant between them: an event due at the end of a communication step then
-    /// belongs to the next step, with its inputs.
+    /// Whether events sample inputs, and the equations use only the samples. If so, an event due at the end of a
+    /// communication step belongs to the next step, with its inputs.
     const SAMPLES_INPUTS: bool = false;
 
     /// Whether the model brings its own integrator, [`Equations::advance`]; in Model Exchange the importer's integrates.
@@ -194,10 +197,10 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
 /// The variables of a model of equations over a number type.
 pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
 
-/// What a model's equations read and compute, over a number type.
+/// What the equations of a model read and compute, for a number type.
 pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
 
-/// Calculates what follows from a model's parameters alone.
+/// Calculates what follows from the parameters of a model only.
 pub(crate) fn calculate_parameters<E: Equations, T: Number>(
     equations: &E,
     variables: &mut VariablesOf<E, T>,

@@ -21,7 +21,7 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-/// What a call allocates in addition, in bytes: messages and other small items.
+/// The bytes that a call allocates in addition, for messages and other small items.
 const SMALL_ALLOCATIONS: usize = 64 << 10;
 
 /// Checks that memory is available before it is allocated: a failed allocation aborts the importer's process.
@@ -31,7 +31,7 @@ const SMALL_ALLOCATIONS: usize = 64 << 10;
 pub(crate) fn check_memory(bytes: usize) -> Result<(), Error> {
     let mut trial = Vec::<u8>::new();
     let reserved = trial.try_reserve_exact(bytes.saturating_add(SMALL_ALLOCATIONS));
-    // Otherwise the compiler assumes that an unused allocation succeeds.
+    // Without this, the compiler assumes that an unused allocation succeeds.
     hint::black_box(&trial);
     reserved.map_err(|_| Error::new(format!("out of memory: {bytes} bytes are not available")))
 }

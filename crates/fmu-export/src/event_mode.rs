@@ -1,5 +1,5 @@
-//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: what a model implements so that importers can
-//! handle its events and exchange values between internal steps.
+//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: the trait of models whose events the importer
+//! can handle, and with which it can exchange values between internal steps.
 
 use crate::context::Context;
 use crate::error::Error;
@@ -64,7 +64,7 @@ impl Stop {
 pub enum EventsLeft {
     /// All: the step may end early.
     All,
-    /// The one at the end of the step; the model handles earlier ones.
+    /// The event at the end of the step; the model handles earlier events.
     AtEnd,
     /// None.
     None,

@@ -7,12 +7,12 @@ use crate::error::Error;
 use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
 
-/// The most events at one time, each caused by the one before.
+/// The most events at one time, each caused by the previous one.
 pub(crate) const MOST_ITERATIONS: u32 = 1000;
 
-/// Shift of an indicator away from its next crossing, as seen by an importer, so that it is never 0 when the importer
-/// continues, and has certainly crossed 0 where the importer locates the crossing ("a small hysteresis" in FMI 2.0.5,
-/// section 3.1). Indicators are of order one; this is a thousand times their rounding.
+/// The hysteresis of indicators for importers ("a small hysteresis" in FMI 2.0.5, section 3.1): an indicator is shifted
+/// away from its next crossing, so that it is never 0 when the importer continues, and has certainly crossed 0 where
+/// the importer locates the crossing. Indicators are of order one; this is a thousand times their rounding.
 const HYSTERESIS: f64 = 1e-12;
 
 /// An event follows another closely within this many roundings of the time.
@@ -25,7 +25,7 @@ pub struct Events {
     pub(crate) next: Option<f64>,
     /// The time of the last event, in s.
     reached: f64,
-    /// How many consecutive events came within the rounding of the time of the one before.
+    /// How many consecutive events came within the rounding of the time of the previous one.
     crowded: u32,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
@@ -76,8 +76,8 @@ pub(crate) enum Pace {
     Slow,
 }
 
-/// An indicator turns sharply where its second difference, relative to its scale, exceeds this; an oscillation does
-/// with fewer than about eight points per period. It turns where the difference exceeds an eighth of that.
+/// An indicator turns sharply where its second difference, relative to its scale, exceeds this, as in an oscillation
+/// with fewer than about eight points per period. It turns where the difference exceeds an eighth of this.
 const SHARP: f64 = 0.5;
 const TURNING: f64 = SHARP / 8.0;
 /// Kinks and jumps turn sharply at two points, however close these are.
@@ -134,8 +134,8 @@ impl Events {
         self.changed.iter().position(|changed| *changed)
     }
 
-    /// Counts an event at a time in s if it closely follows the last one. Returns whether so many now did that the
-    /// model may never leave this time.
+    /// Counts an event at a time in s if it closely follows the previous one. Returns whether there were so many that
+    /// the model may never leave this time.
     pub(crate) fn crowd(&mut self, time: f64) -> bool {
         let distance = (time - self.reached).abs();
         if distance <= 0.0 {
@@ -241,8 +241,8 @@ impl Events {
         (*looked, pace)
     }
 
-    /// Rejects a finished event that leaves a limit exceeded: there might be no other event. `names` are the
-    /// indicators', `limits` the positions of those that are limits; they were computed after the event.
+    /// Rejects a finished event that leaves a limit exceeded, because no further event may follow. `names` are the
+    /// names of the indicators, `limits` the positions of those that are limits; they were computed after the event.
     pub(crate) fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
         match limits.iter().find(|limit| self.indicators[**limit] > 0.0) {
             Some(&exceeded) => Err(Error::new(format!(
@@ -293,8 +293,8 @@ impl Events {
         }
     }
 
-    /// The last event's time in s, if at most this much later than the importer's time, otherwise the importer's: time
-    /// events may be handled slightly early, and must not recur.
+    /// The time of the last event in s, if it is at most `tolerance` later than the importer's time; otherwise the
+    /// importer's time. Time events may be handled slightly early, and must not recur.
     pub(crate) fn time(&self, time: f64, tolerance: f64) -> f64 {
         if self.reached > time && self.reached <= time + tolerance { self.reached } else { time }
     }

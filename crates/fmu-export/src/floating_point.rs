@@ -1,8 +1,8 @@
 //! The floating-point environment assumed by compiled Rust: round to nearest, keep subnormal numbers, trap nowhere.
 //!
-//! Importers may use another one: hosts in Fortran and Delphi enable traps, others round differently or flush
-//! subnormal numbers. Traps would kill a healthy process, as LLVM divides before it knows whether the quotient is
-//! needed; the rest would change results.
+//! The importer's environment may differ: hosts in Fortran and Delphi enable traps, others round differently or flush
+//! subnormal numbers. Traps would kill a healthy process, because LLVM divides before it knows whether the quotient is
+//! needed; the other differences would change results.
 //!
 //! Functions that only copy and compare numbers skip the switch: the environment affects only their warning about an
 //! input below zero by a subnormal number.

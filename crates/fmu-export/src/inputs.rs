@@ -49,7 +49,7 @@ pub struct InputSignal<I> {
     sloped: bool,
     /// The inputs at the end of the last step, within their bounds.
     end: I,
-    /// Whether `end` is current: the inputs had derivatives in the last step, and nothing was set since.
+    /// Whether `end` is current: the inputs had derivatives in the last step, and none has been set since.
     moved: bool,
 }
 
@@ -58,7 +58,7 @@ pub struct InputSignal<I> {
 struct RealSignal {
     /// The value as set.
     set: f64,
-    /// The slope at the end of the last step; 0 if set since.
+    /// The slope at the end of the last step; 0 if the input has been set since.
     slope: f64,
     /// The unbounded value at the end of the last step.
     reached: f64,
@@ -133,7 +133,7 @@ impl<I: Inputs> InputSignal<I> {
         inputs
     }
 
-    /// Likewise in place of other inputs.
+    /// Overwrites inputs with those at a time (s) after the step's start.
     pub(crate) fn set_at(&self, offset: f64, inputs: &mut I) {
         inputs.clone_from(&self.bounded);
         self.move_to(offset, inputs);
@@ -175,7 +175,7 @@ impl<I: Inputs> InputSignal<I> {
         has_left
     }
 
-    /// Separate from [`InputSignal::set_value`], to keep that fast without derivatives.
+    /// Separate from [`InputSignal::set_value`], which stays fast without derivatives.
     #[cold]
     fn forget_derivatives(&mut self, position: usize) {
         self.reals[position].derivatives = [0.0; MAX_ORDER];
@@ -198,7 +198,7 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
-    /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in its unit per s to the order.
+    /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in the input's unit per s^order.
     ///
     /// # Panics
     /// When the position has no input or the order is out of range.
@@ -223,7 +223,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Stores the inputs and their slopes at the end of a step of a size (s).
     fn note_end(&mut self, size: f64) {
         for real in &mut self.reals {
-            // Not of a slope that was set to nothing since: a restored state has forgotten it.
+            // A slope that has been cleared since does not count: a restored state does not have it.
             if self.moved {
                 real.reached = real.set + real.rise(self.order, size);
             }
@@ -235,7 +235,7 @@ impl<I: Inputs> InputSignal<I> {
         self.find_sloped();
     }
 
-    /// The current inputs: those at the end of the last step, or as set since.
+    /// The current inputs: those at the end of the last step, or the values set since.
     pub(crate) fn latest(&self) -> &I {
         if self.moved { &self.end } else { &self.bounded }
     }

@@ -1,8 +1,8 @@
 //! An FMU instance: the functions of the standard, without C.
 //!
-//! A forbidden call, or one with a wrong argument, is an error and changes nothing, unless the version of the standard
-//! ends the simulation there. A failed step or a panic leaves the instance in the state `error` until a reset or a
-//! restored state. A failed initialization can be repeated.
+//! A forbidden call, or a call with a wrong argument, is an error and changes nothing, unless the version of the
+//! standard then ends the simulation. A failed step or a panic leaves the instance in the state `error` until a reset
+//! or a restored state. A failed initialization can be repeated.
 
 pub(crate) mod activation;
 pub(crate) mod clocks;
@@ -72,9 +72,10 @@ pub(crate) struct Instance<M: Model> {
     pub(crate) logger: Logger,
     memory: Memory<M>,
     pub(crate) resources: Resources,
-    /// The strings returned last, valid until the next time.
+    /// The strings returned last, valid until strings are next returned.
     pub(crate) strings: Vec<CString>,
-    /// The value references of array elements in the last call that gets or sets arrays, so that only the first allocate.
+    /// The value references of array elements in the last call that got or set arrays. The memory is reused, so that
+    /// only the first calls allocate.
     scalars: Vec<ValueReference>,
     /// For adjoint derivatives.
     tape: Tape,
@@ -139,7 +140,7 @@ impl<M: Model> Instance<M> {
         self.report(&error, F::AFTER_ERROR)
     }
 
-    // What follows is separate, as `call` is inlined into each library function.
+    // The rest is separate, because `call` is inlined into each library function.
 
     /// Why a function must not be called.
     #[cold]

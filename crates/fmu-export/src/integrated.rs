@@ -1,5 +1,5 @@
-//! Models of equations as an importer sees them: in co-simulation the built-in integrator steps between events and
-//! handles them at their times, in Model Exchange the importer does; dual numbers give derivatives.
+//! Models of equations as an importer sees them. In co-simulation the built-in integrator steps from event to event and
+//! handles the events; in Model Exchange the importer does. Dual numbers give derivatives.
 
 mod equated;
 
@@ -444,7 +444,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             MOST_TRIALS.saturating_add((step.size / E::LONGEST_INTERNAL_STEP * TRIALS_A_LONGEST_STEP) as u32);
         let (mut trials, mut events) = (0, 0);
         let mut last_cause = None;
-        // Inputs and tunable parameters may have jumped since the last step.
+        // The importer may have changed inputs and tunable parameters since the last step.
         if !is_evaluated {
             evaluate_values(&self.equations, self.time, variables);
         }
@@ -508,7 +508,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             }
         }
         self.time = end;
-        // Large inputs are copied to memory that is there.
+        // Large inputs are copied into existing memory.
         let (_, mut inputs) = evaluated.unwrap_or_else(|| (end, variables.inputs().clone()));
         inputs.clone_from(variables.inputs());
         self.evaluated = Some((end, inputs));
@@ -623,7 +623,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
     }
 }
 
-/// Computes with inputs limited to their bounds instead of the inputs as set.
+/// Computes with inputs clamped to their bounds.
 fn with_inputs<V: Variables, R>(
     variables: &mut V,
     inputs: &V::Inputs,

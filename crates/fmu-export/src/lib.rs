@@ -1,5 +1,5 @@
 #![doc = include_str!("../README.md")]
-// So that models' equations may one day run without the standard library.
+// The equations of models may one day run without the standard library.
 #![warn(clippy::std_instead_of_core)]
 
 // The runtime's modules; each depends only on those below it:

@@ -1,10 +1,11 @@
 //! Messages to the importer: through its logger callback, in the declared categories (FMI 2.0.5, section 2.1.5; FMI
 //! 3.0.2, section 2.3.1).
 //!
-//! Errors are always logged, in FMI 2.0 warnings too; events only while debug logging is on for their category.
+//! Errors are always logged, and in FMI 2.0 warnings too; events are logged only while debug logging is on for their
+//! category.
 //!
-//! Messages are logged when a function returns and the instance is no longer in use, so the importer's logger may call
-//! it, which the standard does not forbid.
+//! Messages are logged when a function returns and the instance is no longer in use, so that the importer's logger may
+//! call the instance, which the standard does not forbid.
 
 use core::cell::RefCell;
 use core::ffi::CStr;
@@ -149,7 +150,7 @@ impl Logger {
         if self.pending.borrow().is_empty() { None } else { self.take_pending() }
     }
 
-    /// Apart, as all of `take` is inlined into each of the library's functions, and messages are rare.
+    /// Separate, because `take` is inlined into each function of the library, and messages are rare.
     #[cold]
     #[inline(never)]
     fn take_pending(&self) -> Option<Delivery> {
@@ -176,8 +177,8 @@ fn printable(message: &str) -> CString {
     CString::new(message.replace('#', "##").replace('\0', "")).unwrap_or_default()
 }
 
-/// Checksums of the latest distinct messages of initialization, newest first. Initialization runs again after every
-/// set in initialization mode, but logs each message once. Few enough for small saved states, and enough for masters
+/// Checksums of the latest distinct messages of initialization, newest first. Initialization runs again after every set
+/// in initialization mode, but logs each message once. The number keeps saved states small and suffices for masters
 /// that alternate between a few values. An unused entry is 0.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RecentMessages([u64; 16]);

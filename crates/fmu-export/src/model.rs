@@ -1,4 +1,4 @@
-//! The interface between a model and FMI: what a model implements, and what it receives.
+//! The interface between a model and FMI: the trait that a model implements, and the arguments that it receives.
 //!
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value references, C or
 //! the order of importers' calls.
@@ -13,8 +13,8 @@ use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.
 ///
-/// Importers save and restore the model with `Clone`, and carry it into other processes with [`Persistent`], so both
-/// must cover its whole memory. A struct can derive both.
+/// `Clone` saves and restores the model, and [`Persistent`] carries it into other processes, so both must cover its
+/// whole memory. A struct can derive both.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it \
                implements `Equations`, `Sampled` or `Clocked`",
@@ -112,8 +112,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no derivatives"))
     }
 
-    /// Likewise for what initialization computes at the start time (s), including the states, when inputs, parameters
-    /// and start values change along a direction.
+    /// The directional derivative of what initialization computes at the start time (s), including the states, when
+    /// inputs, parameters and start values change along a direction.
     ///
     /// # Errors
     /// As [`Model::differentiate`].
@@ -149,8 +149,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives"))
     }
 
-    /// Likewise for what initialization computes at the start time (s), including the states, with each input,
-    /// parameter and start value, whose derivatives are in `states`.
+    /// The adjoint derivative of what initialization computes at the start time (s), including the states: how it
+    /// changes with each input, parameter and start value. The derivatives by start values are in `states`.
     ///
     /// # Errors
     /// As [`Model::differentiate_backwards`].
@@ -170,9 +170,9 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Simulation`](crate::Simulation) need not look for changes.
     const TAKES_PARAMETERS: bool = true;
 
-    /// Calculates the *variables* that depend on parameters alone (calculated parameters, and locals whose variability is
-    /// `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`] calculates
-    /// them itself.
+    /// Calculates the *variables* that depend on parameters only (calculated parameters, and locals whose variability
+    /// is `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`]
+    /// calculates them itself.
     fn calculate_parameters(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<f64>,
@@ -181,20 +181,20 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Receives the parameters after [`Model::calculate_parameters`]: for models that store what follows from them in
-    /// *fields*. They may contradict each other until [`Model::check_parameters`].
+    /// Receives the parameters after [`Model::calculate_parameters`], so that the model can store derived values in
+    /// *fields*. Parameters may contradict each other until [`Model::check_parameters`].
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
 
-    /// Recomputes, after reading a serialized state, what was left out because it follows from the rest: by default, what
-    /// follows from the parameters.
+    /// Recomputes, after reading a serialized state, what the state omits because it follows from the rest; by default,
+    /// what follows from the parameters.
     fn restored(&mut self, variables: &Self::Variables) {
         self.take_parameters(variables);
     }
 }
 
-/// Calculates what follows from a model's parameters alone.
+/// Calculates what follows from the parameters of a model only.
 pub(crate) fn calculate_parameters<M: Model>(model: &M, variables: &mut M::Variables) {
     M::Variables::calculate_parameters(variables, |parameters, calculated| {
         model.calculate_parameters(parameters, calculated);

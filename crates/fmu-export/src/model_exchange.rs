@@ -1,4 +1,4 @@
-//! Model Exchange: what a model implements whose states the importer integrates.
+//! Model Exchange: the trait of models whose states the importer integrates.
 
 use crate::context::Context;
 use crate::error::Error;
@@ -7,10 +7,10 @@ use crate::model::{InputsOf, Model};
 
 /// A model for Model Exchange (FMI 2.0.5, chapter 3), optionally with events.
 ///
-/// [`Model::refresh`] computes its derivatives, locals and outputs from time, inputs and states, wherever the importer's
-/// solver tries them: smoothly between events, even slightly beyond where an event is due: only
-/// [`ModelExchange::event`] switches branches, which the model stores. A solver may try states that never occur;
-/// non-finite derivatives make it try a shorter step.
+/// [`Model::refresh`] computes derivatives, locals and outputs from time, inputs and states, for any values that the
+/// importer's solver tries. Between events the result must be smooth, even slightly beyond the point where an event is
+/// due: only [`ModelExchange::event`] switches branches, which the model stores. A solver may try states that never
+/// occur; non-finite derivatives make it try a shorter step.
 ///
 /// Models of [`Equations`](crate::Equations) and [`Sampled`](crate::Sampled) ones implement all of this.
 #[diagnostic::on_unimplemented(
@@ -31,7 +31,7 @@ pub trait ModelExchange: Model {
         let _ = (time, variables, inputs, indicators);
     }
 
-    /// When the next time event after a time (s) is due, whatever the states are by then. Called at each event.
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event.
     fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         let _ = (time, variables, inputs);
         None

@@ -1,11 +1,12 @@
-//! The number types of a model's equations: `f64` gives values, [`Dual`] their exact derivatives, too.
+//! The number types of a model's equations: `f64` gives values, and [`Dual`] also their exact derivatives.
 
 use core::cmp::Ordering;
 use core::f64::consts::{LN_2, LN_10};
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A summand that changes no value, not even the sign of 0: for an operand's contribution to the derivative only.
+/// A summand that changes no value, not even the sign of 0. It carries an operand's contribution to the derivative
+/// only.
 const NOTHING: f64 = -0.0;
 
 /// A real number in a model's equations, with the functions of `f64` that have derivatives.
@@ -38,8 +39,8 @@ pub trait Number:
     #[must_use]
     fn value(self) -> f64;
 
-    /// A function of this number, from its value and derivative there. For functions missing from this trait, such as
-    /// table interpolation.
+    /// A function of this number, given its value and derivative there, for functions that this trait does not have,
+    /// such as table interpolation.
     #[must_use]
     fn mapped(self, value: f64, derivative: f64) -> Self;
 
@@ -259,8 +260,8 @@ pub trait Number:
             + summand.mapped(NOTHING, 1.0)
     }
 
-    /// The remainder of the division by another number, from 0 up to its absolute value, as for an angle within a
-    /// turn. It jumps: where that matters, there must be an event.
+    /// The remainder of the division by another number, from 0 up to its absolute value, for example for an angle
+    /// within one turn. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn rem_euclid(self, divisor: impl Into<Self>) -> Self {
         let divisor = divisor.into();
@@ -268,7 +269,7 @@ pub trait Number:
         self.mapped(self.value().rem_euclid(divisor.value()), 1.0) + divisor.mapped(NOTHING, -quotient)
     }
 
-    /// The sign: 1 or -1, even for 0 and -0. It jumps: where that matters, there must be an event.
+    /// The sign: 1 or -1, even for 0 and -0. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn signum(self) -> Self {
         self.mapped(self.value().signum(), 0.0)
@@ -379,8 +380,8 @@ impl Neg for Dual {
     }
 }
 
-/// What a type of numbers with a value needs to be a [`Number`]: comparisons by value, and operations on two numbers,
-/// on a number and `f64`, and in place, from the results of those on two.
+/// Implements what a type of numbers with a value needs to be a [`Number`]: comparisons by value, and, from the results
+/// of the operations on two numbers, those on a number and `f64` and those in place.
 macro_rules! arithmetic {
     (
         $number:ty;

@@ -9,7 +9,7 @@ use std::panic::catch_unwind;
 use crate::error::Error;
 
 thread_local! {
-    /// Where this thread last panicked. It needs no destructor, which would outlive the library.
+    /// Where this thread last panicked. The type has no destructor, because one would outlive the library.
     static PLACE: Cell<Place> = const { Cell::new(Place { file: [0; Place::LONGEST], line: 0 }) };
 }
 

@@ -52,9 +52,9 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Calculates what depends on parameters alone: calculated parameters, and locals whose variability is `fixed` or
-    /// `tunable`; all of them, and nothing else sets them. Called before [`Sampled::initialize`], and after each
-    /// change of tunable parameters.
+    /// Calculates what depends on parameters only: all calculated parameters, and all locals whose variability is
+    /// `fixed` or `tunable`. No other hook sets them. Called before [`Sampled::initialize`], and after each change of
+    /// tunable parameters.
     fn calculate_parameters(
         &self,
         parameters: &<Self::Variables as Variables>::Parameters<f64>,
@@ -78,7 +78,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Executes a sample: reads the inputs, already limited to their bounds, and sets outputs and locals.
+    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals.
     ///
     /// # Errors
     /// When the model cannot continue.
@@ -284,7 +284,7 @@ impl<S: Sampled> EventMode for SampledModel<S> {
 
 impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
 
-/// Why a step until a time in s, whose samples start with this one, is rejected.
+/// The reason to reject a step until a time in s, whose samples start with this one.
 #[cold]
 fn too_many_samples(sample: Sample, until: f64, period: f64) -> Error {
     Error::new(format!(

@@ -1,4 +1,4 @@
-//! Scheduled Execution of FMI 3.0: which models have partitions for the importer to schedule.
+//! Scheduled Execution of FMI 3.0: the trait of models whose partitions the importer schedules.
 
 use crate::model::Model;
 

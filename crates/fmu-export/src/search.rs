@@ -6,7 +6,7 @@ use crate::events::{Events, Pace, Side};
 /// The fewest and most points at which a step is searched for events.
 const SEARCHED: u32 = 8;
 const MOST_SEARCHED: u32 = 1 << 16;
-/// The number of points beyond a crossing that are searched, where indicators change faster than states.
+/// The number of points searched beyond a crossing, if indicators change faster than states.
 const CONFIRMED: u32 = 24;
 /// How far beyond its estimate a crossing is searched for, in roundings of the time since the communication step's
 /// start.
@@ -124,8 +124,8 @@ pub fn first_event<T: Trajectory>(
     trajectory.go_to(after)
 }
 
-/// A point's offset from equidistance, so that no oscillation stays in step with the points: pseudo-random, from -1/4
-/// to 1/4.
+/// A point's pseudo-random offset from equidistance, from -1/4 to 1/4, so that no oscillation stays in step with the
+/// points.
 fn unevenness(place: u32) -> f64 {
     // The finalizer of MurmurHash3.
     let mixed = (place ^ place >> 16).wrapping_mul(0x85EB_CA6B);

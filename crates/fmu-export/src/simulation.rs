@@ -27,7 +27,7 @@ pub struct Simulation<M: Model> {
     pub variables: M::Variables,
     /// The inputs of the next step.
     pub inputs: InputsOf<M>,
-    /// The experiment, as an importer would set it up.
+    /// The experiment that an importer would set up.
     pub experiment: Experiment,
     /// The time in seconds.
     pub time: f64,

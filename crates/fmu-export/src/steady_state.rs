@@ -1,5 +1,5 @@
-//! Starts at rest: the steady state of a model, for [`Equations::prepare`](crate::Equations::prepare) to find and for
-//! [`Equations::initialize`](crate::Equations::initialize) to start from.
+//! Starts at rest: [`Equations::prepare`](crate::Equations::prepare) finds the steady state of a model, and
+//! [`Equations::initialize`](crate::Equations::initialize) starts from it.
 //!
 //! It is found by pseudo-transient continuation. Each iteration is one linearized implicit Euler step, (1/Δt − J)·Δx =
 //! f(x). While Δt is short this follows the transient from the guess, and so finds the steady state that the model would
@@ -52,7 +52,7 @@ impl From<NoSteadyState> for Error {
     }
 }
 
-/// Finds the positive unknowns at which rates of change are 0, from a guess.
+/// Finds the positive unknowns at which the rates of change are 0, from a guess.
 ///
 /// `rates` computes the unknowns' rates of change, in 1/s times their units; `scales` is the magnitude of each unknown.
 ///
@@ -154,7 +154,7 @@ impl<F: Fn([Dual; N]) -> [Dual; N], const N: usize> Scaled<'_, F, N> {
         jacobian
     }
 
-    /// Takes a few more Newton steps and returns the unknowns with the smallest residual, since rounding dominates at
+    /// Takes a few more Newton steps and returns the unknowns with the smallest residual, because rounding dominates at
     /// this precision.
     fn polish(&self, mut y: [f64; N]) -> Result<[f64; N], NoSteadyState> {
         let mut best = (f64::INFINITY, y);

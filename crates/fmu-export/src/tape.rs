@@ -67,7 +67,8 @@ impl Tape {
         let mut operations = self.operations.borrow_mut();
         for place in (1..operations.len()).rev() {
             let Operation { operands, slopes, adjoint } = operations[place];
-            // What has no effect has none even where a slope is infinite, like that of the root at 0.
+            // An operation without effect contributes nothing, even where its slope is infinite, like that of the root
+            // at 0.
             if adjoint == 0.0 {
                 continue;
             }

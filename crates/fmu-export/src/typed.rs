@@ -1,6 +1,6 @@
 //! Macros for the generated structs of a model's variables, to keep the generated code small.
 
-/// A large array of a generated struct, which is on the heap: an importer's thread may have a stack of 1 MB.
+/// A large array of a generated struct. It is on the heap, because an importer's thread may have a stack of only 1 MB.
 ///
 /// # Panics
 /// With another number of elements.

@@ -24,8 +24,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     type Evaluation<'a, T: Number + 'a>;
     /// The parameters over a number type.
     type Parameters<T: Number>;
-    /// What follows from them alone, over a number type: calculated parameters, and locals whose variability is `fixed` or
-    /// `tunable`; `()` without any.
+    /// What follows from parameters only, over a number type: calculated parameters, and locals whose variability is
+    /// `fixed` or `tunable`; `()` if there are none.
     type CalculatedParameters<T: Number>;
     /// Whether there are calculated parameters, or such locals.
     const HAS_CALCULATED_PARAMETERS: bool = false;
@@ -41,11 +41,12 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const DESCRIPTION: &'static ModelDescription;
     /// In FMI 3.0, the value reference of the first event indicator's variable; those of the others follow.
     const FIRST_EVENT_INDICATOR: ValueReference = ValueReference::MAX;
-    /// The Real outputs and derivatives, each with the variables on which it depends according to the model's JSON
-    /// (`reads`), if declared. For [`check_dependencies`](crate::check_dependencies), and importers that ask for the
-    /// dependencies of each element; otherwise not part of a library.
+    /// The Real outputs and derivatives, each with the variables on which it depends according to `reads` in the
+    /// model's JSON. [`check_dependencies`](crate::check_dependencies) uses them, and importers that ask for the
+    /// dependencies of each element; other libraries do not contain them.
     const DEPENDENCIES: &'static [Dependencies] = &[];
-    /// Likewise of what initialization computes; only where importers may ask for the dependencies of each element.
+    /// What initialization computes, with its dependencies; only if importers may ask for the dependencies of each
+    /// element.
     const INITIAL_DEPENDENCIES: &'static [Dependencies] = &[];
     /// Whether a Real output or derivative depends explicitly on time, or may.
     const DEPENDS_ON_TIME: bool = false;
@@ -63,13 +64,13 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const HAS_ARRAYS: bool =
         matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
 
-    /// A variable's attributes, those of its array, if the value reference exists.
+    /// The attributes of the variable with a value reference. The elements of an array share theirs.
     #[must_use]
     #[inline]
     fn attributes(reference: ValueReference) -> Option<&'static VariableDescription> {
         Self::description(reference).map(|variable| variable.description)
     }
-    /// A scalar variable, if the value reference exists.
+    /// The scalar variable with a value reference.
     #[must_use]
     #[inline]
     fn description(reference: ValueReference) -> Option<ScalarVariable> {
@@ -140,7 +141,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         }
         beyond
     }
-    /// Whether the derivative of a state reads a state, as far as the model's JSON tells.
+    /// Whether the derivative of a state reads a state, according to the model's JSON.
     #[must_use]
     fn derivative_reads(derivative: usize, state: usize) -> bool
     where
@@ -225,11 +226,11 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn mark_calculated(&mut self, mark: bool) {
         let _ = mark;
     }
-    /// Likewise everything calculated from parameters alone.
+    /// Marks everything calculated from parameters only, as [`Self::mark_calculated`] does.
     fn mark_calculated_parameters(&mut self, mark: bool) {
         let _ = mark;
     }
-    /// Has a function calculate what follows from the parameters alone. A no-op if nothing does.
+    /// Calls a function to calculate what follows from the parameters only. A no-op if nothing does.
     fn calculate_parameters<T: Number>(
         variables: &mut Self::Of<T>,
         calculate: impl FnOnce(&Self::Parameters<T>, &mut Self::CalculatedParameters<T>),

@@ -1,4 +1,4 @@
-//! A model as a WebAssembly module: what its host calls in addition to the FMI functions.
+//! A model as a WebAssembly module: the functions that its host calls in addition to those of FMI.
 //!
 //! An importer's callbacks are host functions without addresses: the module imports them from `fmu`. As in C, null
 //! callbacks are not called.

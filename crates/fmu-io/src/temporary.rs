@@ -47,7 +47,7 @@ pub fn is_interrupted() -> bool {
     IS_INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// Removes them, before the process ends at once.
+/// Removes them, just before the process ends.
 pub fn remove_all() {
     let paths = paths();
     for path in paths.iter() {
@@ -125,7 +125,7 @@ pub(crate) struct Unfinished(Option<NamedTempFile>);
 impl Unfinished {
     /// Creates a file with a unique name and a new file's usual permissions.
     pub(crate) fn new_in(folder: &Path) -> io::Result<Self> {
-        // Otherwise the error of a missing folder would name the temporary file.
+        // Without this, the error of a missing folder would name the temporary file.
         fs::metadata(folder)?;
         let mut builder = Builder::new();
         builder.prefix(UNFINISHED);

@@ -29,7 +29,7 @@ pub fn printable(text: &str) -> String {
     escaped(&text.replace("\r\n", "\n"), |character| matches!(character, '\n' | '\t'))
 }
 
-/// Likewise within a line, with line breaks and tabs escaped.
+/// A text for one line: all control characters are escaped, including line breaks and tabs.
 #[must_use]
 pub fn in_line(text: &str) -> String {
     escaped(text, |_| false)

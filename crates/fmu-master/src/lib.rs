@@ -1,5 +1,5 @@
-//! Loads FMUs of any maker, FMI 2.0 and 3.0, by co-simulation or Model Exchange, steps one or a coupled system, and
-//! records.
+//! Loads FMUs from any tool (FMI 2.0 and 3.0, Co-Simulation or Model Exchange), steps one of them or a coupled system,
+//! and records the results.
 //!
 //! An [`Fmu`] is loaded once and creates [`Instance`]s, whose variables are read and set by name:
 //!
@@ -52,8 +52,8 @@
 //! is a [`CallFailed`]: the C function, the time, the status and the FMU's own messages. It downcasts to that, except
 //! where a scenario's [`Location`](scenario::Location) precedes it.
 //!
-//! FMUs are native code in this process: one that crashes ends it. [`fail_if_an_fmu_exits`] tells an end that an FMU brings
-//! about by `exit` from success.
+//! FMUs are native code in this process, so an FMU that crashes ends the process. [`fail_if_an_fmu_exits`] makes a call
+//! of `exit` by an FMU an error.
 
 mod importer;
 mod master;

@@ -1,4 +1,4 @@
-//! The master: couples instances by equal names, and steps them through a scenario.
+//! The master: connects instances by variable name, and steps them through a scenario.
 //!
 //! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is
 //! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives
@@ -19,8 +19,8 @@ use crate::recorder::Recorder;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
-/// Exchanges of outputs and inputs during initialization: what one FMU returns once it has its inputs may change the
-/// outputs of another, as a measured voltage changes a controller's duty.
+/// Exchanges of outputs and inputs during initialization: the outputs of one FMU, once it has its inputs, may change
+/// those of another, as a measured voltage changes a controller's duty.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The FMUs of experiments, each loaded once, by their paths, interfaces and maps. Clones share them.
@@ -28,7 +28,7 @@ const INITIAL_EXCHANGES: usize = 2;
 pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>, Option<String>), Arc<Fmu>>);
 
 impl LoadedFmus {
-    /// All that are loaded, in the order of their paths.
+    /// All loaded FMUs, in the order of their paths.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
         self.0.values().map(Arc::as_ref)
     }
@@ -63,7 +63,7 @@ pub struct Master<'a> {
     tap: Option<Tap>,
 }
 
-/// A connection whose value is changed on its way.
+/// A connection whose signal is changed.
 struct Tap {
     target: usize,
     wires: usize,
@@ -209,8 +209,8 @@ impl<'a> Master<'a> {
         self.signals_held_at = Some(self.time());
     }
 
-    /// Chooses the connection to an input that [`Master::step_adding`] changes. The FMU's name and a colon precede an
-    /// input's that several FMUs have.
+    /// Selects the connection to an input that [`Master::step_adding`] changes. If several FMUs have the input, its
+    /// name is preceded by the FMU's name and a colon.
     ///
     /// # Errors
     /// When there is no such connection, or several.
@@ -240,8 +240,8 @@ impl<'a> Master<'a> {
         Ok(())
     }
 
-    /// Makes a step as [`Master::step`] does, with a number added to what the tapped connection brings, in the unit of
-    /// its input. Returns what the connection brought.
+    /// Makes a step as [`Master::step`] does, and adds a number to the signal of the tapped connection, in the unit of
+    /// its input. Returns the signal without it.
     ///
     /// # Errors
     /// When a call fails, or no connection is tapped.
@@ -331,8 +331,8 @@ impl<'a> Master<'a> {
         self.record_at(time)
     }
 
-    /// Runs a scenario from its start to its end, or to where an FMU asks for that. Before each step, `progress` gets the
-    /// number of those done.
+    /// Runs a scenario from its start to its end, or until an FMU requests the end. Before each step, `progress` gets
+    /// the number of steps done.
     ///
     /// # Errors
     /// Those of [`Master::initialize`] and [`Master::step`].

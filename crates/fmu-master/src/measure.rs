@@ -39,7 +39,7 @@ pub fn least(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The largest value; minus infinity without any.
+/// The largest value; minus infinity if there are none.
 pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
@@ -50,7 +50,7 @@ pub fn range(values: &[f64]) -> f64 {
     greatest(values.iter().copied()) - least(values.iter().copied())
 }
 
-/// Linear interpolation between points with ascending abscissae; the outermost values beyond.
+/// Linear interpolation between points with ascending abscissae; beyond them, the outermost values.
 #[must_use]
 pub fn interpolate(points: &[(f64, f64)], place: f64) -> f64 {
     Signal::Lines(points.to_vec()).at(place)

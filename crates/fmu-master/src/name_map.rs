@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use fmu_package::{FmuDescription, Translation};
 
-/// Gives an FMU other names and units, so that it fits a scenario written for another FMU.
+/// Gives an FMU different names and units, so that it fits a scenario written for another FMU.
 pub trait NameMap: fmt::Debug + Send + Sync {
     /// The FMU in these names and units.
     ///

@@ -128,7 +128,7 @@ enum Found {
     Variable { member: usize, name: String },
 }
 
-/// Resolves a name in `record`: a signal, else an output, else any variable; of the FMU before the colon, if any.
+/// Resolves a name in `record`: a signal, else an output, else any variable. An FMU's name and a colon may precede it.
 fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     if let Some(signal) = scenario.input(name) {
         return Ok(Found::Signal(signal.clone()));
@@ -142,7 +142,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
     let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
     let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
-    // The signal for an FMU replaced by one without this input.
+    // The signal for an FMU whose replacement does not have this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
         return Ok(Found::Signal(input.signal.clone()));

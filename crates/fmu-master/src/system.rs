@@ -26,7 +26,7 @@ pub struct NoStopTime;
 
 impl Display for NoStopTime {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        formatter.write_str("it says not when a run ends")
+        formatter.write_str("it defines no stop time")
     }
 }
 
@@ -71,7 +71,7 @@ impl Times {
     }
 }
 
-/// One FMU alone, with the times of its default experiment where no others are given. Its outputs are recorded.
+/// One FMU on its own. Times that are not given are those of its default experiment. Its outputs are recorded.
 ///
 /// # Errors
 /// When its modelDescription.xml cannot be read, no stop time is given, or the run is not a whole number of steps.

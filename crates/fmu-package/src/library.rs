@@ -117,7 +117,7 @@ pub struct Linkage {
     pub imports: BTreeSet<String>,
     /// The libraries on which it depends.
     pub libraries: BTreeSet<String>,
-    /// Why hardened loaders reject it: relocations in the code, or an executable stack (ELF).
+    /// The reason why hardened loaders reject it: relocations in the code, or an executable stack (ELF).
     pub is_refused_for: Option<&'static str>,
 }
 

@@ -250,7 +250,7 @@ impl FmuDescription {
         }
     }
 
-    /// The variable with a position from 1 on, or in FMI 3.0 a value reference; all elements of an array.
+    /// The variable with a position from 1 on, or, in FMI 3.0, with a value reference; all elements if it is an array.
     fn referred(&self, reference: &str) -> Vec<&FmuVariable> {
         if !self.is_fmi3() {
             let position = reference.trim().parse().ok().and_then(|position: usize| position.checked_sub(1));

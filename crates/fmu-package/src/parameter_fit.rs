@@ -14,8 +14,8 @@ impl ParameterSet {
     /// The set converted for an FMU: each value with its variable's type and unit, and within its range.
     ///
     /// # Errors
-    /// At the first parameter that the FMU lacks, that cannot be set, or that does not fit in type, unit or range; the
-    /// message names it and what was expected.
+    /// At the first parameter that the FMU does not have, that cannot be set, or whose type, unit or range does not
+    /// fit; the message names it and what was expected.
     pub fn fit(&self, fmu: &FmuDescription) -> io::Result<Self> {
         let parameters = self.parameters.iter().map(|parameter| {
             let name = &parameter.name;
@@ -111,8 +111,9 @@ impl Value {
         }
     }
 
-    /// The unit that was probably meant by a number without one, which counts in the variable's unit: the display unit
-    /// in which it comes near the start value, if it is below a hundredth or above a hundred times of that as it is.
+    /// The unit that was probably meant by a number without a unit, which is taken in the variable's unit. If it is
+    /// below a hundredth or above a hundred times the start value, this is the display unit in which it comes near the
+    /// start value.
     #[must_use]
     pub fn meant_unit(&self, variable: &FmuVariable, fmu: &FmuDescription) -> Option<String> {
         let (Self::Real(value, None), Ok(start)) = (self, variable.start.trim().parse::<f64>()) else {
@@ -128,7 +129,7 @@ impl Value {
         if is_near(*value) { None } else { units_of(variable, fmu).find(comes_near).map(|unit| unit.name) }
     }
 
-    /// The value as a number, of Booleans 0 or 1; none for texts and items.
+    /// The value as a number, 0 or 1 for a Boolean; none for texts and items.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -269,7 +270,7 @@ mod tests {
         );
         assert_eq!(
             refusal("presure", Value::Integer(1)),
-            "Vessel has no variable presure; the nearest is pressure"
+            "Vessel has no variable presure; did you mean pressure?"
         );
         assert_eq!(refusal("level", Value::Integer(1)), "level cannot be set: its causality is output");
     }

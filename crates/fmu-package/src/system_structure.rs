@@ -156,8 +156,8 @@ pub struct SystemPackage {
 }
 
 impl SystemStructure {
-    /// Likewise without the system's connectors, under another name: for masters that do not support these, and whose
-    /// users set the components' inputs.
+    /// The structure without the system's connectors, under another name. It is for masters without support for system
+    /// connectors, whose users set the components' inputs.
     #[must_use]
     pub fn of_components(&self, name: &str) -> Self {
         let mut structure = Self { name: name.to_owned(), ..self.clone() };
@@ -313,7 +313,7 @@ impl Connection {
         attributes.extend(self.end.component.clone().map(|component| ("endElement", component)));
         attributes.push(("endConnector", self.end.connector.clone()));
         if self.transformation.is_some() {
-            // Otherwise the transformation would be applied in addition to the unit conversion.
+            // Without this, the transformation would be applied in addition to the unit conversion.
             attributes.push(("suppressUnitConversion", true.to_string()));
         }
         element(writer, "ssd:Connection", attributes, |writer| {

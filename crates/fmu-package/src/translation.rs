@@ -6,7 +6,7 @@ use fmu_terms::Linear;
 
 use crate::model_description::FmuDescription;
 
-/// An FMU's description in other names and units, and the conversion of its values.
+/// The description of an FMU with other names and units, and the conversion of its values.
 #[derive(Clone, Debug)]
 pub struct Translation {
     /// The description in these names and units.

@@ -26,7 +26,7 @@ pub struct FmuVariable {
     pub initial: String,
     /// The unit, or that of its type.
     pub unit: String,
-    /// The unit to show values in, or that of its type.
+    /// The unit in which to show values, or that of its type.
     pub display_unit: String,
     /// The start value.
     pub start: String,

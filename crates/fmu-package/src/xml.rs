@@ -1,5 +1,5 @@
-//! XML of any maker, parsed within limits, which the parser does not have: entities without bounds, deep nesting and huge
-//! documents are refused.
+//! XML from any tool, parsed within limits that the parser itself does not have: unbounded entities, deep nesting and
+//! huge documents are refused.
 
 use std::io;
 use std::str::FromStr;
@@ -32,7 +32,7 @@ pub(crate) enum Problem {
     Syntax,
 }
 
-/// A document, or why it is refused, in which line.
+/// A document, or the reason why it is refused, with the line.
 pub(crate) fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (Problem, usize, String)> {
     scan(text, longest_value).map_err(|(problem, position, message)| {
         let before = &text.as_bytes()[..usize::try_from(position).unwrap_or(0).min(text.len())];

@@ -33,7 +33,7 @@ pub mod color {
     pub const FAINT: Color = Color("--faint");
     /// For the least value of a map, behind texts.
     pub const LOW: Color = Color("--low");
-    /// For the greatest value of a map, behind texts.
+    /// The colour of the greatest value of a map, behind texts.
     pub const HIGH: Color = Color("--high");
     /// For references and texts.
     pub const INK: Color = Color("--ink");
@@ -85,7 +85,7 @@ pub struct Figure {
     note: String,
 }
 
-/// A frame with its axes and what is drawn in it.
+/// A frame with its axes and curves.
 #[derive(Clone, Debug, Default)]
 #[must_use]
 pub struct Panel {
@@ -136,7 +136,7 @@ pub struct Line {
     is_dashed: bool,
     is_held: bool,
     marks: Marks,
-    /// Whose values these are, and the factor to them, where the page that shows the plot draws further points.
+    /// The variable of the line and the factor to its values, for a page that draws further points.
     #[cfg_attr(not(feature = "html"), allow(dead_code))]
     source: Option<(String, Linear)>,
 }
@@ -163,7 +163,7 @@ impl Figure {
         Self::default()
     }
 
-    /// A picture's title; on a page it is the heading.
+    /// The title of a picture; on a page it is the heading.
     pub fn title(self, title: &str) -> Self {
         Self { title: title.to_owned(), ..self }
     }
@@ -238,7 +238,7 @@ impl Panel {
         Self { x: Axis { is_logarithmic: true, ..self.x }, ..self }
     }
 
-    /// A unit is as long on both axes, for a curve in a plane.
+    /// Equal scales on both axes, for a curve in a plane.
     pub fn equal_scales(self) -> Self {
         Self { has_equal_scales: true, ..self }
     }
@@ -287,7 +287,7 @@ impl Panel {
 }
 
 impl Axis {
-    /// Where a value is: on a logarithmic axis, in decades.
+    /// The place of a value; on a logarithmic axis, in decades.
     fn place(&self, value: f64) -> f64 {
         if self.is_logarithmic { value.log10() } else { value }
     }
@@ -357,8 +357,8 @@ impl Line {
 }
 
 impl Lane {
-    /// A signal of this name, with the text of its value at each time; a low one is drawn as a line. What changes
-    /// within a pixel is one state, without a text.
+    /// A signal of this name, with the text of its value at each time; a low state is drawn as a line. Changes within a
+    /// pixel are drawn as one state, without a text.
     pub(crate) fn new<'a>(name: &str, values: impl IntoIterator<Item = (f64, &'a str, bool)>) -> Self {
         let values: Vec<_> = values.into_iter().collect();
         let [begin, end] = [values.first(), values.last()].map(|value| value.map_or(0.0, |value| value.0));
@@ -379,11 +379,11 @@ impl Lane {
 
 /// The height of a lane, in CSS pixels.
 const LANE: u32 = 44;
-/// Where the states are drawn, as shares of a lane's height; above is its name.
+/// Where the states are drawn, as fractions of the height of a lane; the name is above them.
 const STATE: [f64; 2] = [0.07, 0.6];
 /// The font size of a state's text, in CSS pixels.
 const STATE_FONT: u16 = 11;
-/// The pixel columns that tell the states of a lane apart.
+/// The pixel columns that separate the states of a lane.
 const LANE_COLUMNS: usize = 1600;
 
 /// The column of pixels, or the row, of a value.
@@ -413,7 +413,7 @@ fn distinct(points: &[(f64, f64)], [columns, rows]: [((f64, f64), usize); 2]) ->
     points.iter().filter(&mut is_new).copied().collect()
 }
 
-/// Magnitudes below this are shown as 0, since such a range has no ticks.
+/// Magnitudes below this are shown as 0, because such a range has no ticks.
 const LEAST: f64 = 1e-300;
 
 /// The smallest and the largest finite value, distinct from each other.
@@ -548,7 +548,7 @@ mod tests {
         assert!(html.contains("\"--ink\"") && !html.contains("\"#"));
     }
 
-    /// The library apart, in which addresses of services stand that these figures do not use.
+    /// Without the library, which contains addresses of services that these figures do not use.
     #[cfg(feature = "html")]
     #[test]
     fn the_script_is_one_library_and_our_own() {
@@ -603,7 +603,7 @@ mod tests {
         }
     }
 
-    /// Beyond these, the drawing library never finds an axis's ticks.
+    /// Beyond these, the drawing library never finds the ticks of an axis.
     #[test]
     fn pictures_of_the_greatest_and_least_numbers_are_drawn_or_refused_by_name() {
         let figure = |x: f64, y: f64| {

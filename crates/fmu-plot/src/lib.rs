@@ -1,6 +1,7 @@
-//! Draws records of simulations, and other curves, as SVG, PNG and interactive HTML.
+//! Draws simulation records and other curves as SVG, PNG and interactive HTML.
 //!
-//! [`panels::draw`] draws a record: quantities of one unit share a panel where each uses a third of its scale.
+//! [`panels::draw`] draws a record: variables with the same unit share a panel if each fills at least a third of its
+//! scale.
 //!
 //! ```
 //! use fmu_plot::panels;
@@ -36,7 +37,7 @@
 //! ```
 //!
 //! With the feature `html`, a [`Report`] is a self-contained page whose plots zoom and switch lines on and off;
-//! [`Figure::html`] is for HTML of your own in one.
+//! [`Figure::html`] draws a figure for your own HTML in such a page.
 
 mod figure;
 pub mod panels;

@@ -16,8 +16,8 @@ const MOST_STATES: usize = 16;
 const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
 /// The record over time. `panels` are the names in each panel; names that are not recorded are ignored. By default,
-/// quantities of one unit and of like range are together, a reference is with what follows it, and what is constant is
-/// in a text below. Booleans, enumerations and codes are lanes.
+/// variables with the same unit and a similar range share a panel, a reference is drawn with the variable that tracks
+/// it, and constants are listed in a text below. Booleans, enumerations and codes are lanes.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
     let (panels, constants) = grouped(record, panels);
     let constants = constants.iter().map(|column| {
@@ -88,7 +88,7 @@ fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
     (panels, constants)
 }
 
-/// A change below this part of the size is rounding.
+/// A change below this fraction of the size is rounding.
 const SAME: f64 = 1e-6;
 
 /// The smallest and the largest finite value.

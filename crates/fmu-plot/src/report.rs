@@ -19,7 +19,7 @@ details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow
 @media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }
 ";
 
-/// A report: a self-contained HTML page in the style of the FMUs' pages. Texts are escaped; what is named `html` is
+/// A report: a self-contained HTML page in the style of the FMUs' pages. Texts are escaped; arguments named `html` are
 /// markup.
 ///
 /// ```
@@ -48,7 +48,7 @@ pub struct Report {
 pub struct Table {
     /// The attribute `class`, if it has one.
     class: String,
-    /// Its caption and its row of headings, as far as it has them.
+    /// Its caption and its row of headings, if it has them.
     caption: String,
     head: String,
     rows: String,
@@ -68,7 +68,7 @@ impl Report {
         Self { title: title.to_owned(), ..Self::default() }
     }
 
-    /// Begins a section, which the table of contents lists.
+    /// Starts a section, which the table of contents lists.
     pub fn section(&mut self, title: &str) {
         self.section_of(&format!("section-{}", self.sections + 1), title);
     }

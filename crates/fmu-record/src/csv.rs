@@ -17,8 +17,8 @@ fn reader(text: &str) -> csv::Reader<&[u8]> {
     ReaderBuilder::new().trim(Trim::All).comment(Some(COMMENT as u8)).from_reader(text.as_bytes())
 }
 
-/// The names and units in a file's header; the unit is empty where there is none. Units are in a commented row below the
-/// names, else with them: `name (unit)` or `name [unit]`.
+/// The names and units in the header of a file; a missing unit is empty. Units are in a commented row below the names,
+/// or beside them: `name (unit)` or `name [unit]`.
 ///
 /// # Errors
 /// When the header is not UTF-8.

@@ -1,4 +1,4 @@
-//! What tables are written as: CSV, or Parquet, which keeps types, missing values and units.
+//! The formats of tables: CSV, or Parquet, which keeps types, missing values and units.
 //!
 //! Parquet rather than Arrow's own file: pandas, Polars, Spark and MATLAB all read it, and of the crates
 //! that write either, `parquet` without its Arrow layer is the smallest (29 crates in its tree; `arrow-ipc` with
@@ -23,7 +23,8 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// By the ending of a file's name, `.csv` or `.parquet` in any case. What is not a file, such as a pipe, gets CSV.
+    /// The format by the ending of a file's name, `.csv` or `.parquet` in any case. Targets that are not files, such as
+    /// pipes, get CSV.
     ///
     /// # Errors
     /// When the name ends otherwise.

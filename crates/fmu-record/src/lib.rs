@@ -1,4 +1,4 @@
-//! Records of simulations: variables over time, as CSV and Parquet.
+//! Simulation records: variables over time, as CSV and Parquet.
 //!
 //! A [`Record`] has the time in s and a column of doubles for each variable, with its unit. It is written to and read
 //! from CSV files and, with the feature `parquet`, Parquet files; every double reads back bit for bit. A [`Table`] also

@@ -1,4 +1,4 @@
-//! In the place of Parquet where the feature `parquet` is off.
+//! Replaces Parquet if the feature `parquet` is off.
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Numbers for readers, with the digits that mean something; files have them as they are.
+//! Numbers as readers expect them, with significant digits only; files have all digits.
 //!
 //! ```
 //! use fmu_record::numbers::{estimate, number, quantity};
@@ -20,8 +20,8 @@ const PREFIXES: [(&str, i32); 7] =
 /// Numbers in this range need no prefix.
 const HANDY: std::ops::Range<f64> = 0.01..1e4;
 
-/// A number with its unit, which has an SI prefix where that saves zeros: `125 kPa`. A narrow no-break space separates
-/// them; the unit `1` is left out.
+/// A number with its unit, with an SI prefix if that saves zeros: `125 kPa`. A narrow no-break space separates them;
+/// the unit `1` is omitted.
 #[must_use]
 pub fn quantity(value: f64, unit: &str) -> String {
     let (unit, factor) = shown(unit, value);

@@ -21,7 +21,7 @@ use parquet::schema::types::Type;
 
 use crate::table::{Cells, Column, Table};
 
-/// The key in a Parquet file's metadata under which the columns' units are, as a JSON object.
+/// The metadata key of a Parquet file for the units of the columns, a JSON object.
 const UNITS: &str = "units";
 /// The key of their display units, each a name, a factor and an offset.
 const DISPLAY_UNITS: &str = "display_units";

@@ -21,7 +21,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// An empty record of variables, each a column without values, or a name and a unit, which may be empty.
+    /// An empty record of variables. Each is a column without values, or a name and a unit, which may be empty.
     pub fn new(columns: impl IntoIterator<Item = impl Into<Column>>) -> Self {
         Self { time: vec![], columns: columns.into_iter().map(Into::into).collect() }
     }

@@ -17,9 +17,9 @@ pub fn nearest<T: AsRef<str>>(name: &str, known: impl IntoIterator<Item = T>) ->
         .map(|(_, other)| other)
 }
 
-/// The nearest known name as the end of a message: `; the nearest is …`. Empty if none is near.
+/// The nearest known name as the end of a message: `; did you mean …?`. Empty if none is near.
 pub fn like<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    nearest(name, known).map_or_else(String::new, |name| format!("; the nearest is {name}"))
+    nearest(name, known).map_or_else(String::new, |name| format!("; did you mean {name}?"))
 }
 
 #[cfg(test)]
@@ -39,7 +39,7 @@ mod tests {
             ("Float23", "Float32"),
         ] {
             assert_eq!(nearest(name, known), Some(meant), "{name}");
-            assert_eq!(like(name, known), format!("; the nearest is {meant}"));
+            assert_eq!(like(name, known), format!("; did you mean {meant}?"));
         }
         for name in ["", "K1", "red", "end", "stop", "mass", "mass_factor_in", "numerical"] {
             assert_eq!(nearest(name, known), None, "{name}");

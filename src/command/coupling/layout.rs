@@ -11,7 +11,7 @@
 //!   other inputs   └───────┘
 //! ```
 //!
-//! The components span the canvas, since OMSimulator refuses files that give another size.
+//! The components span the canvas, because OMSimulator refuses files with another canvas size.
 
 use fmu_package::Placement;
 
@@ -23,9 +23,9 @@ const SMALLEST: f64 = 60.0;
 /// The number of connectors at each side.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
-    /// From the environment to the controller alone.
+    /// From the environment to the controller only.
     pub controller_inputs: usize,
-    /// From the environment to the plant alone.
+    /// From the environment to the plant only.
     pub plant_inputs: usize,
     /// From the environment to both.
     pub shared_inputs: usize,
@@ -33,7 +33,7 @@ pub struct Counts {
     pub commands: usize,
     /// From the plant to the controller.
     pub measurements: usize,
-    /// From the plant to the environment alone.
+    /// From the plant to the environment only.
     pub plant_outputs: usize,
 }
 
@@ -74,7 +74,7 @@ impl Layout {
         self.plant.upper_right.0
     }
 
-    /// A connector for an input of the controller alone, at its left side.
+    /// A connector for an input of the controller only, at its left side.
     pub fn controller_input(&self, index: usize) -> (f64, f64) {
         (0.0, self.controller.upper_right.1 - PITCH * (index + 1) as f64)
     }
@@ -87,7 +87,7 @@ impl Layout {
         [(0.0, system.1), controller, (self.plant.lower_left.0, system.1)]
     }
 
-    /// A connector for an input of the plant alone, at its left side.
+    /// A connector for an input of the plant only, at its left side.
     pub fn plant_input(&self, index: usize) -> (f64, f64) {
         (self.plant.lower_left.0, self.plant.upper_right.1 - PITCH * (index + 1) as f64)
     }

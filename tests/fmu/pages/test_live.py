@@ -1,4 +1,4 @@
-"""The page that runs both FMUs in a browser: its controls, and its experiments beside the laboratory's."""
+"""The page that runs both FMUs in a browser: its controls, and its experiments against the laboratory's."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ COPYRIGHT = "Copyright (c) 2026 The boost-fmu developers"
 @pytest.mark.parametrize("name", NAMES)
 def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: str) -> None:
     """Section 2.3: license.txt is the entry point. It lists each linked package, as in the lock file, with
-    its license texts. The notices of Rust's standard library are beside it."""
+    its license texts. The notices of Rust's standard library are in the same folder."""
     with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
         folder = "documentation/licenses/"
         names = [path.removeprefix(folder) for path in archive.namelist() if path.startswith(folder)]

@@ -1,4 +1,4 @@
-//! What a fit gives, and the values of the plant from which fits start.
+//! The results of a fit, and the values of the plant from which fits start.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -25,7 +25,7 @@ pub const NAMES: [&str; 5] = [
 
 /// The fraction of the stroke at either end in which a stop may hold the rod.
 pub const STOPS: f64 = 0.02;
-/// After this many lengths `F_c/σ`, friction no longer depends on its start.
+/// After this many lengths `F_c/σ`, friction no longer depends on its initial value.
 const FORGOTTEN: f64 = 5.0;
 /// The smallest reversal of the rod distinguished from noise, in standard deviations of the position.
 const TURN: f64 = 5.0;

@@ -4,7 +4,7 @@
 //! or model error moves many of them together, and the formula for independent residuals underestimates the errors. So
 //! they are computed twice: from the residuals' variance, and from the influence of each phase, which allows any
 //! correlation within a phase: the bias reduced linearization (CR2) of R. M. Bell and D. F. `McCaffrey`, Survey
-//! Methodology 28, 2002. The larger one counts.
+//! Methodology 28, 2002. The larger one is used.
 
 use anyhow::{Result, bail};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -15,7 +15,8 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 /// parameter.
 const DEPENDENT: f64 = 1e-9;
 
-/// A phase with more than this leverage determines a parameter alone: its residuals would be zero whatever the errors.
+/// A phase with more than this leverage determines a parameter by itself: its residuals would be zero whatever the
+/// errors.
 const ALONE: f64 = 1.0 - 1e-6;
 
 /// A parameter with a larger relative standard error is not determined by the data.

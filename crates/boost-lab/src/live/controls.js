@@ -92,7 +92,7 @@ class Controls {
   constructor(form, groups, models, plants, changed) {
     Object.assign(this, { form, plants });
     // The parameter sets, as if they were an enumeration of the plant.
-    const items = new Map(["as tuned for", ...plants.map(({ name }) => name)].map((name, index) => [name, index]));
+    const items = new Map(["nominal plant", ...plants.map(({ name }) => name)].map((name, index) => [name, index]));
     const plant = { name: "plant", type: "Enumeration", items, start: 0, description: "The plant's parameters; changing them restarts the simulation.", variability: "fixed" };
     const made = groups.map(({ controls }) => controls.map(each => new Control(each, each.fmu ? models[each.fmu].variables.get(each.name) : plant, changed)));
     this.all = made.flat();

@@ -1,4 +1,4 @@
-// Couples FMUs by equal names and steps them through a scenario, in the same order as the laboratory's master.
+// Connects FMUs by variable name and steps them through a scenario, in the same order as the laboratory's master.
 
 // Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING = 1e-9;

@@ -19,7 +19,7 @@ use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
 use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
 use fmu_plot::{Figure, Report, escaped};
 
-/// The closed loop that the page starts with; the user changes its constant inputs.
+/// The closed loop with which the page starts; the user changes its constant inputs.
 pub const LOOP: (&str, &str) = shipped!("live.toml");
 
 const STYLE: &str = include_str!("style.css");

@@ -18,7 +18,7 @@ pub fn reproduce(laboratory: &mut Laboratory) -> Result<Evidence> {
     let compensated = laboratory.scenario(shipped!("figure_10.toml"))?;
     let mut without = compensated.clone();
     without.set_value("controller", "compensate_voltage", Value::Boolean(false))?;
-    // The plant alone, with eq. (9) for the instantaneous voltage.
+    // The plant on its own, with eq. (9) for the instantaneous voltage.
     let mut exact = laboratory.scenario(shipped!("figure_1.toml"))?;
     let duty = exact.input("hp_wastegate_pwm").map_or(f64::NAN, |signal| signal.at(0.0));
     let voltage = exact.input("supply_voltage").map_or(&[] as &[_], Signal::points);

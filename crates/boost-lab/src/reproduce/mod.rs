@@ -69,7 +69,7 @@ pub struct Evidence {
     /// The FMUs' results by the names of the claims.
     #[serde(skip)]
     results: Vec<(&'static str, f64)>,
-    /// Differences from the paper's experiment, and what is not reproduced.
+    /// Differences from the paper's experiment, and parts that are not reproduced.
     pub notes: Vec<String>,
 }
 
@@ -151,7 +151,7 @@ pub struct Claim {
     pub basis: Basis,
     /// How the result is computed, and the reason for the range.
     pub how: String,
-    /// Why the FMUs are known to differ from the paper, if they are.
+    /// The known reason for a difference from the paper, if there is one.
     pub known_difference: Option<String>,
 }
 
@@ -195,7 +195,7 @@ impl Claim {
         self.text(self.value)
     }
 
-    /// The accepted range, likewise.
+    /// The accepted range with its unit.
     pub fn asked(&self) -> String {
         match (self.least, self.most) {
             (Some(least), Some(most)) => format!("{} to {}", number(self.scale().1 * least), self.text(most)),
@@ -205,7 +205,7 @@ impl Claim {
         }
     }
 
-    /// The paper's number, likewise.
+    /// The number in the paper with its unit.
     pub fn in_paper(&self) -> Option<String> {
         self.paper_value.map(|value| self.text(value))
     }

@@ -369,7 +369,7 @@ mod tests {
         }
         assert_eq!(
             refusal("schedule.gain[16,7]", |variable| variable.name = "schedule.gain[17,7]".to_owned()),
-            "the controller BoostController has no schedule.gain[16,7]; the nearest is schedule.gain[1,7]"
+            "the controller BoostController has no schedule.gain[16,7]; did you mean schedule.gain[1,7]?"
         );
         let message = refusal("schedule.engine_speed[1]", |variable| variable.name = "speed".to_owned());
         assert!(message.contains("has no schedule.engine_speed[1]"), "{message}");

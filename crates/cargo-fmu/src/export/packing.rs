@@ -136,7 +136,7 @@ pub(super) fn documentation(
     Ok(files)
 }
 
-/// The files that the model reads at run time: those in the build's folder `resources`, if any.
+/// The files that the model reads at run time: those in the `resources` folder of the build, if any.
 pub(super) fn resources(generated: &Path) -> Result<Vec<(String, Vec<u8>)>> {
     let (mut files, mut pending) = (vec![], vec!["resources".to_owned()]);
     pending.retain(|path| generated.join(path).is_dir());

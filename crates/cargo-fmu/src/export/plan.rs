@@ -21,7 +21,7 @@ use crate::sources::{self, Module};
 use crate::target::{Build, Made, WebAssembly};
 use crate::{licenses, validate};
 
-/// What to export, and where to; nothing is built yet.
+/// What to export, and the output folder; nothing is built yet.
 #[derive(Debug)]
 pub struct Plan {
     pub(super) metadata: Metadata,
@@ -104,7 +104,7 @@ impl Plan {
 
         let mut written = vec![];
         for (number, &version) in self.versions.iter().enumerate() {
-            // One by one, as each build overwrites the libraries of the one before.
+            // One by one, because each build overwrites the libraries of the previous one.
             let built = self.compile(version)?;
             let descriptions = descriptions(self.models(), &built)?;
             let (of_these, others) = given.into_iter().partition(|given| given.is_of(&descriptions));
@@ -162,9 +162,9 @@ impl Plan {
         self.builds.iter().enumerate().map(compile).collect()
     }
 
-    /// Builds an FMI version for one target; `of` says which of how many.
+    /// Builds an FMI version for one target; `of` is its number among all targets.
     fn compile_for(&self, build: &dyn Made, of: &str, version: Option<Version>) -> Result<Compiled> {
-        // Cargo's progress, and its waiting for another cargo, appear on standard error, which is shared.
+        // Cargo reports progress, and waiting for another cargo, on the shared standard error.
         complain(&format!(
             "Compiling {} for {}{of}, a minute or more the first time; cargo shows its progress:",
             self.models().collect::<Vec<_>>().join(", "),

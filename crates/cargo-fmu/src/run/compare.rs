@@ -1,4 +1,4 @@
-//! `compare`: records overlaid, with their differences in numbers.
+//! `compare`: overlays records, and prints their differences.
 
 use std::path::PathBuf;
 

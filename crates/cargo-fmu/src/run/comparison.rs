@@ -1,4 +1,4 @@
-//! Compares records: each one's differences from the first, in numbers and drawings.
+//! Compares records: computes and draws the differences of each from the first.
 
 use std::fmt::Write as _;
 
@@ -32,7 +32,7 @@ struct Variable<'a> {
 /// A record's difference from the first, at the first's times.
 struct Difference {
     points: Vec<(f64, f64)>,
-    /// The largest, with its time; none if they are equal.
+    /// The largest difference, with its time; none if the records are equal.
     greatest: Option<(f64, f64)>,
     root_mean_square: f64,
     /// The number of rows without a finite difference.
@@ -224,7 +224,7 @@ impl Difference {
         let greatest = finite().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         let greatest =
             greatest.filter(|(_, difference)| *difference != 0.0).map(|&(time, value)| (value, time));
-        // Scaled, since the squares of the largest numbers overflow.
+        // Scaled, because the squares of the largest numbers overflow.
         let size = greatest.map_or(1.0, |(value, _)| value.abs());
         let squares: f64 = finite().map(|(_, difference)| (difference / size).powi(2)).sum();
         let root_mean_square = size * (squares / finite().count().max(1) as f64).sqrt();
@@ -355,6 +355,6 @@ mod tests {
         let refusal =
             |wanted: Option<&[String]>| Comparison::new(&records, wanted).err().unwrap().to_string();
         assert_eq!(refusal(None), "the records have no variable in common");
-        assert_eq!(refusal(Some(&["own_b".to_owned()])), "a has no variable own_b; the nearest is own_a");
+        assert_eq!(refusal(Some(&["own_b".to_owned()])), "a has no variable own_b; did you mean own_a?");
     }
 }

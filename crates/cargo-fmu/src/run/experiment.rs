@@ -44,7 +44,8 @@ pub struct Experiment {
     /// FMU offers it]
     #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
     interface: Option<Interface>,
-    /// Inputs over time, in columns under their names after the time (s): on lines between rows, or held if discrete
+    /// Inputs over time: a column of time (s), then a column per input, headed by its name; interpolated linearly, or
+    /// held if discrete
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
 }
@@ -59,7 +60,7 @@ pub struct End {
 }
 
 impl Experiment {
-    /// The file that runs; a model of this folder is exported now.
+    /// The file to run; a model of this folder is exported now.
     ///
     /// # Errors
     /// When there is none.
@@ -81,7 +82,7 @@ impl Experiment {
     ) -> Result<T> {
         let (scenario, folder) = self.scenario(subject, maps, end).map_err(|error| {
             let is_endless = error.is::<system::NoStopTime>();
-            if is_endless { anyhow!("{error:#}: give --{}", end.option) } else { error }
+            if is_endless { anyhow!("{error:#}; give --{}", end.option) } else { error }
         })?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
@@ -265,7 +266,7 @@ fn set(
     Ok(())
 }
 
-/// Gives an input a signal in the place of what drives it.
+/// Drives an input by a signal, which replaces its present source.
 fn drive(inputs: &mut Vec<Input>, name: &str, signal: Signal, location: &Location) {
     inputs.retain(|input| input.name != name);
     inputs.push(Input { name: name.to_owned(), signal, location: location.clone() });

@@ -1,4 +1,4 @@
-//! The finished parts of a long task, line by line: an interrupted task resumes from it.
+//! The journal of a long task: the finished parts, line by line, from which an interrupted task resumes.
 //!
 //! The first line has the task's settings, each other line a finished part, as JSON. A truncated last line is ignored.
 
@@ -145,7 +145,7 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
     let lines: String = lines.collect();
     let more = differing.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
-    bail!("it is of other settings; choose another folder, or remove it:{lines}{more}")
+    bail!("it has other settings; choose another folder, or remove it:{lines}{more}")
 }
 
 /// Two long texts, shortened to the surroundings of their first difference.

@@ -1,4 +1,4 @@
-//! The commands that run FMUs and show what comes out, for `cargo fmu` and others.
+//! The commands that run FMUs and show the results, for `cargo fmu` and others.
 
 mod compare;
 mod comparison;
@@ -34,7 +34,7 @@ pub use sweep::design::{Range, latin_fractions};
 /// Where `export` writes FMUs in a workspace.
 pub const FMUS: &str = "target/fmu";
 
-/// Opens an FMU for the command line, with other names and units if there is a map.
+/// Opens an FMU for the command line, with different names and units if there is a map.
 ///
 /// # Errors
 /// Those of [`Fmu::open_with`]; for a missing file, with what to do about it.
@@ -54,7 +54,7 @@ pub fn refuse_missing(fmu: &Path) -> Result<()> {
     bail!("cannot import {}: there is no such file; {}", fmu.display(), remedy(fmu))
 }
 
-/// What to do about a missing FMU: where exported ones are, and the file beside it whose name is nearest.
+/// Advice about a missing FMU: where `export` writes FMUs, and the nearest file name in its folder.
 fn remedy(path: &Path) -> String {
     let others = path.parent().and_then(|folder| folder.read_dir().ok()).into_iter().flatten().flatten();
     let others =
@@ -127,11 +127,10 @@ impl FmuArguments {
         for member in &scenario.fmus {
             if !member.file.exists() {
                 return Err(member.location.error(format!(
-                    "{} does not exist: {}; or name another folder with --fmus DIR or another file with --fmu \
-                     {}=FILE.fmu",
+                    "{} does not exist; name another folder with --fmus DIR or another file with --fmu {}=FILE.fmu: {}",
                     member.file.display(),
+                    member.name,
                     remedy(&member.file),
-                    member.name
                 )));
             }
         }

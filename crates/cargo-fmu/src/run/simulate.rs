@@ -1,4 +1,4 @@
-//! `simulate`: an experiment, to a summary, a record and a plot.
+//! `simulate`: runs an experiment, and writes a summary, a record and a plot.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ pub struct Simulate {
     /// The record to write, or its folder [default: none, but a summary]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
-    /// Record names alone, without the row of units, which FMPy does not read
+    /// Omit the row of units from the record, which FMPy does not read
     #[arg(long)]
     no_units: bool,
     /// Plot the record in the scenario's panels

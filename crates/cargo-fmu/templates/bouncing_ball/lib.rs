@@ -1,4 +1,4 @@
-//! A bouncing ball: an event where its height crosses 0, at which its velocity jumps.
+//! A bouncing ball: its velocity jumps at an event, where its height crosses 0.
 
 use fmu_export::{Context, Equations, Error, Event, Number, Persistent};
 

@@ -1,4 +1,4 @@
-//! Heat conduction in a rod, in cells of equal length: an array of states that read their neighbors.
+//! Heat conduction in a rod, in cells of equal length: an array of states, each of which reads its neighbors.
 
 use fmu_export::{Equations, Number};
 
@@ -13,7 +13,7 @@ impl Equations for {Type} {
         #[allow(clippy::cast_precision_loss)] // A rod has fewer cells than 2 to the power of 53.
         let width = p.length / n as f64;
         let rate = p.diffusivity / (width * width);
-        // From 1; beyond an end, half a cell from its cell's center, the profile goes on straight.
+        // From 1. An end is half a cell from the center of its cell; beyond it the profile is a straight line.
         let at = |cell: usize| match cell {
             0 => ends.left * 2.0 - cells[0],
             cell if cell <= n => cells[cell - 1],

@@ -1,4 +1,4 @@
-//! A furnace: a fast fuel valve on a slow thermal mass, each integrated in its own steps.
+//! A furnace: a fast fuel valve drives a slow thermal mass, each integrated in its own steps.
 
 use fmu_export::{Equations, Number, Part, TwoRates};
 

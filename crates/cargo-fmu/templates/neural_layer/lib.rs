@@ -1,10 +1,10 @@
-//! A layer of a neural network, y = tanh(W u + b), with the weights of a file.
+//! A layer of a neural network, y = tanh(W u + b), with weights from a file.
 
 use fmu_export::{Context, Equations, Error, Number, Persistent};
 
 fmu_export::fmu!(equations {Type});
 
-/// What `resources/weights.csv` says of each output: its bias, then its weights.
+/// The bias and the weights of each output, as in the rows of `resources/weights.csv`.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct {Type} {
     rows: Vec<Vec<f64>>,

@@ -1,4 +1,4 @@
-//! A stair: an event at each full second, and the end of the simulation after ten steps.
+//! A stair: an event every second; after ten steps the model ends the simulation.
 
 use fmu_export::{Context, Equations, Error, Event, Number};
 

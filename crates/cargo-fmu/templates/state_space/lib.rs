@@ -1,4 +1,4 @@
-//! A linear system: arrays, whose sizes are structural parameters.
+//! A linear system: arrays sized by structural parameters.
 
 use fmu_export::{Equations, Number};
 

@@ -1,4 +1,4 @@
-//! A block that a spring pulls over the ground: it sticks, slips, and sticks again.
+//! A block pulled over the ground by a spring: it sticks, slips, and sticks again.
 
 use fmu_export::{Context, Equations, Error, Event, Number, Persistent};
 

@@ -40,8 +40,8 @@ def fmu2() -> Callable[[str], Path]:
 
 @pytest.fixture
 def instance(fmu2: Callable[[str], Path], tmp_path: Path) -> Iterator[Callable[..., Exchange]]:
-    """Makes initialized instances of FMI 2.0 in the importer of the exporter's tests, each of its own copy of
-    the library, and frees them after the test."""
+    """Makes initialized instances of FMI 2.0 in the importer of the exporter's tests, each from a separate
+    copy of the library, and frees them after the test."""
     made: list[Exchange] = []
     folders = (tmp_path / str(number) for number in itertools.count())
 

@@ -54,7 +54,7 @@ class Exchange(Instance):
         return np.array(self.vector("EventIndicators")) > 0
 
     def handle_event(self) -> bool:
-        """Event iteration, and back to Continuous-Time Mode. Whether the simulation goes on."""
+        """Event iteration, and back to Continuous-Time Mode. Returns whether the simulation continues."""
         needed = True
         while needed:
             self.info = self.new_discrete_states()

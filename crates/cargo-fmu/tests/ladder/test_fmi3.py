@@ -254,7 +254,7 @@ RATE = 0.1 * CELLS**2
 
 
 def slopes(temperatures: np.ndarray, left: float, right: float) -> np.ndarray:
-    """By its definition: at an end the profile goes on straight, so that its temperature is at the end."""
+    """By its definition: the profile continues as a straight line, with the given temperature at the end."""
     beyond = [2 * left - temperatures[0], *temperatures, 2 * right - temperatures[-1]]
     return RATE * np.diff(beyond, 2)
 

@@ -1,5 +1,5 @@
-"""`cargo fmu linearize`: matrices, poles and frequency responses beside NumPy, and a loop with a sampled
-controller beside its z-transform."""
+"""`cargo fmu linearize`: matrices, poles and frequency responses against NumPy, and a loop with a sampled
+controller against its z-transform."""
 
 from __future__ import annotations
 

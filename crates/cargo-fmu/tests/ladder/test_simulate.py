@@ -1,4 +1,4 @@
-"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, beside FMPy, closed forms and SciPy, and the
+"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, against FMPy, closed forms and SciPy, and the
 model of a folder."""
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def test_scheduled_execution_is_refused_with_the_reason() -> None:
         [COMMAND, "simulate", CLOCKS["scheduled"]], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert "it is for Scheduled Execution alone: it needs a scheduler of its clocks" in done.stderr
+    assert "it is for Scheduled Execution only, which needs a scheduler for its clocks" in done.stderr
 
 
 def exchanged(fmu: Path, tmp_path: Path, *arguments: str) -> np.ndarray:

@@ -34,12 +34,12 @@ fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
                 refusals.add(format!("{}.state_group", part.key), reason);
             }
             (Some(group), None) => {
-                let reason = format!("{component}: it is in the state group '{group}', but has no states");
+                let reason = format!("{component}: is in the state group '{group}', but has no states");
                 refusals.add(format!("{}.state_group", part.key), reason);
             }
             (None, Some(state)) if !groups.is_empty() => {
                 let Scalar { name, key, .. } = &model.scalars[state.positions[0]];
-                refusals.add(key, format!("{name}: it is a state, but its component has no 'state_group'"));
+                refusals.add(key, format!("{name}: is a state, but its component has no 'state_group'"));
             }
             _ => {}
         }

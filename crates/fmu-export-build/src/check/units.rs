@@ -14,13 +14,13 @@ pub(crate) fn all(units: &[UnitDeclaration], refusals: &mut Refusals) {
         let (name, key) = (&unit.name, format!("[{number}]"));
         let mut refuse = |key: String, reason: &str| refusals.add(key, format!("'{name}': {reason}"));
         if !names.insert(name) {
-            refuse(format!("{key}.name"), "it is declared twice");
+            refuse(format!("{key}.name"), "is declared twice");
         }
         if let Err(reason) = one_line(name) {
             refuse(format!("{key}.name"), &reason);
         }
         if unit.factor == 0.0 {
-            refuse(format!("{key}.factor"), "it is 0");
+            refuse(format!("{key}.factor"), "must not be 0");
         }
         if unit.base.is_none() && (unit.factor.to_bits() != 1.0_f64.to_bits() || unit.offset != 0.0) {
             refuse(key.clone(), "a factor or offset needs a 'base' to refer to");
@@ -35,7 +35,7 @@ pub(crate) fn all(units: &[UnitDeclaration], refusals: &mut Refusals) {
                 refuse(key.clone(), &reason);
             }
             if let DisplayUnitDeclaration::New { factor: 0.0, .. } = display {
-                refuse(format!("{key}.factor"), "it is 0");
+                refuse(format!("{key}.factor"), "must not be 0");
             }
         }
         refusals.require(format!("{key}.display_units"), known.find(name).map(drop));

@@ -13,7 +13,7 @@ use crate::names::{OF_VARIABLES, mixed_name};
 use crate::start::Start;
 use crate::texts::one_line;
 
-/// The most scalar variables in a model: FMI 2.0 describes each, in some 350 bytes.
+/// The most scalar variables in a model: the description in FMI 2.0 takes some 350 bytes for each.
 const MOST_VARIABLES: usize = 100_000;
 
 /// The most dimensions of an array.
@@ -29,7 +29,7 @@ pub(crate) struct Checked {
     pub(crate) starts: Option<Vec<Start>>,
 }
 
-/// Checks one declared variable, which follows this many scalars.
+/// Checks one declared variable; `before` scalars precede it.
 pub(crate) fn check(
     declaration: &Declaration,
     variable: &VariableDeclaration,
@@ -49,7 +49,7 @@ pub(crate) fn check(
         text.map_or(Ok(()), |text| one_line(text)).map_err(|reason| (key, reason))?;
     }
     refuse_if(variable.sizes.contains(&0), "dimensions", "a dimension is 0")?;
-    let reason = format_args!("an array has at most {MOST_DIMENSIONS}");
+    let reason = format_args!("an array has at most {MOST_DIMENSIONS} dimensions");
     refuse_if(variable.sizes.len() > MOST_DIMENSIONS, "dimensions", reason)?;
     let with_derivative = if variable.derivative.is_some() { 2 } else { 1 };
     let scalars =
@@ -76,11 +76,19 @@ pub(crate) fn check(
     refuse_if(has_previous && !(is_clocked && is_discrete), "previous", reason)?;
     let needs_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
     let has_start = start.is_some();
-    refuse_if(has_start && data_type == DataType::Clock, "start", "a Clock has none")?;
+    refuse_if(has_start && data_type == DataType::Clock, "start", "a Clock has no 'start' value")?;
     let unless = if is_discrete { ", unless 'initial' is 'exact'" } else { "" };
-    let reason = format_args!("it is calculated, so it has no start value{unless}");
+    let reason = format_args!("a calculated variable has no 'start' value{unless}");
     refuse_if(has_start && !needs_start, "start", reason)?;
-    refuse_if(!has_start && needs_start, "start", "it needs a start value")?;
+    let kind = match place {
+        Place::Inputs => "an input",
+        Place::States => "a state",
+        Place::Parameters => "a parameter",
+        _ if variability == Variability::Constant => "a constant",
+        _ => "an 'exact' variable",
+    };
+    let reason = format_args!("{kind} needs a 'start' value");
+    refuse_if(!has_start && needs_start, "start", reason)?;
     let starts = start.map(|start| Start::all(declaration, variable, data_type, start));
     let starts = starts.transpose().map_err(|reason| ("start", reason))?;
     Ok(Checked { place, data_type, variability, initial, starts })
@@ -126,7 +134,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     let may_be_state = data_type == DataType::Real
         && is_continuous
         && matches!(causality, Causality::Local | Causality::Output);
-    let reason = "only a continuous local or output Real has one";
+    let reason = "only a continuous local or output Real has a 'derivative'";
     refuse_if(is_state && !may_be_state, "derivative", reason)?;
     let reason = "events can set only a state, which has a 'derivative'";
     refuse_if(variable.reinit && !is_state, "reinit", reason)?;
@@ -134,7 +142,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
         ("strict_min", variable.strict_min, "min", variable.min),
         ("strict_max", variable.strict_max, "max", variable.max),
     ] {
-        let reason = format_args!("it is for a state, which has a 'derivative', with a '{of}'");
+        let reason = format_args!("this key is for a state, which has a 'derivative', with a '{of}'");
         refuse_if(is_strict && !(is_state && bound.is_some()), key, reason)?;
     }
     let place = match causality {
@@ -165,20 +173,23 @@ fn initial(
 ) -> Result<Option<Initial>, Blame> {
     // The default first.
     let (allowed, reason): (&[_], _) = match place {
-        Place::Inputs => (&[], "an input has none"),
-        Place::Clocks => (&[], "a Clock has none"),
-        Place::Parameters => (&[Initial::Exact], "a parameter's is 'exact'"),
+        Place::Inputs => (&[], "an input has no 'initial'"),
+        Place::Clocks => (&[], "a Clock has no 'initial'"),
+        Place::Parameters => (&[Initial::Exact], "'initial' of a parameter is 'exact'"),
         Place::States if variable.initial_reads.is_some() => {
-            (&[Initial::Approx, Initial::Exact], "a state's is 'approx' or 'exact'")
+            (&[Initial::Approx, Initial::Exact], "'initial' of a state is 'approx' or 'exact'")
         }
-        Place::States => (&[Initial::Exact, Initial::Approx], "a state's is 'approx' or 'exact'"),
-        _ if variability == Variability::Constant => (&[Initial::Exact], "a constant's is 'exact'"),
-        _ if variability == Variability::Discrete => {
-            (&[Initial::Calculated, Initial::Exact], "a discrete variable's is 'calculated' or 'exact'")
+        Place::States => (&[Initial::Exact, Initial::Approx], "'initial' of a state is 'approx' or 'exact'"),
+        _ if variability == Variability::Constant => {
+            (&[Initial::Exact], "'initial' of a constant is 'exact'")
         }
+        _ if variability == Variability::Discrete => (
+            &[Initial::Calculated, Initial::Exact],
+            "'initial' of a discrete variable is 'calculated' or 'exact'",
+        ),
         _ => (
             &[Initial::Calculated],
-            "for a calculated variable, neither state nor discrete, it is 'calculated'",
+            "'initial' of a calculated variable that is neither a state nor discrete is 'calculated'",
         ),
     };
     let is_wrong = variable.initial.is_some_and(|initial| !allowed.contains(&initial));
@@ -196,33 +207,37 @@ fn reads(
     let (reads, initial_reads) = (variable.reads.is_some(), variable.initial_reads.is_some());
     let is_given =
         matches!(place, Place::Parameters | Place::Inputs) || variable.causality == Causality::Input;
-    refuse_if(is_given && reads, "reads", "it is set from outside, so it reads nothing")?;
-    refuse_if(is_given && initial_reads, "initial_reads", "it is set from outside, so it reads nothing")?;
+    refuse_if(is_given && reads, "reads", "the importer sets this variable, so it reads nothing")?;
+    refuse_if(
+        is_given && initial_reads,
+        "initial_reads",
+        "the importer sets this variable, so it reads nothing",
+    )?;
     let is_state = place == Place::States;
     refuse_if(is_state && reads, "reads", "a state's reads belong to its 'derivative'")?;
     refuse_if(reads && variability == Variability::Constant, "reads", "a constant reads nothing")?;
-    let reason = "its start is exact, so it reads nothing in initialization";
+    let reason = "a variable that begins at its 'start' value reads nothing in initialization";
     refuse_if(initial_reads && initial == Some(Initial::Exact), "initial_reads", reason)
 }
 
 /// Only Reals have unit, display unit and nominal.
 fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
     if !data_type.is_float() {
-        let reason = format_args!("it is for a Real, not for {}", variable.data_type);
+        let reason = format_args!("this key is for a Real, not for {}", variable.data_type);
         refuse_if(variable.unit.is_some(), "unit", reason)?;
         refuse_if(variable.display_unit.is_some(), "display_unit", reason)?;
         return refuse_if(variable.nominal.is_some(), "nominal", reason);
     }
-    refuse_if(variable.unit.is_none(), "unit", "a Real needs one; '1' if dimensionless")?;
+    refuse_if(variable.unit.is_none(), "unit", "a Real needs a 'unit' ('1' if dimensionless)")?;
     if let Some(UnitNames::Each(units)) = &variable.unit {
         let elements: usize = variable.sizes.iter().product();
         refuse_if(variable.sizes.is_empty(), "unit", "only an array can have a list of units")?;
         let reason = format_args!("the list has {} units for {elements} elements", units.len());
         refuse_if(units.len() != elements, "unit", reason)?;
-        refuse_if(variable.display_unit.is_some(), "display_unit", "it needs one unit, not a list")?;
+        refuse_if(variable.display_unit.is_some(), "display_unit", "needs one unit, not a list")?;
     }
     let is_positive = variable.nominal.is_none_or(|nominal| nominal > 0.0);
-    refuse_if(!is_positive, "nominal", "it is not greater than 0")
+    refuse_if(!is_positive, "nominal", "must be greater than 0")
 }
 
 /// Min and max, for types that have them.
@@ -235,7 +250,7 @@ fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Bla
             (_, Some((_, range))) => {
                 bound.fract() == 0.0 && (exact(*range.start())..=exact(*range.end())).contains(&bound)
             }
-            _ => return Err((key, format!("it is for numbers, not for {}", variable.data_type))),
+            _ => return Err((key, format!("this key is for numbers, not for {}", variable.data_type))),
         };
         refuse_if(!is_of_type, key, format_args!("{bound} is not of type {}", variable.data_type))?;
     }

@@ -30,7 +30,7 @@ pub(crate) struct VariableDeclaration {
     /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
-    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. For an array optionally a list.
+    /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. An array may have a list of units.
     pub(crate) unit: Option<UnitNames>,
     /// Unit in which tools show the value.
     pub(crate) display_unit: Option<String>,
@@ -49,7 +49,7 @@ pub(crate) struct VariableDeclaration {
     /// variables, counting array elements and derivatives.
     #[serde(default)]
     pub(crate) dimensions: Vec<Dimension>,
-    /// The same as numbers, from the declaration as a whole.
+    /// The array sizes as numbers; the structural parameters of the declaration are filled in.
     #[serde(skip)]
     pub(crate) sizes: Vec<usize>,
     /// Makes the variable a continuous-time state.
@@ -63,26 +63,27 @@ pub(crate) struct VariableDeclaration {
     /// so that a solver tries a shorter step.
     #[serde(default)]
     pub(crate) strict_min: bool,
-    /// Likewise above `max`.
+    /// For a state: the equations are invalid above `max`. Evaluations there are discarded, so that a solver tries a
+    /// shorter step.
     #[serde(default)]
     pub(crate) strict_max: bool,
-    /// Variables that its equation reads directly; of an array also elements, by its own subscripts i, j, … and : for
-    /// all: `T[i-1]`, `A[i,:]`. Default: everything.
+    /// Variables that its equation reads directly. An array may also name elements, by its own subscripts i, j, …; `:` is
+    /// a whole dimension: `T[i-1]`, `A[i,:]`. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// Likewise for initialization, if different.
+    /// Variables that its equation in initialization reads directly, written like `reads`. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
-    /// Importers' number for it, up to 2147483647; for an array, the first element's. Default: the next free number.
+    /// The number by which importers access it, up to 2147483647; for an array, that of the first element. Default: the
+    /// next free number.
     pub(crate) value_reference: Option<u32>,
-    /// The clocks at whose ticks the variable changes, and only then.
+    /// The variable changes only at ticks of these clocks.
     #[serde(default)]
     pub(crate) clocks: Vec<String>,
-    /// For a variable with clocks: the variable holding its value at the previous tick, which makes it a clocked
-    /// state.
+    /// For a variable with clocks: the variable that holds its value at the previous tick; makes it a clocked state.
     pub(crate) previous: Option<String>,
     /// For an input clock: when it ticks. Other clocks are triggered.
     pub(crate) interval_variability: Option<IntervalVariability>,
-    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable one if it follows from
-    /// parameters.
+    /// For a periodic clock: the time between two ticks, in s. Omit it for a fixed or tunable clock if the model
+    /// computes it from parameters.
     pub(crate) interval_decimal: Option<f64>,
     /// For a periodic clock with a declared interval: the time from start to first tick, in s.
     pub(crate) shift_decimal: Option<f64>,
@@ -109,9 +110,9 @@ pub(crate) struct VariableDeclaration {
 pub(crate) enum IntervalVariability {
     /// Periodically, as declared.
     Constant,
-    /// Periodically, as set by the importer or following from fixed parameters.
+    /// Periodically, as set by the importer or computed from fixed parameters.
     Fixed,
-    /// Likewise with tunable parameters.
+    /// Periodically, as set by the importer or computed from tunable parameters.
     Tunable,
     /// After a time that the model determines at each tick for the next one.
     Changing,
@@ -194,9 +195,10 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) description: Option<String>,
     /// Default: the state's unit divided by s.
     pub(crate) unit: Option<String>,
-    /// Variables that its equation reads directly; of an array also elements, as above. Default: everything.
+    /// Variables that its equation reads directly; elements of an array as in a variable's `reads`. Default:
+    /// everything.
     pub(crate) reads: Option<Vec<String>>,
-    /// Likewise for initialization, if different.
+    /// Variables that its equation in initialization reads directly. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
     /// Default: the number after the state's.
     pub(crate) value_reference: Option<u32>,

@@ -218,8 +218,8 @@ impl<'m, 'a> Page<'m, 'a> {
         words.collect::<Vec<_>>().join(" ")
     }
 
-    /// The value reference of a variable, or (1) of its derivative: those of all elements of an array that is no variable
-    /// itself.
+    /// The value reference of a variable, or (1) of its derivative; for an array that is not one variable, those of all
+    /// elements.
     fn references(&self, field: &Field<'_>, offset: usize) -> String {
         let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
@@ -261,7 +261,7 @@ impl<'m, 'a> Page<'m, 'a> {
         self.has_start(field) && (is_matrix || field.positions.len() > MOST_STARTS)
     }
 
-    /// Whether they have a row of their own, as they differ.
+    /// Whether they differ and so have a separate row.
     fn folds_starts(&self, field: &Field<'_>) -> bool {
         let first = &self.model.scalars[field.positions[0]].start;
         let differs = |position: &usize| self.model.scalars[*position].start != *first;
@@ -309,7 +309,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let Some(Start::Real(start)) = variable.start else { return None };
         let unit = self.units.get(variable.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
-        // Conversion leaves errors of some 1e-16 that nobody wants to read.
+        // Conversion leaves errors of some 1e-16, which are not shown.
         let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
         Some(format!("{} {}", unbroken(value), unit_markup(wanted)))
     }

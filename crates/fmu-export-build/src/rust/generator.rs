@@ -10,11 +10,11 @@ use crate::names::pascal_case;
 use crate::start::Start;
 use crate::type_names::PLACES;
 
-/// Arrays with more elements are on the heap: a model's variables are on the stack several times, over numbers with
-/// derivatives, and a thread may have 1 MB of it.
+/// Arrays with more elements are on the heap: the variables of a model are on the stack several times, even as numbers
+/// with derivatives, and a thread may have only 1 MB of stack.
 pub(super) const MOST_INLINE: usize = 256;
 
-/// A scalar, or an array whose elements differ by rule.
+/// A scalar, or an array whose elements follow a rule.
 pub(super) struct Variable<'m> {
     /// The positions of its elements.
     pub(super) positions: Vec<usize>,
@@ -177,7 +177,7 @@ impl<'m, 'a> Generator<'m, 'a> {
         numbered(inputs.filter(|variable| self.first(variable).data_type == DataType::Real))
     }
 
-    /// The states, likewise.
+    /// The states, each with the position of its first element among them.
     pub(super) fn numbered_states(&self) -> impl Iterator<Item = (usize, &Variable<'m>)> {
         numbered(self.in_place(Place::States))
     }
@@ -226,7 +226,7 @@ pub(super) fn full_path(scalar: &Scalar) -> String {
     format!("{}.{}", scalar.place.field_name(), scalar.path)
 }
 
-/// All variables of a model. The elements of an array with a unit each are scalars.
+/// All variables of a model. If the elements of an array have different units, they are scalars.
 fn variables<'m>(model: &'m Model<'_>) -> Vec<Variable<'m>> {
     let others = [Place::Time, Place::EventIndicators].into_iter().flat_map(|place| model.in_place(place));
     let mut variables: Vec<_> =
@@ -276,13 +276,13 @@ pub(super) fn is_copy(data_type: DataType) -> bool {
     !matches!(data_type, DataType::String | DataType::Binary)
 }
 
-/// A part's variables as the fields of a struct expression.
+/// The variables of a part as the fields of a struct expression.
 pub(super) fn values(place: Place, part: &Part<'_>, value: impl Fn(&Field<'_>) -> String) -> String {
     let fields = place.fields(part).map(|field| format!("{}: {}", field.name(), value(field)));
     fields.collect::<Vec<_>>().join(", ")
 }
 
-/// Likewise for several parts, each component in its own struct.
+/// The variables of several parts as the fields of a struct expression, each component in its own struct.
 pub(super) fn nested_values(
     place: Place,
     parts: &[&Part<'_>],

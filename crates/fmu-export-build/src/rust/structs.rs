@@ -82,7 +82,7 @@ impl Generator<'_, '_> {
             ("parameters", "The parameters.", Place::Parameters),
             (
                 "calculated_parameters",
-                "What follows from them alone, by `calculate_parameters`.",
+                "What follows from parameters only, computed by `calculate_parameters`.",
                 Place::CalculatedParameters,
             ),
             (
@@ -122,7 +122,7 @@ impl Generator<'_, '_> {
             ("parameters", "The parameters.", Place::Parameters, ""),
             (
                 "calculated_parameters",
-                "What follows from them alone, by `calculate_parameters`.",
+                "What follows from parameters only, computed by `calculate_parameters`.",
                 Place::CalculatedParameters,
                 "",
             ),

@@ -31,7 +31,7 @@ fn flags<const N: usize>(flags: [(&'static str, bool); N]) -> Attributes {
     flags.map(|(name, has)| (name, has.to_string())).into()
 }
 
-/// Of Model Exchange, co-simulation and Scheduled Execution, which only FMI 3.0 has.
+/// The attributes of Model Exchange and co-simulation in FMI 2.0; the third list, for Scheduled Execution, is empty.
 fn fmi2(model: &Model<'_>) -> [Attributes; 3] {
     let has = &model.declaration.capabilities;
     // The runtime does nothing in it.
@@ -54,7 +54,7 @@ fn fmi2(model: &Model<'_>) -> [Attributes; 3] {
     [[of_model_exchange, common.clone()].concat(), [of_co_simulation.concat(), common].concat(), vec![]]
 }
 
-/// Likewise.
+/// The attributes of Model Exchange, co-simulation and Scheduled Execution in FMI 3.0.
 fn fmi3(model: &Model<'_>) -> [Attributes; 3] {
     let has = &model.declaration.capabilities;
     let common = flags([

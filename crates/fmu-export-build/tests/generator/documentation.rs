@@ -82,7 +82,7 @@ fn the_page_says_what_the_json_says() {
     text(guid);
 }
 
-/// Generates the small model after an edit of its JSON, with files beside it.
+/// Generates the small model after an edit of its JSON, with further files in its folder.
 fn generated(
     name: &str,
     edit: impl FnOnce(&mut Value),
@@ -170,7 +170,7 @@ fn refusal(fragment: &str) -> String {
     }
 }
 
-/// What stands before the first heading, with the element that holds this one left to the sections.
+/// The content before the first heading; the element that holds the heading belongs to the sections.
 #[test]
 fn the_page_opens_with_what_stands_before_the_first_section() {
     let opened = |name: &str, fragment: &str| {
@@ -216,11 +216,11 @@ fn identifiers_of_one_letter_are_italic_and_words_are_not() {
 fn a_fragment_names_existing_variables() {
     assert_eq!(
         refusal("<p>It\nfollows <var>first.mas</var></p>"),
-        "vessels.html:2: the model has no variable 'first.mas'; the nearest is 'first.mass'"
+        "vessels.html:2: the model has no variable 'first.mas'; did you mean 'first.mass'?"
     );
     assert_eq!(
         refusal("<var>settings.table[3,1]</var>"),
-        "vessels.html:1: the model has no variable 'settings.table[3,1]'; the nearest is 'settings.table[1,1]'"
+        "vessels.html:1: the model has no variable 'settings.table[3,1]'; did you mean 'settings.table[1,1]'?"
     );
     for nameless in ["<var/>", "<var></var>", "<var><b>level</b></var>"] {
         assert_eq!(refusal(nameless), "vessels.html:1: <var> must contain a variable's name");

@@ -1,9 +1,9 @@
-//! What is generated for a small model, and what is refused.
+//! The files generated for a small model, and the declarations that are refused.
 //!
-//! The model, `vessels.json`, has one of everything. Its descriptions are kept beside it, so that every change of them is
-//! seen, as are the Rust and the page of `oscillator.json`. After a wanted change they are written anew with
-//! `FMU_EXPORT_BLESS=1 cargo test -p fmu-export-build --test generator`. The Rust of `vessels.json` is compiled, and tested,
-//! in `crates/fmu-export/tests/equations`.
+//! The model, `vessels.json`, has one of everything. Its descriptions are golden files, so that every change of them is
+//! seen, as are the Rust and the page of `oscillator.json`. After an intended change, update them with
+//! `FMU_EXPORT_BLESS=1 cargo test -p fmu-export-build --test
+//! generator`. The Rust of `vessels.json` is compiled, and tested, in `crates/fmu-export/tests/equations`.
 
 use std::env;
 use std::fs;

@@ -1,4 +1,4 @@
-//! What is refused: the small model, broken in one place at a time, and what the build tells of it.
+//! Rejections: the small model, broken in one place at a time, and the findings of the build.
 //!
 //! `refusals.txt` holds the cases: lines that edit the model, and below them, indented, the findings.
 //!
@@ -9,8 +9,8 @@
 //! | `text ["from", "to"]` | replaces text in the model as it was written |
 //! | `units …` | the file of units |
 //!
-//! After an edit other than of text the model has one key on each line. After a wanted change the findings are
-//! written anew with `FMU_EXPORT_BLESS=1`.
+//! After an edit other than of text the model has one key on each line. After an intended change, `FMU_EXPORT_BLESS=1`
+//! updates the findings.
 
 use std::env;
 use std::fmt::Write as _;
@@ -22,7 +22,7 @@ use serde_json::Value;
 
 use super::{folder_with_model, package, read, sources};
 
-/// What is said of the small model after some edits, without the folder, and the file that was refused.
+/// The findings on the small model after some edits, without the folder, and the rejected file.
 fn refusal(name: &str, edits: &[&str]) -> (String, String) {
     let folder = folder_with_model(name);
     let file = folder.join("vessels.json");
@@ -67,7 +67,7 @@ fn refusal(name: &str, edits: &[&str]) -> (String, String) {
     }
 }
 
-/// A finding about a key that is there stands in the line of that key.
+/// A finding about an existing key has the line of that key.
 fn assert_line_is_that_of_the_key(finding: &str, text: &str) {
     let Some((line, key)) = finding.strip_prefix("vessels.json:").and_then(|rest| rest.split_once(": "))
     else {

@@ -19,7 +19,7 @@ struct Element {
 impl Element {
     fn new(start: &BytesStart<'_>) -> Self {
         let attributes = start.attributes().map(|attribute| {
-            let attribute = attribute.expect("each attribute stands once");
+            let attribute = attribute.expect("each attribute occurs once");
             let value = attribute.normalized_value(XmlVersion::Explicit1_0).expect("it is escaped");
             (attribute.key.as_ref().to_owned(), value.into_owned())
         });
@@ -140,7 +140,7 @@ fn model_structure_is_the_standards_whatever_the_order_of_declaration() {
     for (list, expected) in
         [("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", initial_unknowns)]
     {
-        // Which are ascending, and each stands once.
+        // They are ascending, and each occurs once.
         let entries: Vec<_> = lists[list].iter().flat_map(|unknown| unknown.indices("index")).collect();
         assert_eq!(entries, expected, "{list}");
         for unknown in &lists[list] {

@@ -1,8 +1,8 @@
 //! An importer's pointers as slices and strings.
 //!
 //! Arrays and results may be unaligned: 32-bit compilers align doubles to 4 bytes, Rust to 8, and bindings pass parts
-//! of buffers. Result memory is not interpreted: an unaligned array is copied, filled and written back. No Rust enum is read
-//! from the importer's memory.
+//! of buffers. Result memory is never interpreted: an unaligned array is filled as a copy and written back. No Rust
+//! enum is read from the importer's memory.
 
 use core::ffi::{CStr, c_char};
 use core::slice;
@@ -55,7 +55,8 @@ pub(crate) unsafe fn write_elements<T: Copy>(
     // SAFETY: the caller's promise.
     let mut values = unsafe { elements(name, array, count) }?.into_owned();
     let answer = write(&mut values);
-    // After an error too: values written before it are returned, as if written to the importer's array.
+    // Even after an error, the values written before it are returned, as if they had been written to the importer's
+    // array.
     for (index, value) in values.into_iter().enumerate() {
         // SAFETY: the caller promises that this is an element.
         unsafe { array.add(index).write_unaligned(value) };

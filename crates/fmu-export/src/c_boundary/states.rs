@@ -1,4 +1,4 @@
-//! The functions of saved states, which are alike in all versions: their bodies.
+//! The bodies of the functions for saved states, which are the same in all versions.
 
 use core::ffi::c_void;
 use core::ptr;
@@ -29,7 +29,7 @@ pub(crate) fn keep<M: Model>(instance: &Instance<M>, memory: Memory<M>) -> *mut 
     ptr::without_provenance_mut(saved_states::keep(ptr::from_ref(instance).addr(), memory))
 }
 
-/// Saves an instance's state: into a new one if `*state` is null, otherwise over the existing one.
+/// Saves an instance's state. If `*state` is null, creates a saved state; otherwise overwrites that one.
 ///
 /// # Safety
 /// `state` is null or may be read and written to.
@@ -97,8 +97,8 @@ pub(crate) unsafe fn serialize<M: Model>(state: *mut c_void, (bytes, size): (*mu
     unsafe { write_elements("serializedState", bytes, size, write) }
 }
 
-/// Turns a serialized state into a new saved one. Unlike [`get_state`], this does not read `*state`, which the
-/// standard does not require to be set and which may happen to be a state's handle.
+/// Turns a serialized state into a new saved state. Unlike [`get_state`], this does not read `*state`: the standard
+/// does not require importers to set it, and it may happen to be the handle of a state.
 ///
 /// # Safety
 /// There are as many bytes as counted; `state` is null or may be written to.

@@ -151,7 +151,7 @@ c_functions! {
     terminate<Model>(): Terminate, Instance::terminate;
     reset<Model>(): Reset, Instance::reset;
 
-    /// Into a new state if `*state` is null, otherwise over the existing one.
+    /// Creates a saved state if `*state` is null, otherwise overwrites that one.
     get_fmu_state<Model>(state: *mut FmuState): GetFMUstate,
         |instance| states::get_state(instance, state);
     set_fmu_state<Model>(state: FmuState): SetFMUstate, |instance| states::set_state(instance, state);
@@ -159,7 +159,7 @@ c_functions! {
     free_fmu_state<Model>(state: *mut FmuState): FreeFMUstate, |_| states::free_state::<M>(state);
     serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUstateSize,
         |_| states::serialized_size::<M>(state, size);
-    /// Into as many bytes as `fmi2SerializedFMUstateSize` reports.
+    /// Writes as many bytes as `fmi2SerializedFMUstateSize` reports.
     serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUstate,
         |_| states::serialize::<M>(state, (bytes.cast(), size));
     /// Always into a new state.
@@ -233,7 +233,7 @@ c_functions! {
     };
     enter_continuous_time_mode<ModelExchange>(): EnterContinuousTimeMode,
         Instance::enter_continuous_time_mode;
-    /// Does nothing, as `completedIntegratorStepNotNeeded` says.
+    /// Does nothing: the description has `completedIntegratorStepNotNeeded`.
     completed_integrator_step<ModelExchange>(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
     ): CompletedIntegratorStep, |_| c_boundary::completed_integrator_step(event_mode, terminate);

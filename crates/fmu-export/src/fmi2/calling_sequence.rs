@@ -1,7 +1,7 @@
 //! The allowed order of calls: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
 //!
-//! The standard's states `stepInProgress` and `stepCanceled` do not occur, since steps are never asynchronous; nor
-//! does `fatal`, since an error never affects another instance.
+//! The states `stepInProgress` and `stepCanceled` of the standard do not occur, because steps are never asynchronous.
+//! The state `fatal` does not occur, because an error never affects another instance.
 
 use crate::calling_sequence::{Interface, Phase, Phases, functions};
 
@@ -71,7 +71,7 @@ functions! {
         NewDiscreteStates: [EventMode],
         EnterContinuousTimeMode: [EventMode],
         CompletedIntegratorStep: [ContinuousTimeMode],
-        // In Event Mode for a model without states, which need not leave it.
+        // Event Mode is for a model without states, which need not leave it.
         SetTime: [EventMode, ContinuousTimeMode],
         SetContinuousStates: [ContinuousTimeMode],
         GetDerivatives: SOLVABLE,

@@ -97,7 +97,7 @@ c_functions! {
         })
     };
 
-    /// Into a new state if `*state` is null, otherwise over the existing one.
+    /// Creates a saved state if `*state` is null, otherwise overwrites that one.
     get_fmu_state<Model>(state: *mut FmuState): GetFMUState,
         |instance| states::get_state(instance, state);
     set_fmu_state<Model>(state: FmuState): SetFMUState, |instance| states::set_state(instance, state);
@@ -105,7 +105,7 @@ c_functions! {
     free_fmu_state<Model>(state: *mut FmuState): FreeFMUState, |_| states::free_state::<M>(state);
     serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUStateSize,
         |_| states::serialized_size::<M>(state, size);
-    /// Into as many bytes as `fmi3SerializedFMUStateSize` reports.
+    /// Writes as many bytes as `fmi3SerializedFMUStateSize` reports.
     serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUState,
         |_| states::serialize::<M>(state, (bytes, size));
     /// Always into a new state.
@@ -120,7 +120,7 @@ c_functions! {
         let orders = elements("orders", orders, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
             instance.check_registered(scalars)?;
-            // An unknown variable keeps its order, with which it is rejected.
+            // An unknown variable keeps its order and is rejected later.
             let of_elements = |(&reference, &order): (&ValueReference, &i32)| {
                 iter::repeat_n(order, Instance::<M>::elements(reference).map_or(1, Iterator::count))
             };
@@ -139,8 +139,8 @@ c_functions! {
         }
         instance.enter_event_mode()
     };
-    /// Ignored, as section 2.3.5 says where `providesEvaluateDiscreteStates` is false. Ticks are computed when values
-    /// are requested.
+    /// Does nothing, as section 2.3.5 allows if `providesEvaluateDiscreteStates` is false. Ticks are computed when
+    /// values are requested.
     evaluate_discrete_states<Model>(): EvaluateDiscreteStates, |_| Ok(Status::Ok);
     update_discrete_states<ModelExchange>(
         again: *mut Boolean, terminate: *mut Boolean, nominals_changed: *mut Boolean,
@@ -164,7 +164,7 @@ c_functions! {
 
     enter_continuous_time_mode<ModelExchange>(): EnterContinuousTimeMode,
         Instance::enter_continuous_time_mode;
-    /// Does nothing, as `needsCompletedIntegratorStep` says.
+    /// Does nothing: `needsCompletedIntegratorStep` is false.
     completed_integrator_step<ModelExchange>(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
     ): CompletedIntegratorStep, |_| c_boundary::completed_integrator_step(event_mode, terminate);
@@ -309,10 +309,10 @@ macro_rules! accessors {
 accessors! {
     get_float64<Model>: GetFloat64, get_values(*mut f64), Instance::get_real;
     set_float64<Model>: SetFloat64, set_values(*const f64), Instance::set_real;
-    // Of an FMU with Model Exchange, where event indicators are variables.
+    // For an FMU with Model Exchange, in which event indicators are variables.
     get_float64_with_indicators<ModelExchange>: GetFloat64, get_values(*mut f64),
         Instance::get_real_with_indicators;
-    // Of an FMU with Event Mode, and so intermediate updates.
+    // For an FMU with Event Mode, and therefore intermediate updates.
     get_float64_with_updates<EventMode>: GetFloat64, get_values(*mut f64), |instance, references, values| {
         instance.check_registered(references)?;
         instance.get_real_with_indicators(references, values)

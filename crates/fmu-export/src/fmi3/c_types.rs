@@ -13,7 +13,7 @@ pub type InstanceEnvironment = *mut c_void;
 pub type FmuState = *mut c_void;
 /// `fmi3Boolean`, a C `bool`. Not Rust's: the importer's memory may hold any byte; 0 is false.
 pub type Boolean = u8;
-/// `fmi3Clock`, likewise.
+/// `fmi3Clock`, a C `bool`: any byte, as for [`Boolean`].
 pub type Clock = u8;
 /// `fmi3Byte`.
 pub type Byte = u8;

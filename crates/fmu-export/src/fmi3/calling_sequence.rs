@@ -11,9 +11,9 @@ use Phase::{
 
 /// Any state but Intermediate Update Mode, which lasts for one callback of the importer.
 const ANY: Phases = Phases::ALL.without(IntermediateUpdateMode);
-/// The states in which values can be read; in the first one, start values.
+/// The states in which values can be read; in the first, these are start values.
 const READABLE: Phases = ANY;
-/// Likewise for continuous variables.
+/// The states in which continuous variables can be read.
 const READABLE_NUMBERS: Phases = Phases::ALL;
 /// The states in which values can be set; the standard restricts the variables further.
 const WRITABLE: Phases = Phases::of(&[
@@ -25,9 +25,9 @@ const WRITABLE: Phases = Phases::of(&[
     StepEventMode,
     ClockActivationMode,
 ]);
-/// Likewise for continuous variables.
+/// The states in which continuous variables can be set.
 const WRITABLE_NUMBERS: Phases = WRITABLE.and(IntermediateUpdateMode);
-/// Likewise for the type of structural parameters.
+/// The states in which values of the type of structural parameters can be set.
 const CONFIGURABLE: Phases = WRITABLE.and(ConfigurationMode);
 /// The states in which derivatives can be read.
 const DIFFERENTIABLE: Phases = Phases::of(&[

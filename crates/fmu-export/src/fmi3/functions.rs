@@ -189,7 +189,7 @@ macro_rules! fmi3_functions {
                     time: f64, size: f64, no_set_fmu_state_prior: Boolean, event_handling_needed: *mut Boolean,
                     terminate: *mut Boolean, early_return: *mut Boolean, last_successful_time: *mut f64);
             }
-            // It locks by itself, except while notifying the importer of clocks.
+            // This function takes the lock itself, except while it notifies the importer of clocks.
             $crate::exported_function! {
                 fmi3ActivateModelPartition(instance: Instance, clock: ValueReference, time: f64) -> Status,
                 |F| $crate::fmi3::c_api::$scheduled::activate_model_partition::<F::Model>(instance, clock, time)

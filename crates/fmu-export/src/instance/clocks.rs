@@ -1,7 +1,7 @@
 //! Clocks: their activation, intervals and ticks (FMI 3.0.2, sections 2.2.8 and 2.3.5).
 //!
-//! In Event Mode ticks are computed when values are requested, and recomputed whatever the importer sets or revokes
-//! until `fmi3UpdateDiscreteStates`.
+//! In Event Mode, ticks are computed when values are requested, and recomputed if the importer then sets a value or
+//! revokes a tick, until `fmi3UpdateDiscreteStates`.
 
 use core::mem;
 
@@ -40,7 +40,7 @@ impl<M: Model> Instance<M> {
         Self::checked(clock.value_reference).name()
     }
 
-    /// Computes the ticks of the clocks activated by the importer, unless done.
+    /// Computes the ticks of the clocks that the importer activated, unless this has been done.
     pub(super) fn compute_ticks(&mut self) -> Answer {
         let memory = &mut self.memory;
         let positions = || 0..M::Variables::CLOCKS.len();

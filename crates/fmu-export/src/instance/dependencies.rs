@@ -8,10 +8,10 @@ use crate::error::Error;
 use crate::model::Model;
 use crate::variables::Variables;
 
-/// `fmi3Dependent`: no more is known of a dependency.
+/// `fmi3Dependent`: nothing more is known about a dependency.
 pub(crate) const DEPENDENT: i32 = 5;
 
-/// A dependency of an element on another variable's, both counted from 1; 0 is all elements.
+/// A dependency of an element on an element of another variable, both counted from 1; 0 is all elements.
 pub(crate) struct Dependency {
     pub(crate) element: usize,
     pub(crate) independent: ValueReference,
@@ -19,7 +19,7 @@ pub(crate) struct Dependency {
 }
 
 impl<M: Model> Instance<M> {
-    /// The dependencies of a variable: until initialization ends those of its initial value.
+    /// The dependencies of a variable; until initialization ends, those of its initial value.
     pub(crate) fn dependencies(&self, dependent: ValueReference) -> Result<Vec<Dependency>, Error> {
         if !Self::DESCRIPTION.capabilities.per_element_dependencies {
             return Err(Error::new("not supported by this FMU (providesPerElementDependencies is false)"));

@@ -179,7 +179,7 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Whether changing a known has an effect: an input held at a bound stays there, and a constant.
+    /// Whether changing a known has an effect: an input held at a bound stays there, and a constant never changes.
     fn can_change(&self, known: ValueReference) -> bool {
         let known = Self::checked(known);
         known.variability != Variability::Constant
@@ -234,7 +234,7 @@ impl<M: Model> Instance<M> {
         Ok((status, derivatives?))
     }
 
-    /// Returns the derivatives of variables, if finite. Between steps that of a state is its seed.
+    /// Returns the derivatives of variables, if finite. Between steps, the derivative of a state is its seed.
     fn copy_derivatives(
         &self,
         derivatives: &M::Variables,

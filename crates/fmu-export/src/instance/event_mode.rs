@@ -37,13 +37,13 @@ impl<M: EventMode> Instance<M> {
         Ok((status, matches!(stop, Some(Stop::Event(_)))))
     }
 
-    /// The time in s of the intermediate update at which the communication step pauses, if any, and whom to call.
+    /// The time in s of the intermediate update at which the communication step pauses, if any, and the callback.
     pub(crate) fn interruption(&self) -> Option<(f64, IntermediateCallback)> {
         let update = self.intermediate_update.as_ref().filter(|_| self.is_interrupted())?;
         Some((self.memory.time, update.callback))
     }
 
-    /// Ends an intermediate update. Returns whether the step can continue: not after an error in it.
+    /// Ends an intermediate update. Returns whether the step can continue, which it cannot after an error.
     pub(crate) fn resume(&mut self) -> bool {
         let goes_on = self.is_interrupted();
         if goes_on {

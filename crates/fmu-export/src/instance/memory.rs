@@ -1,7 +1,7 @@
-//! What an instance remembers, which a saved state holds: the model's memory, its variables, and where the calling
-//! sequence and the events are.
+//! The memory of an instance, which is the content of a saved state: the model, its variables, and the progress of the
+//! calling sequence and the events.
 //!
-//! Ticks of clocks are computed when values are requested, from the state before, which is kept until they end.
+//! Ticks of clocks are computed when values are requested. The state before them is kept until they end.
 
 use core::mem;
 
@@ -48,7 +48,7 @@ pub(crate) struct Memory<M: Model> {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct EventUnderWay {
     pub(super) iterations: u32,
-    /// Whether an iteration changed a state, for the last one to report.
+    /// Whether an iteration changed a state; the last one reports it.
     pub(super) states_changed: bool,
 }
 
@@ -105,7 +105,7 @@ impl<M: Model> Memory<M> {
         }
     }
 
-    /// Checks parameters set since the last check, and passes them to the model. Returns whether there were any.
+    /// Checks the parameters set since the last check, and passes them to the model. Returns whether there were any.
     pub(super) fn accept_parameters(&mut self) -> Result<bool, Error> {
         if !self.parameters_changed {
             return Ok(false);

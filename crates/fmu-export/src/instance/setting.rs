@@ -21,7 +21,7 @@ struct Setter<V, T> {
     write: fn(&mut V, ValueReference, T),
 }
 
-/// How to set values that variables hold as they are, by their accessors.
+/// How to set values that variables store unchanged, by their accessors.
 macro_rules! setter {
     ($get:ident, $set:ident, $as_number:expr) => {
         const {
@@ -124,9 +124,9 @@ impl<M: Model> Instance<M> {
         })
     }
 
-    /// Reports that the nearest bound is used. When the importer tries values, in Continuous-Time Mode and in steps
-    /// that it may roll back, the status is no warning, which solvers take for a failure, and each input is logged
-    /// once, since finite differences leave the range repeatedly.
+    /// Reports that an input is clamped to a bound. If the importer may be trying values, in Continuous-Time Mode and
+    /// in steps that it may roll back, the status is not a warning, because solvers treat one as a failure. Each input
+    /// is then logged once, because finite differences leave the range repeatedly.
     #[cold]
     fn warn_of_bounds(&mut self, reference: ValueReference, value: f64) -> Status {
         let variable = Self::checked(reference);
@@ -191,8 +191,8 @@ impl<M: Model> Instance<M> {
         Ok(status)
     }
 
-    /// Likewise in Continuous-Time Mode, for states and continuous inputs. Setting discrete inputs (FMPy) and tunable
-    /// parameters (CasADi) to their present values is not an error.
+    /// Sets states and continuous inputs in Continuous-Time Mode. Discrete inputs and tunable parameters may be set to
+    /// their present values, which FMPy and CasADi do.
     #[cold]
     fn set_between_events<T: Copy>(
         &mut self,

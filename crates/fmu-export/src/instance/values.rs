@@ -54,7 +54,7 @@ impl<M: Model> Instance<M> {
         Self::attributes(reference, types).map(|_| Self::checked(reference))
     }
 
-    /// Likewise its attributes.
+    /// The attributes of a variable, if its type is one of `types`.
     pub(super) fn attributes(
         reference: ValueReference,
         types: &[DataType],
@@ -86,15 +86,15 @@ impl<M: Model> Instance<M> {
         M::Variables::elements(reference).ok_or_else(|| Self::no_variable(reference))
     }
 
-    /// Runs a body on the value references of scalars: those of the elements of arrays, which have as many values as
-    /// stated.
+    /// Runs a body on the value references of scalars; arrays are expanded to their elements, whose number must be that
+    /// of the values.
     pub(crate) fn with_scalars(
         &mut self,
         references: &[ValueReference],
         values: usize,
         body: impl FnOnce(&mut Self, &[ValueReference]) -> Answer,
     ) -> Answer {
-        // Known to the compiler, so that the body is inlined.
+        // A constant, so that the compiler inlines the body.
         if const { !M::Variables::HAS_ARRAYS } {
             // In FMI 2.0 both are one argument.
             if const { matches!(Self::DESCRIPTION.version, Version::Three) } {
@@ -104,7 +104,7 @@ impl<M: Model> Instance<M> {
         }
         let mut scalars = mem::take(&mut self.scalars);
         scalars.clear();
-        // Not as many as the importer says, which may be any number.
+        // Not the importer's count, which may be any number.
         for &reference in references {
             scalars.extend(Self::elements(reference)?);
         }
@@ -161,7 +161,7 @@ impl<M: Model> Instance<M> {
         })?;
         match no_number {
             Ok(()) => Ok(status),
-            // A solver has tried states without such a value; it can try others.
+            // A solver has tried states at which there is no such value; it can try others.
             Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
                 self.log_discarded(format_args!("{error}"));
                 Ok(Status::Discard)

@@ -30,7 +30,7 @@ fn main() {
         println!("cargo::rerun-if-changed={declaration}");
         generate(Path::new(&declaration), Path::new(&out_dir), Version::Two);
     }
-    // Of FMI 3.0, beside or instead of FMI 2.0.
+    // Models as FMI 3.0, in addition to or instead of FMI 2.0.
     for model in ["tuned", "tuned_samples", "tuned_ticks", "ending"] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");

@@ -313,7 +313,7 @@ def test_a_state_within_an_event_is_carried_into_another_instance(
 def test_ticks_take_place_before_the_end_and_not_before_an_error(
     new: Callable[..., Instance3], interface: str, is_asked_for: bool
 ) -> None:
-    """Whether a value was asked for or not, and in an instance that goes on from the state within it."""
+    """Whether or not a value was requested, and in an instance that resumes from the state within it."""
     for function, status, total in (
         ("fmi3Terminate", Status.OK, 1),
         ("fmi3ExitInitializationMode", Status.ERROR, 0),

@@ -1,4 +1,4 @@
-"""A process whose memory is used up: calls are errors with a message, and the process goes on."""
+"""A process whose memory is exhausted: calls fail with a message, and the process continues."""
 
 from __future__ import annotations
 

@@ -321,7 +321,7 @@ def test_a_tick_comes_late(make: Make) -> None:
 
 
 def test_events_that_hardly_leave_their_time(make: Make) -> None:
-    """An importer would go on with them for hours: it is told once, with the name of what has them."""
+    """An importer would handle them for hours: one warning names the indicator that has them."""
     period = 1e-13
     instance = initialized(make, 1.0, events__period=period)
     info, warned = EventInfo(), []

@@ -1,4 +1,4 @@
-//! Calls to an instance, whose statuses become results.
+//! Calls to an instance; their statuses become results.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ pub struct Calls {
     pub fmu: Arc<Fmu>,
     pub name: String,
     pub handle: Rc<Handle>,
-    /// Whether the FMU has directional derivatives, which were not found wrong.
+    /// Whether the FMU has directional derivatives that were not found wrong.
     pub has_directional_derivatives: bool,
     warnings: Vec<Message>,
 }
@@ -72,7 +72,7 @@ impl Calls {
         });
     }
 
-    /// Ends the simulation at a time (s), as the FMU asks.
+    /// Ends the simulation at a time (s), as the FMU requested.
     ///
     /// # Errors
     /// Always.

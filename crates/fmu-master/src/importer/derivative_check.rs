@@ -1,12 +1,12 @@
-//! Whether an FMU's directional derivatives are those of its equations: a comparison with difference quotients.
+//! Checks an FMU's directional derivatives by comparison with difference quotients.
 //!
-//! A wrong Jacobian need not show in the integrator's estimated error: with far too large an element the states hardly
-//! move, and no step is rejected. So the first Jacobian is compared column by column, and each later one along a direction
-//! of all states, by one evaluation; its columns follow where that differs.
+//! A wrong Jacobian need not show in the integrator's estimated error: if an element is far too large, the states
+//! hardly move, and no step is rejected. So the first Jacobian is compared column by column. Each later one is compared
+//! along a direction of all states, by one evaluation, and column by column if that differs.
 //!
-//! A difference quotient is inexact, too. An element is wrong only if it lies outside of what quotients of six lengths, on
-//! both sides, give: they differ from each other by about as much as from the derivative where the equations bend, kink,
-//! or are noisy.
+//! A difference quotient is inexact, too. Where the equations bend, kink or are noisy, quotients of different lengths
+//! differ from each other by about as much as from the derivative. So an element is wrong only if it lies outside the
+//! range of quotients of six lengths, on both sides.
 
 use std::mem;
 use std::ops::Range;
@@ -21,7 +21,7 @@ use super::messages::is_discarded;
 /// The lengths of the differences relative to the shortest, in the order in which they are tried. At the shortest, rounding
 /// and curvature are about equal for states of their nominal size.
 const LENGTHS: [f64; 6] = [1.0, 64.0, 4096.0, -1.0, -64.0, -4096.0];
-/// An error of this share of a row does not matter: the integrator's estimated error contains its effect.
+/// An error below this fraction of a row does not matter: the integrator's estimated error contains its effect.
 const SHARE: f64 = 0.01;
 /// The rounding error of a derivative, in roundings of the terms of its linearization.
 const ROUNDINGS: f64 = 16.0;
@@ -53,7 +53,7 @@ pub struct DerivativeCheck {
     /// Whether no Jacobian was checked before.
     is_first: bool,
     direction: Vec<f64>,
-    /// States beside those of interest, and the derivatives there.
+    /// States near those of interest, and the derivatives there.
     states: Vec<f64>,
     derivatives: Vec<f64>,
     /// The size of the terms of each row.
@@ -192,8 +192,8 @@ fn scale(at: &Use<'_>, state: usize) -> f64 {
     at.states[state].abs().max(at.nominals[state])
 }
 
-/// The component along a state of a direction in which no two columns cancel but by chance: between 0.5 and 1.5, by multiples
-/// of the golden ratio.
+/// The component along a state of a direction in which two columns cancel only by chance: between 0.5 and 1.5, by
+/// multiples of the golden ratio.
 fn component(state: usize) -> f64 {
     0.5 + (0.618_033_988_749_895 * (state + 1) as f64).fract()
 }

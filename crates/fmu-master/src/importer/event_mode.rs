@@ -34,12 +34,13 @@ enum Phase {
     BetweenEvents,
 }
 
-/// A time-based clock, which ticks when its time has come. Triggered clocks do not: nothing here triggers them.
+/// A time-based clock, which ticks when its time has come. Triggered clocks do not tick, because nothing here triggers
+/// them.
 #[derive(Clone)]
 struct InputClock {
     reference: ValueReference,
     timing: Timing,
-    /// From which ticks are counted (s), and the ticks since.
+    /// The time from which ticks are counted (s), and the ticks since.
     origin: f64,
     ticks: f64,
     /// Between ticks (s).
@@ -76,7 +77,7 @@ impl EventMode {
         Ok(Self { phase: Phase::Initialization, announced: None, clocks })
     }
 
-    /// Learns when periodic clocks tick; in Initialization Mode, at its time (s).
+    /// Reads when periodic clocks tick; called in Initialization Mode, at its time (s).
     pub fn initialize(&mut self, calls: &mut Calls, time: f64) -> Result<()> {
         for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Countdown) {
             let (called, interval, _) = calls.handle.interval(clock.reference);
@@ -114,7 +115,8 @@ impl EventMode {
         Ok(())
     }
 
-    /// Handles the events at a time (s), clocks that are due a little `late` (s) included, and leaves Event Mode.
+    /// Handles the events at a time (s), including clocks that are due up to `late` (s) after it, and leaves Event
+    /// Mode.
     pub fn handle(&mut self, calls: &mut Calls, time: f64, late: f64) -> Result<()> {
         self.enter(calls)?;
         for _ in 0..MOST_ITERATIONS {
@@ -159,7 +161,7 @@ impl EventMode {
         );
     }
 
-    /// Lets an FMU for co-simulation step, from a time (s) by a size (s), with its events.
+    /// Steps an FMU for co-simulation from a time (s) by a size (s), and handles its events.
     pub fn co_simulate(&mut self, calls: &mut Calls, start: f64, size: f64) -> Result<()> {
         let end = start + size;
         let mut time = start;

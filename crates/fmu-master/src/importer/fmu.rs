@@ -92,13 +92,14 @@ impl Fmu {
     /// Model Exchange.
     ///
     /// # Errors
-    /// When there is no such file, it is not an FMU, it has neither interface, is not for this platform, is of another
-    /// FMI version than 2.0 and 3.0, or its library cannot be loaded; the message names the file.
+    /// If there is no such file, it is not an FMU, it has neither interface, it is not for this platform, its FMI
+    /// version is neither 2.0 nor 3.0, or its library cannot be loaded; the message names the file.
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         Self::open_with(path, None, None)
     }
 
-    /// The same for the given interface, if there is one, and with other names and units if there is a map.
+    /// Opens an FMU as [`Fmu::open`] does, for the given interface, if any, and with the names and units of a map, if
+    /// any.
     ///
     /// # Errors
     /// Those of [`Fmu::open`] and of the map, or when the FMU does not have the interface.
@@ -155,7 +156,7 @@ impl Fmu {
         })
     }
 
-    /// The FMU in other names and units, which replace its own from here on. Both share the loaded library.
+    /// The FMU with other names and units, which replace its own from here on. Both share the loaded library.
     #[must_use]
     pub fn translated(&self, translation: Translation) -> Arc<Self> {
         let mut conversions = translation.conversions;
@@ -192,7 +193,7 @@ impl Fmu {
     /// A variable, by its name.
     ///
     /// # Errors
-    /// When there is none; the message has the nearest name.
+    /// If there is none; the message suggests the nearest name.
     pub fn variable(&self, name: &str) -> Result<&FmuVariable> {
         self.description.variable(name).with_context(|| {
             let names = self.description.variables.iter().map(|variable| variable.name.as_str());
@@ -213,7 +214,7 @@ pub(super) fn reference(variable: &FmuVariable) -> Result<ValueReference> {
     })
 }
 
-/// The interface to run an FMU by, and the identifier of its library.
+/// The interface by which to run an FMU, and the identifier of its library.
 fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(Interface, &str)> {
     let offered = |interface: Interface| {
         let identifier = description.identifier(interface.element());
@@ -228,7 +229,7 @@ fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(In
     found.with_context(|| match (wanted, others.first()) {
         (Some(interface), Some(other)) => format!("it is not for {interface}, only for {other}"),
         _ if description.interface("ScheduledExecution").is_some() => {
-            "it is for Scheduled Execution alone: it needs a scheduler of its clocks".to_owned()
+            "it is for Scheduled Execution only, which needs a scheduler for its clocks".to_owned()
         }
         _ => "it is neither for co-simulation nor for Model Exchange".to_owned(),
     })

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use fmu_io::temporary::Folder;
 use fmu_package::archive;
 
-/// A unique prefix: leftovers of killed processes with it are removed.
+/// A unique prefix: leftovers of killed processes are recognized by it and removed.
 const PREFIX: &str = ".unpacked-by-fmu-master-";
 
 /// The extracted archive, which is removed when dropped.

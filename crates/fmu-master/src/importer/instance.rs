@@ -104,8 +104,8 @@ impl Instance {
         self.calls.take_warnings()
     }
 
-    /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]; in Model Exchange of this
-    /// crate's, which is [`DEFAULT_TOLERANCE`](fmu_export::DEFAULT_TOLERANCE) if none is given.
+    /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]. In Model Exchange it is that
+    /// of this crate's integrator; the default there is [`DEFAULT_TOLERANCE`](fmu_export::DEFAULT_TOLERANCE).
     pub fn set_tolerance(&mut self, tolerance: Option<f64>) {
         self.calls.handle.tolerance.set(tolerance);
     }
@@ -168,7 +168,7 @@ impl Instance {
     /// held and events handled at their times.
     ///
     /// # Errors
-    /// [`Ended`](super::Ended) when the FMU asks for the end of the simulation; its values are then those at the end.
+    /// [`Ended`](super::Ended) when the FMU requests the end of the simulation; its values are then those at the end.
     /// Otherwise when a call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         let Self { calls, events, integration } = self;

@@ -38,7 +38,7 @@ struct Equations {
     /// The references of the derivatives and of the states, arrays as a whole.
     derivatives: Vec<ValueReference>,
     states: Vec<ValueReference>,
-    /// A direction of the states, or states beside those of interest.
+    /// A direction of the states, or states near those of interest.
     direction: Vec<f64>,
     /// Derivatives there.
     along: Vec<f64>,
@@ -89,7 +89,7 @@ impl Equations {
 }
 
 impl Integration {
-    /// Begins after the initialization, at its time (s), with the initial event.
+    /// Starts after the initialization, at its time (s), with the initial event.
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();

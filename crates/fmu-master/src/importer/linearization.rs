@@ -1,4 +1,4 @@
-//! Linear equations about an operating point, by the FMU's directional derivatives, else by differences.
+//! Linear equations about an operating point, from the FMU's directional derivatives, else from finite differences.
 
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ impl Instance {
     pub fn linearize(&mut self, inputs: &[&str], outputs: &[&str]) -> Result<Linearization> {
         let fmu = Arc::clone(self.fmu());
         if !fmu.conversions.is_empty() {
-            bail!("{}: a map gives it other units, in which it is not linearized", self.calls.name);
+            bail!("{}: a map changes its units, so it cannot be linearized", self.calls.name);
         }
         let time = self.calls.handle.time.get().context("the instance is not initialized")?;
         let is_exchange = fmu.interface() == Interface::ModelExchange;
@@ -80,7 +80,7 @@ impl Instance {
             self.differences(&known, by_values.clone(), &mut by_inputs, &mut of)?
         } else {
             bail!(
-                "{} has no directional derivatives; in Model Exchange differences would do, which it does not offer",
+                "{} has no directional derivatives, and no Model Exchange in which finite differences could replace them",
                 self.calls.name
             )
         };
@@ -122,7 +122,7 @@ impl Instance {
     fn directional_derivatives(&mut self, known: &[&FmuVariable], of: &Selection) -> Result<Vec<Vec<f64>>> {
         let mut columns = vec![];
         for by in known {
-            // An array's reference stands for all its elements.
+            // The reference of an array is for all its elements.
             let mut seed = vec![0.0; by.element.map_or(1, |element| element.size)];
             seed[by.element.map_or(0, |element| element.position)] = 1.0;
             let mut column = vec![0.0; of.names().len()];
@@ -159,7 +159,7 @@ impl Instance {
         let mut columns = vec![];
         for (index, (variable, nominal)) in known.iter().zip(nominals).enumerate() {
             let value = values[index];
-            // With a step of the third root, rounding and the neglected third derivative are equal in size.
+            // With a step of the cube root, the errors of rounding and of the neglected third derivative are equal.
             let size = value.abs().max(nominal.abs());
             let change = f64::EPSILON.cbrt() * if size == 0.0 { 1.0 } else { size };
             let (least, most) = variable.range()?;

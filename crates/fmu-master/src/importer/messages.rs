@@ -43,7 +43,7 @@ impl Status {
 pub struct Function {
     /// `fmi2` or `fmi3`.
     pub prefix: &'static str,
-    /// What follows, in two parts: the second may be a type.
+    /// The rest of the name, in two parts; the second may be a type.
     pub name: [&'static str; 2],
 }
 
@@ -164,7 +164,7 @@ impl fmt::Display for CallFailed {
             write!(formatter, ", having reached {} s", Seconds(time))?;
         }
         if self.messages.is_empty() {
-            return write!(formatter, "; the FMU does not say why");
+            return write!(formatter, "; the FMU gives no reason");
         }
         self.messages.iter().try_for_each(|message| write!(formatter, "\n  {}", message.text.trim_end()))
     }
@@ -188,7 +188,12 @@ pub struct Ended {
 
 impl fmt::Display for Ended {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: the FMU asks for the end at {} s", self.instance, Seconds(self.time))
+        write!(
+            formatter,
+            "{}: the FMU requests the end of the simulation at {} s",
+            self.instance,
+            Seconds(self.time)
+        )
     }
 }
 

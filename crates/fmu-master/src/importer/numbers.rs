@@ -116,7 +116,7 @@ number_by_cast!(f64::round, i8, u8, i16, u16, i32, u32, i64, u64);
 pub const NUMBERS_OF_FMI2: [(&str, Memory); 3] =
     [("Real", Memory::F64), ("Integer", Memory::I32), ("Boolean", Memory::I32)];
 
-/// Those of FMI 3.0: an `fmi3Boolean` is a C `bool`, which a careless FMU gives any value.
+/// The types of numbers of FMI 3.0: an `fmi3Boolean` is a C `bool`, to which a careless FMU may give any value.
 pub const NUMBERS_OF_FMI3: [(&str, Memory); 11] = [
     ("Float64", Memory::F64),
     ("Float32", Memory::F32),

@@ -99,7 +99,7 @@ fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     let fmu = opened();
     let mut instance = started(&fmu).unwrap();
     let mut refusal = |name: &str, value: Value| instance.set(name, value).unwrap_err().to_string();
-    assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; the nearest is input"));
+    assert!(refusal("inpt", Value::Integer(1)).ends_with("has no variable inpt; did you mean input?"));
     assert_eq!(
         refusal("flag", Value::Integer(1)),
         "the value 1 of flag cannot be used: it is of the type Integer, not Boolean"
@@ -236,7 +236,7 @@ fn a_file_that_is_not_an_fmu_is_refused() {
         (
             "scheduled",
             DESCRIPTION.replace("CoSimulation", "ScheduledExecution"),
-            "it is for Scheduled Execution alone: it needs a scheduler of its clocks",
+            "it is for Scheduled Execution only, which needs a scheduler for its clocks",
         ),
         (
             "library",
@@ -362,7 +362,7 @@ fn failures_of_fmi_3_are_reported() {
     instance.set("stop", 0.75).unwrap();
     instance.step(0.0, 0.5).unwrap();
     let error = instance.step(0.5, 0.5).unwrap_err().to_string();
-    assert_eq!(error, "careless: the FMU asks for the end at 0.75 s");
+    assert_eq!(error, "careless: the FMU requests the end of the simulation at 0.75 s");
 
     let mut instance = fmu.instantiate("late").unwrap();
     instance.set_up(1.0, Some(3.0)).unwrap();
@@ -373,7 +373,7 @@ fn failures_of_fmi_3_are_reported() {
 #[test]
 fn times_in_messages_have_no_round_off() {
     let ended = Ended { instance: "ball".to_owned(), time: 6.162_500_000_000_000_5 };
-    assert_eq!(ended.to_string(), "ball: the FMU asks for the end at 6.1625 s");
+    assert_eq!(ended.to_string(), "ball: the FMU requests the end of the simulation at 6.1625 s");
 }
 
 /// The modelDescription.xml of the ball in Model Exchange, whose library is `exchange.c`.

@@ -1,14 +1,14 @@
 //! Reads a TOML file value by value: a scenario, or a file of your own. Errors are reported with file,
 //! line and key.
 //!
-//! In each function, `expected` says what belongs there, for the message: `a number above 0, in m`.
+//! In each function, `expected` describes a valid value, for the message: `a number above 0, in m`.
 //!
 //! ```
 //! use fmu_master::scenario::document::Document;
 //!
 //! let document = Document::parse("study.toml", "runs = 3\nseeds = 1")?;
 //! let root = document.root();
-//! let runs: usize = root.required("runs", "how many runs there are")?.integer("a whole number")?;
+//! let runs: usize = root.required("runs", "the number of runs")?.integer("a whole number")?;
 //! assert_eq!(runs, 3);
 //! assert!(root.finish().unwrap_err().to_string().starts_with("study.toml, line 2, seeds: this key is not known"));
 //! # Ok::<(), anyhow::Error>(())
@@ -35,7 +35,7 @@ pub struct Location {
 }
 
 impl Location {
-    /// An argument of the command line, or any other text for a message to begin with.
+    /// An argument of the command line, or any other text with which a message begins.
     #[must_use]
     pub fn argument(text: &str) -> Self {
         Self { source: text.into(), place: None }
@@ -152,7 +152,7 @@ impl<'a> TomlTable<'a> {
         Some(self.node(key.get_ref(), value))
     }
 
-    /// The text under the key `title`: what the file is about.
+    /// The text under the key `title`: the subject of the file.
     ///
     /// # Errors
     /// When it is not a text.
@@ -160,7 +160,7 @@ impl<'a> TomlTable<'a> {
         self.optional("title").map(|title| title.string("a text")).transpose()
     }
 
-    /// A required value. Where it is missing and a similar key is there, that one is misspelt.
+    /// A required value. If it is missing and there is a similar key, that key is misspelt.
     ///
     /// # Errors
     /// When it is missing.
@@ -175,7 +175,7 @@ impl<'a> TomlTable<'a> {
             {
                 Some((other, value)) => {
                     let location = self.node(other, value).location;
-                    location.error(format!("this key is not known; the nearest is {key}"))
+                    location.error(format!("this key is not known; did you mean {key}?"))
                 }
                 None => self.location.error(format!("{key} is missing: {expected}")),
             }

@@ -105,7 +105,7 @@ pub struct Member {
     pub name: String,
     /// The path of the `.fmu` file.
     pub file: PathBuf,
-    /// How it runs; if not given, by co-simulation where it offers that, else by Model Exchange.
+    /// The interface by which it runs; by default co-simulation if it offers that, else Model Exchange.
     pub interface: Option<Interface>,
     /// From the FMU's names and units to those of the scenario.
     pub map: Option<Arc<dyn NameMap>>,
@@ -115,13 +115,13 @@ pub struct Member {
     pub parameters: Vec<(ParameterSet, Location)>,
     /// Values, set before initialization, after the parameter sets.
     pub values: Vec<Assignment>,
-    /// A run of this FMU alone before the experiment.
+    /// A run of this FMU on its own before the experiment.
     pub run_in: Option<RunIn>,
     /// Signals that replace connections to its inputs.
     pub inputs: Vec<Input>,
 }
 
-/// A start in motion: the FMU steps alone up to the experiment's start, with the inputs of that time.
+/// A run-in: the FMU steps on its own up to the start of the experiment, with the inputs of that time.
 #[derive(Clone, Debug)]
 pub struct RunIn {
     /// In s.
@@ -159,7 +159,7 @@ pub struct Input {
 /// A connection of a system.
 #[derive(Clone, Debug)]
 pub struct Connection {
-    /// The name of the FMU; none for a signal of the scenario.
+    /// The name of the FMU; none if it is a signal of the scenario.
     pub source: Option<String>,
     /// Its output, or the signal.
     pub output: String,

@@ -21,7 +21,7 @@ pub enum Signal {
     Constant(f64),
     /// Each value holds from its time; the first also before.
     Steps(Vec<(f64, f64)>),
-    /// Straight lines between points; the outermost values before and after.
+    /// Straight lines between points; before and after them, the outermost values.
     Lines(Vec<(f64, f64)>),
     /// A sine wave: mean + amplitude · sin(360° · frequency · time + phase).
     Sine {
@@ -172,7 +172,7 @@ pub type Points = Vec<(f64, f64)>;
 /// The columns of a CSV file after its first one, the time (s), each over that. Two rows of one time are a jump.
 ///
 /// # Errors
-/// When it cannot be read, or has other things than numbers.
+/// If it cannot be read, or has values that are not numbers.
 pub fn read_signals(path: &Path) -> Result<Vec<(String, Points)>> {
     let record = Record::read(path)?;
     let columns = record.columns().iter().map(|column| {
@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn steps_hold_from_their_time_on() {
         let signal = Signal::Steps(vec![(0.0, 1.0), (2.0, 5.0)]);
-        // The last one falls short of 2 s, as a sum of steps does.
+        // The last time is slightly below 2 s, like a sum of steps.
         let values = [-1.0, 0.0, 1.999, 2.0, 9.0, 2.0 - 4e-16].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 1.0, 5.0, 5.0, 5.0].map(f64::to_bits));
     }

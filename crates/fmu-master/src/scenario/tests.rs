@@ -116,12 +116,12 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
             "step = 0.1\nstop_time = 1\n[[fmu]]\nname = \"a\"",
             "line 3, fmu[1]: file is missing: the FMU's path",
         ),
-        ("step = 0.1\nstoptime = 1", "line 2, stoptime: this key is not known; the nearest is stop_time"),
-        ("Stop-Time = 1\nstep = 0.1", "line 1, Stop-Time: this key is not known; the nearest is stop_time"),
-        ("stop_time = 1\nsteps = 0.1", "line 2, steps: this key is not known; the nearest is step"),
+        ("step = 0.1\nstoptime = 1", "line 2, stoptime: this key is not known; did you mean stop_time?"),
+        ("Stop-Time = 1\nstep = 0.1", "line 1, Stop-Time: this key is not known; did you mean stop_time?"),
+        ("stop_time = 1\nsteps = 0.1", "line 2, steps: this key is not known; did you mean step?"),
         (
             "step = 0.1\nstop_time = 1\n[[fmu]]\nnaem = \"a\"",
-            "line 4, fmu[1].naem: this key is not known; the nearest is name",
+            "line 4, fmu[1].naem: this key is not known; did you mean name?",
         ),
     ];
     for (text, expected) in cases {
@@ -129,7 +129,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         assert!(refusal.starts_with(&format!("test.toml, {expected}")), "{text}\n{refusal}");
     }
     let cases = [
-        ("valus = {}", "line 6, fmu[1].valus: this key is not known; the nearest is values"),
+        ("valus = {}", "line 6, fmu[1].valus: this key is not known; did you mean values?"),
         (
             "values = { a = [1] }",
             "line 6, fmu[1].values.a: expected a number, true, false or a text, found a list of 1",

@@ -172,7 +172,7 @@ impl<R: Read + Seek> Files<R> {
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
-    /// The text of an existing file, or none and a report why.
+    /// The text of an existing file; if it cannot be read, none, and a report why.
     pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {

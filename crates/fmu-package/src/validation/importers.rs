@@ -1,4 +1,4 @@
-//! What the standard allows but known importers reject: one table, shown in `docs/validation.md`.
+//! The table of FMUs that the standard allows but known importers reject, shown in `docs/validation.md`.
 
 use super::model::Model;
 use super::report::{Place, Report, Version};
@@ -14,7 +14,7 @@ pub struct Importer {
     pub versions: &'static str,
     /// The evidence.
     pub evidence: &'static str,
-    /// The rules it requires beyond the standard, and its behaviour otherwise.
+    /// The rules that it requires beyond the standard, and its behaviour if an FMU breaks them.
     pub refuses: &'static [(&'static Rule, &'static str)],
 }
 

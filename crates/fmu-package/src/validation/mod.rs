@@ -29,7 +29,7 @@ use xml::Xml;
 
 pub use report::{Finding, Place, Report};
 
-/// Finds an FMU's problems, and what some importers reject.
+/// Finds the problems of an FMU, and those that only some importers have with it.
 ///
 /// # Errors
 /// When the file cannot be read.

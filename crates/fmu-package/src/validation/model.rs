@@ -49,7 +49,7 @@ pub(super) struct Entry<'d> {
     pub reference: &'d str,
     /// The variable, if it exists.
     pub variable: Option<usize>,
-    /// The existing ones on which it depends; none if it depends on all.
+    /// The existing variables on which it depends; none if it depends on all.
     pub dependencies: Option<Vec<usize>>,
 }
 

@@ -2,7 +2,7 @@
 
 use super::rules::{Rule, Severity};
 
-/// The most findings kept: more of them help nobody.
+/// The most findings kept; more would not help.
 const MOST_FINDINGS: usize = 1000;
 /// The longest message in characters: it quotes the FMU.
 const LONGEST_MESSAGE: usize = 500;

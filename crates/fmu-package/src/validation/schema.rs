@@ -1,4 +1,4 @@
-//! The standard's schemas, interpreted as far as they use the schema language; a test ensures that they use nothing
+//! Interprets those parts of the schema language that the standard's schemas use; a test ensures that they use nothing
 //! else.
 //!
 //! A schema is deterministic: an element's name determines its part of the content, so one pass without backtracking

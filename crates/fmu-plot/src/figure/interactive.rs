@@ -19,7 +19,7 @@ const STEPS: f64 = 1e4;
 const LEFT: usize = 64;
 /// Half the last tick's label.
 const RIGHT: usize = 24;
-/// A telephone has room for the labels of so many decades.
+/// The number of decades for whose labels a telephone has room.
 const MOST_DECADES: f64 = 5.0;
 /// The modebar's height.
 const TOP: usize = 28;
@@ -80,7 +80,7 @@ impl Panel {
     }
 
     fn layout(&self, bottom: usize, has_x_label: bool) -> Value {
-        // Along a curve that turns back, one place has several values.
+        // A curve that turns back has several values at one place.
         let ascends = |line: &Line| line.marks != Marks::Dots && line.points.is_sorted_by(|a, b| a.0 <= b.0);
         let names = self.lanes.iter().rev().enumerate().map(|(place, lane)| {
             json!({
@@ -90,7 +90,7 @@ impl Panel {
         });
         let (mut x, (from, to)) = (self.x.scale(has_x_label), self.x_extent());
         if self.x.is_logarithmic && to - from > 1.0 {
-            // Between decades plotly.js would write small digits.
+            // Between decades plotly.js would print small digits.
             let decades = ((to - from) / MOST_DECADES).ceil();
             let minor = if decades > 1.0 { json!(1) } else { json!("D1") };
             x["dtick"] = decades.into();

@@ -1,5 +1,5 @@
-//! Figures as SVG and PNG, drawn by `plotters` in the light colour scheme. PNG text uses a font shipped with the crate
-//! `epaint_default_fonts`, so that a machine without fonts draws the same.
+//! Figures as SVG and PNG, drawn by `plotters` in the light colour scheme. PNG text uses a font from the crate
+//! `epaint_default_fonts`, so that pictures are the same on a machine without fonts.
 
 use anyhow::{Context, Result, anyhow, bail};
 use epaint_default_fonts::UBUNTU_LIGHT;
@@ -32,9 +32,9 @@ const TICK: u32 = 4;
 const GAP: u32 = 10;
 /// PNG pixels per CSS pixel, for dense screens and print.
 const DENSITY: u32 = 2;
-/// SVG units per CSS pixel: plotters draws in whole units, which would be stairs.
+/// SVG units per CSS pixel: plotters draws in whole units, so that lines would otherwise be stairs.
 const FINENESS: u32 = 10;
-/// The columns of pixels that lines are thinned to.
+/// The number of pixel columns to which lines are thinned.
 const COLUMNS: usize = (DENSITY * WIDTH) as usize;
 /// Beyond this number, an axis's ticks would never be found.
 const GREATEST: f64 = 1e300;
@@ -225,7 +225,7 @@ impl Panel {
                 } else if density != DENSITY {
                     chart.draw_series(LineSeries::new(part, style))?;
                 } else {
-                    // At a spike the joint of two segments would be longer than the spike.
+                    // At a spike, a mitred joint of two segments would be longer than the spike.
                     let segments = part.windows(2).map(|pair| PathElement::new(pair.to_vec(), style));
                     chart.draw_series(segments)?;
                 }

@@ -1,10 +1,10 @@
-//! A loop's gain, measured in the closed loop, and its margins.
+//! The gain of a loop, measured while the loop stays closed, and its margins.
 //!
-//! A sine is added to what a connection brings to an input, as a frequency response analyser does with an electronic loop
-//! (Middlebrook, "Measurement of loop gain in feedback systems", Int. J. Electronics 38, 1975). With U at the input and B
-//! from the connection, both at the sine's frequency, the gain of the loop cut open there is L = −B/U. The loop stays
-//! closed, and so at its operating point. This takes FMUs of any kind, with the controller's samples and the delays
-//! of the coupling: no FMU tells its states at samples.
+//! A sine is added to the signal of a connection to an input, as a frequency response analyser does with an electronic
+//! loop (Middlebrook, "Measurement of loop gain in feedback systems", Int. J. Electronics 38, 1975). With U at the
+//! input and B from the connection, both at the sine's frequency, the gain of the loop cut open there is L = −B/U. The
+//! loop stays closed, and so at its operating point. This works for FMUs of any kind and includes the controller's
+//! sampling and the coupling delays; no FMU exposes the states that it keeps between samples.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +20,7 @@ const LONGEST: u32 = 1000;
 const RATIO: f64 = 1.15;
 /// The least steps of a measurement, in whole periods.
 const LEAST_STEPS: u32 = 64;
-/// A measurement counts once it differs from the one before by less than this part of what it is made of.
+/// A measurement is accepted once it differs from the previous one by less than this fraction of its terms.
 const SETTLED: f64 = 1e-3;
 /// Gains below this are as good as none.
 const LEAST_GAIN: f64 = 1e-6;
@@ -34,18 +34,19 @@ pub struct Point {
     pub frequency: f64,
     /// L, which is -1 at the limit of stability.
     pub gain: Complex<f64>,
-    /// What the connection brings at other frequencies, relative to the sines in the loop; 0 for a linear loop.
+    /// Distortion: the connection's signal at other frequencies, relative to the sines in the loop; 0 for a linear
+    /// loop.
     pub distortion: f64,
     /// Whether the last two measurements agree.
     pub is_settled: bool,
 }
 
-/// How far a loop is from the limit of stability, each with the frequency (Hz).
+/// The stability margins of a loop, each with its frequency (Hz).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Margins {
-    /// The factor of the gain that reaches the limit, nearest to 1.
+    /// The gain margin: the gain factor nearest to 1 that reaches the stability limit.
     pub gain: Option<(f64, f64)>,
-    /// The phase lag that reaches it (degrees), nearest to 0.
+    /// The phase margin: the phase lag nearest to 0 that reaches it (degrees).
     pub phase: Option<(f64, f64)>,
 }
 
@@ -83,7 +84,7 @@ pub fn measure(
             let (brought, rest) = window(master, amplitude, period)?;
             let at_input = brought + Complex::new(0.0, -amplitude);
             let gain = -brought / at_input;
-            // A large gain is made of a small difference at the input.
+            // A large gain is computed from a small difference at the input.
             let size = gain.norm().max(LEAST_GAIN) * (gain + 1.0).norm().max(1.0);
             let is_settled = last.is_some_and(|last| (gain - last.gain).norm() <= SETTLED * size);
             let distortion = rest / brought.norm().max(at_input.norm());
@@ -99,7 +100,7 @@ pub fn measure(
     Ok(points)
 }
 
-/// Adds whole periods of a sine, and fits a line and a sine to what the connection brings. Returns the sine, as the
+/// Adds whole periods of a sine, and fits a line and a sine to the connection's signal. Returns the sine, as the
 /// complex amplitude of a cosine, and the amplitude of the rest.
 fn window(master: &mut Master<'_>, amplitude: f64, period: u32) -> Result<(Complex<f64>, f64)> {
     let steps = period * LEAST_STEPS.div_ceil(period);
@@ -111,7 +112,7 @@ fn window(master: &mut Master<'_>, amplitude: f64, period: u32) -> Result<(Compl
         Vector4::new(1.0, 2.0 * f64::from(step) / f64::from(steps) - 1.0, cosine, sine)
     };
     let normal: Matrix4<f64> = (0..steps).map(|step| terms(step) * terms(step).transpose()).sum();
-    // Of deviations, so that large values lose no digits.
+    // The fit is to deviations, so that large values lose no digits.
     let mean = brought.mean();
     let right: Vector4<f64> =
         (0..steps).zip(&brought).map(|(step, value)| terms(step) * (value - mean)).sum();
@@ -182,7 +183,8 @@ mod tests {
         assert!((angle - expected).abs() < 1e-2, "{angle} {expected}");
     }
 
-    /// An integrator with a delay of 0.1 s turns on and on: the first of many crossings has the least margin.
+    /// The phase of an integrator with a delay of 0.1 s falls without end: the first of many crossings has the least
+    /// margin.
     #[test]
     fn a_phase_beyond_a_turn_keeps_the_nearest_margin() {
         let found = margins(&points(|s| (s * -0.1).exp() / s));

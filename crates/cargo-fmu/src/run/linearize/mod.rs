@@ -25,10 +25,10 @@ use self::response::{StateSpace, frequencies};
 use super::experiment::{End, Experiment};
 use super::{Maps, finite, number_in, positive, progress_bar, write_file};
 
-/// The sine added to a loop, relative to what the connection brings: far above the tolerances of integrators, and below
-/// what moves most loops from their operating points.
+/// The sine added to a loop, relative to the connection's signal: far above integrator tolerances, and small enough to
+/// keep most loops at their operating points.
 const AMPLITUDE: f64 = 1e-3;
-/// More distortion than this is not a linear loop's.
+/// A loop with more distortion than this is not linear.
 const MOST_DISTORTION: f64 = 0.1;
 
 /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
@@ -152,7 +152,7 @@ impl Linearize {
         if let Some(unknown) = self.of.as_ref().filter(|of| !names.contains(of)) {
             bail!("--of {unknown}: there is no such FMU{}", like(unknown, names.iter().map(String::as_str)));
         }
-        // Noise would be measured, and records are not needed.
+        // Noise would disturb the measurement, and records are not needed.
         (scenario.noise, scenario.measurement_noise) = (vec![], vec![]);
         (scenario.record, scenario.panels) = (Some(Vec::<Recorded>::new()), None);
         for member in &mut scenario.fmus {
@@ -201,14 +201,14 @@ impl Linearize {
         Ok(Found { title, time, fmus, cut })
     }
 
-    /// The linear equations of an FMU, if it has states and what differentiates them.
+    /// The linear equations of an FMU, if it has states and can be linearized.
     fn linear(&self, instance: &mut Instance) -> Result<Option<Linear>> {
         let fmu = std::sync::Arc::clone(instance.fmu());
         let is_possible = fmu.can_be_linearized();
         if !is_possible && self.of.is_none() {
             return Ok(None);
         }
-        // A discrete input acts at events, which differences do not see.
+        // A discrete input acts at events, which finite differences do not include.
         let is_continuous = |variable: &&FmuVariable| {
             variable.value_type() == ValueType::Real
                 && (fmu.has_directional_derivatives() || !variable.is_discrete())
@@ -293,7 +293,7 @@ impl Linearize {
 impl Linear {
     /// How it was linearized.
     fn origin(&self) -> &'static str {
-        if self.equations.is_exact { "by its directional derivatives" } else { "by differences" }
+        if self.equations.is_exact { "from its directional derivatives" } else { "from finite differences" }
     }
 }
 
@@ -314,7 +314,7 @@ impl Loop {
     }
 }
 
-/// A pole in words: its place, and for a pair frequency and damping, else its time constant.
+/// A pole in words: its place, and its time constant, or for a pair the frequency and damping.
 fn describe(pole: &Complex<f64>) -> [String; 3] {
     let sign = if pole.im < 0.0 { '\u{2212}' } else { '+' };
     let place = match pole.im {

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use super::{Found, Linear, Loop, Path, describe};
 
-/// Beyond these, a Nyquist plot of a loop does not show the point -1.
+/// Beyond these limits, a Nyquist plot of a loop does not show the point -1.
 const NYQUIST: f64 = 3.0;
 
 pub fn html(found: &Found) -> String {
@@ -31,7 +31,7 @@ fn section(report: &mut Report, linear: &Linear) {
         let [input, output] = [&linear.inputs[path.input], &linear.outputs[path.output]];
         report.figure(
             &bode_of_path(path, input, output),
-            &format!("Bode plot of {} to {}.", output.name, input.name),
+            &format!("Bode plot from {} to {}.", input.name, output.name),
         );
         report.figure(&nyquist_of_path(path, input, output), "Nyquist plot.");
     }
@@ -66,12 +66,12 @@ fn section(report: &mut Report, linear: &Linear) {
 fn section_of_loop(report: &mut Report, cut: &Loop) {
     report.section(&format!("Loop at {}", cut.input));
     let [gain, phase] = cut.lines();
-    report.paragraph(&format!("With the loop cut open there: {gain}; {phase}."));
+    report.paragraph(&format!("Margins with the loop opened there: {gain}; {phase}."));
     let frequencies: Vec<_> = cut.points.iter().map(|point| point.frequency).collect();
     let gains: Vec<_> = cut.points.iter().map(|point| point.gain).collect();
     let bode = bode(&frequencies, &gains, "gain (dB)");
     report
-        .figure(&bode, "Bode plot of the loop: at the limit of stability, 0 dB and \u{2212}180\u{b0} meet.");
+        .figure(&bode, "Bode plot of the loop. At the stability limit, the gain is 0 dB where the phase is \u{2212}180\u{b0}.");
     let circle = (0..=90).map(|index| (TAU * f64::from(index) / 90.0).sin_cos());
     let (y, x): (Vec<_>, Vec<_>) = circle.unzip();
     let near: Vec<_> = gains.iter().filter(|gain| gain.norm() < NYQUIST).copied().collect();
@@ -101,7 +101,7 @@ fn shown(path: &Path, input: &Column, output: &Column) -> (Vec<Complex<f64>>, St
 
 fn bode_of_path(path: &Path, input: &Column, output: &Column) -> Figure {
     let (response, unit) = shown(path, input, output);
-    let label = if unit.is_empty() { "gain (dB)".to_owned() } else { format!("gain (dB of 1 {unit})") };
+    let label = if unit.is_empty() { "gain (dB)".to_owned() } else { format!("gain (dB re 1 {unit})") };
     bode(&path.frequencies, &response, &label)
 }
 

@@ -7,14 +7,14 @@ use fmu_master::Linearization;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
-/// Points of a frequency response, besides those at poles.
+/// Points of a frequency response, in addition to those at poles.
 const POINTS: u32 = 200;
-/// The range of frequencies about those of the poles, and its width at most.
+/// The range of frequencies about those of the poles, and its maximum width.
 const ROOM: f64 = 10.0;
 const WIDTH: f64 = 1e8;
 /// Frequencies without poles (Hz).
 const WITHOUT_POLES: (f64, f64) = (0.01, 100.0);
-/// Iterations per state until eigenvalues are given up; LAPACK's limit (dhseqr).
+/// Iterations per state after which the eigenvalues are given up: the limit of LAPACK (dhseqr).
 const MOST_ITERATIONS: usize = 30;
 
 /// dx/dt = A·x + B·u, y = C·x + D·u, in states scaled so that the rows and columns of A are of similar size.
@@ -91,7 +91,7 @@ impl StateSpace {
     }
 }
 
-/// Frequencies (Hz) that show what the poles do, ascending; `range` if it is given.
+/// Frequencies (Hz) that show the effect of the poles, ascending; within `range` if it is given.
 pub fn frequencies(poles: &[Complex<f64>], range: Option<(f64, f64)>) -> Vec<f64> {
     let of_poles: Vec<_> = poles.iter().map(|pole| pole.norm() / TAU).filter(|own| *own > 0.0).collect();
     let (from, to) = range.unwrap_or_else(|| {

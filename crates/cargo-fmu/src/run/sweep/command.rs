@@ -1,4 +1,4 @@
-//! `sweep`: a parameter study, to report.html, results.csv and results.parquet.
+//! `sweep`: runs a parameter study, and writes report.html, results.csv and results.parquet.
 
 use std::path::PathBuf;
 

@@ -12,7 +12,7 @@ use super::Parameter;
 use fmu_master::scenario::document::{Node, TomlTable};
 use fmu_master::scenario::read_value;
 
-/// The maximum number of runs, against typing errors.
+/// The maximum number of runs, as a guard against typing errors.
 const MOST_RUNS: usize = 1_000_000;
 
 /// The parameters, and for each run their values; none for the scenario's value.
@@ -116,7 +116,7 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
     }
     let table = node.table(EXPECTED)?;
     let range = Range::read(&table)?;
-    let count_node = table.required("points", "how many values there are")?;
+    let count_node = table.required("points", "the number of values")?;
     let count: usize = count_node.integer("a whole number from 2 on")?;
     if !(2..=MOST_RUNS).contains(&count) {
         return Err(count_node.unexpected(&format!("a whole number from 2 to {MOST_RUNS}")));
@@ -135,7 +135,7 @@ pub fn latin_fractions(count: usize, generator: &mut Pcg64) -> Vec<f64> {
 
 fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     let table = node.table("a table of runs, seed and ranges")?;
-    let count_node = table.required("runs", "how many runs there are")?;
+    let count_node = table.required("runs", "the number of runs")?;
     let count: usize = count_node.integer("a whole number above 0")?;
     if !(1..=MOST_RUNS).contains(&count) {
         return Err(count_node.unexpected(&format!("a whole number from 1 to {MOST_RUNS}")));

@@ -72,7 +72,7 @@ pub struct Loaded {
     /// The name and units of each parameter, and of each measure.
     parameter_columns: Vec<Column>,
     measure_columns: Vec<Column>,
-    /// Notes on what the scenario names and the FMUs lack.
+    /// Notes on names in the scenario that the FMUs do not have.
     pub notes: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ impl Study {
         scenario.files.push(path.to_owned());
         let title = root.title()?.map(str::to_owned);
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
-            node.value().as_bool().ok_or_else(|| node.unexpected("true where each run's record is kept"))
+            node.value().as_bool().ok_or_else(|| node.unexpected("true to keep the record of each run"))
         })?;
         let Design { parameters, points } = Design::read(&root)?;
         let measures = root.required("measures", "a table of measures by their names")?;
@@ -124,7 +124,7 @@ impl Study {
         let mut measure_columns = vec![];
         for measure in &self.measures {
             let Some(column) = master.recorded().find(|column| column.name == measure.variable) else {
-                let message = format!("{} is not among what the scenario records", measure.variable);
+                let message = format!("the scenario does not record {}", measure.variable);
                 return Err(measure.location.error(message));
             };
             measure_columns.push(measure.column(column));

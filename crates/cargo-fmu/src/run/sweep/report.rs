@@ -1,4 +1,4 @@
-//! A parameter study's self-contained report for readers: measures over parameters. Programs read results.csv or
+//! The self-contained report of a parameter study, for people: measures over parameters. Programs read results.csv or
 //! results.parquet.
 
 use std::cmp::Ordering;
@@ -82,7 +82,7 @@ fn summary(measure: &Column, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
     ]
 }
 
-/// A measure over each numeric parameter. Of two parameters, the other one's values have colours.
+/// A measure over each numeric parameter. If there are two parameters, colours show the values of the other one.
 fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize) -> Figure {
     let study = &loaded.study;
     let size =

@@ -34,7 +34,7 @@ impl Recipient for Callback {
     }
 }
 
-/// What only instances of some interfaces receive.
+/// Arguments that only some interfaces have.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Options {
     pub(super) early_return_allowed: bool,
@@ -173,7 +173,7 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
     for &reference in references {
         let variable = M::Variables::description(reference).filter(|variable| {
             let description = M::Variables::DESCRIPTION;
-            // With clocks the model computes in Event Mode only.
+            // A model with clocks computes in Event Mode only.
             let has_updates = description.capabilities.event_mode && M::Variables::CLOCKS.is_empty();
             has_updates && has_intermediate_update(variable)
         });

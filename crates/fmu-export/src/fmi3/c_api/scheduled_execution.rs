@@ -66,8 +66,8 @@ pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: imp
     result
 }
 
-/// `fmi3ActivateModelPartition`. If the partition ticked a clock or set an interval, the importer is notified, who may
-/// be preempted meanwhile.
+/// `fmi3ActivateModelPartition`. If the partition ticked a clock or set an interval, the importer is notified; the call
+/// may be preempted meanwhile.
 pub unsafe fn activate_model_partition<M: ScheduledExecution>(
     instance: Instance,
     clock: ValueReference,

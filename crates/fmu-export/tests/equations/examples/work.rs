@@ -1,5 +1,5 @@
 //! Prints what the built-in integrator takes for models of the tests, and the states that it ends at, as CSV: system,
-//! tolerance, right-hand sides, Jacobians and states. `benches/integrator/run` sets it beside other solvers.
+//! tolerance, right-hand sides, Jacobians and states. `benches/integrator/run` compares it with other solvers.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -240,7 +240,7 @@ impl<M: EventMode> Importer<M> {
         vec![forward, backwards]
     }
 
-    /// Another instance that goes on from the bytes of this one's state.
+    /// Another instance that continues from the bytes of this one's state.
     fn restored(&mut self) -> Self {
         let other = Self::new(self.1);
         let (mut state, mut copy, mut size) = (ptr::null_mut(), ptr::null_mut(), 0);
@@ -482,7 +482,7 @@ fn those_of_sampled_models_follow_before_the_next_sample() {
     check::<SampledModel<TunedSamples3>>(Interface::EventMode);
 }
 
-/// Likewise those of a clocked model, whose outputs wait for a tick.
+/// In a clocked model, calculated parameters change at once and outputs at the next tick.
 #[test]
 fn those_of_clocked_models_follow_before_the_next_tick() {
     for interface in [Interface::ModelExchange, Interface::EventMode] {

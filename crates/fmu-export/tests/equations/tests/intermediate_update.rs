@@ -187,7 +187,7 @@ fn early_return_is_at_the_time_that_is_asked_for() {
         let instance = instantiate(importer, allowed, false);
         let (status, early, reached) = step(instance, 0.0, 3.0);
         let (_, x) = get(instance, "x");
-        // From there it goes on.
+        // It continues from there.
         assert_eq!(step(instance, reached, 0.125).0, Status::Ok);
         free(instance);
         // SAFETY: as above.

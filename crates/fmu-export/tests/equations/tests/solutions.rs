@@ -541,7 +541,7 @@ impl Equations for Oscillator {
     }
 }
 
-/// States go on by what the importer calls the length of a step, however its times are rounded: at Unix time by 2.4e-7 s,
+/// States advance by the step size that the importer passes, however its times are rounded: at Unix time by 2.4e-7 s,
 /// 2.4e-4 of the step.
 #[test]
 fn late_start_times_do_not_change_the_states() {

@@ -276,13 +276,13 @@ impl<'f> Instance<'f> {
         }
     }
 
-    /// The arguments of a function: valid ones, but for a whim.
+    /// The arguments of a function: valid unless a whim spoils them.
     pub fn arguments(&mut self, function: &'static Function, whim: &mut Whim) -> Vec<Argument> {
         let selected = self.selected(function, whim);
         self.arguments_of(function, selected, whim)
     }
 
-    /// Likewise with the value references of these variables.
+    /// The arguments of a function with the value references of these variables.
     #[allow(
         clippy::too_many_lines,
         clippy::cast_possible_truncation,

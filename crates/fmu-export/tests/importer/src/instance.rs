@@ -518,7 +518,7 @@ impl<'f> Instance<'f> {
                 Element::State => vec![],
                 // SAFETY: after success they are those of the instance, valid until the next call.
                 Element::Text => unsafe { memory.texts() },
-                // SAFETY: likewise; the sizes are returned before.
+                // SAFETY: as above; the sizes have been returned before.
                 Element::Binary => unsafe { memory.binaries(returned.last()) },
                 _ => memory.content(),
             });

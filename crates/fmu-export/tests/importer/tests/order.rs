@@ -23,7 +23,7 @@ const DISCARDED: [&str; 3] = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetS
 #[ignore = "of exported FMUs"]
 fn a_function_succeeds_in_its_states_alone() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    // Every other instance goes on from the bytes of another one's state.
+    // Every other instance continues from the bytes of another one's state.
     let mut of_bytes = [false, true, true, false, true].into_iter().cycle();
     for (fmu, interface) in instances(&fmus) {
         for state in STATES {

@@ -2,7 +2,7 @@
 //!
 //! - A function that the standard's table does not allow in a state is an error, and an error changes nothing (FMI 2.0).
 //! - Values returned with success are finite, and nothing is written beyond the end of an array.
-//! - A restored state goes on identically, in the instance and in another.
+//! - A restored state continues identically, in the same instance and in another.
 //! - After fmi2Reset, fmi3Reset an instance equals a new one, to the last byte of its state.
 //! - Damaged serialized states are refused.
 //!
@@ -222,7 +222,7 @@ fn any_order(fmu: &Fmu, interface: Interface, cases: u32, before: &dyn Fn(&mut I
             each.restore(&saved);
             prop_assert!(each.snapshot() == saved, "a restored state has other bytes");
             prop_assert!(readings(each) == seen, "a restored state has other values");
-            prop_assert!(run(each) == expected, "a restored state goes on otherwise");
+            prop_assert!(run(each) == expected, "a restored state continues differently");
         }
         instance.ok("Reset");
         prop_assert!(instance.snapshot() == fresh, "Reset leaves something behind");
@@ -269,8 +269,8 @@ fn models_of_equations_survive_calls_in_any_order() {
     }
 }
 
-/// The built-in integrator goes on from each state in the middle of a run to the same bits, in another instance: with state
-/// events, time events in and beside the ends of steps, and steps whose length grows by ten decades.
+/// The built-in integrator continues from each state in the middle of a run to the same bits, in another instance: with
+/// state events, time events at and near the ends of steps, and steps whose length grows by ten decades.
 #[test]
 #[ignore = "of exported FMUs"]
 fn models_of_equations_go_on_from_states_between_steps() {

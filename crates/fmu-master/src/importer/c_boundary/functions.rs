@@ -213,8 +213,8 @@ pub enum OfVersion {
     Three(Common3, Vec<(Get3, Set3)>),
 }
 
-/// The functions of an FMU's library: those of its version and interface. The library stays loaded, and the folder that
-/// it is in stays, as long as this exists.
+/// The functions of an FMU's library: those of its version and interface. As long as this exists, the library stays
+/// loaded and its folder stays.
 pub struct Functions {
     pub instantiate: Instantiate,
     pub of_version: OfVersion,
@@ -232,8 +232,8 @@ pub struct Functions {
     pub directional3: Option<Directional3>,
     pub events3: Option<Events3>,
     symbols: Symbols,
-    // Dropped after the library, whose code may use them to its end.
-    /// The callbacks of freed instances, for others.
+    // The callbacks of freed instances, for later ones. Dropped after the library, whose code may use them until it is
+    // unloaded.
     callbacks: Mutex<Vec<Arc<CallbackFunctions>>>,
     _live: Live,
     pub folder: Folder,

@@ -1,7 +1,7 @@
-//! The FMUs that live in this process: whose messages arrive, and which of them ends the process.
+//! The FMUs that live in this process: attributes messages to them, and finds which one ends the process.
 //!
-//! The environment that an FMU passes to its callbacks is a number to look up, never a pointer to follow: some FMUs pass
-//! another than the one they got.
+//! The environment that an FMU passes to its callbacks is a number to look up, never a pointer to follow, because some
+//! FMUs pass a different one.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -15,20 +15,20 @@ use fmu_io::{temporary, terminal};
 
 use super::super::messages::{Function, Message, Status};
 
-/// The number of messages kept for an instance: the last ones.
+/// The number of messages kept for an instance; the last ones are kept.
 const KEPT_MESSAGES: usize = 1000;
 
-/// An environment, in place of a pointer and as large.
+/// An environment: a number of the size of a pointer.
 pub type Environment = usize;
 
-/// The next environment. Each is used once, so that a late message is no one else's; they begin where an FMU's own numbers
-/// and, in 64 bits, pointers do not lie.
+/// The next environment. Each is used once, so that a late message is not attributed to another FMU. They begin where
+/// an FMU's own numbers and, in 64 bits, pointers do not lie.
 static NEXT: AtomicUsize = AtomicUsize::new(1 << (usize::BITS - 1));
 
 /// The living FMUs, by their environments.
 static LIVE: Mutex<BTreeMap<Environment, Arc<Life>>> = Mutex::new(BTreeMap::new());
 
-/// The exit status of a process that an FMU ends, once this is watched.
+/// The exit status of a process that an FMU ends, once exits are watched.
 static STATUS_OF_EXIT: OnceLock<c_int> = OnceLock::new();
 
 thread_local! {
@@ -98,7 +98,7 @@ impl Live {
         locked(&self.life.messages).drain(..).collect()
     }
 
-    /// Prints its messages since then, but for those that only inform.
+    /// Prints its messages since then, except those for information only.
     pub fn print(&self) {
         let messages = self.take().into_iter();
         messages
@@ -126,9 +126,9 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes a message with an environment, under the name of an instance if the FMU gives one. It is from the FMU that this
-/// thread calls. In a thread of an FMU's own it is from the one of the environment, else from the only one of the name; else
-/// it is printed.
+/// Takes a message with an environment, and with the name of an instance if the FMU gives one. The message is from the
+/// FMU that this thread calls. In a thread that an FMU created, it is from the FMU of the environment, else from the
+/// only one of this name; otherwise it is printed.
 pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
     let live = locked(&LIVE);
     let named = || {
@@ -152,16 +152,16 @@ fn print(name: &str, message: &Message) {
     terminal::complain(&format!("{kind}: {name}: {}", message.text));
 }
 
-/// From now on, an FMU that ends the process by `exit` or `quick_exit` ends it with this status: the process prints which FMU
-/// did so, and removes its temporary files. To be called before FMUs are loaded.
+/// From now on, if an FMU ends the process by `exit` or `quick_exit`, the process ends with this status, prints which
+/// FMU did so, and removes its temporary files. Call this before FMUs are loaded.
 ///
-/// An FMU that ends the process by `_exit`, or by a C library of its own, is not noticed.
+/// An FMU that ends the process by `_exit`, or by its own C library, is not noticed.
 pub fn fail_if_an_fmu_exits(status: i32) {
     // A second call keeps the first one's status.
     let _ = STATUS_OF_EXIT.set(status);
 }
 
-/// Has an end of the process by this thread noticed. The handler serves one thread: while it runs, a second that ends the
+/// Notices if this thread ends the process. The handler serves one thread: while it runs, a second that ends the
 /// process would find none and end it with its own status.
 fn watch() {
     if STATUS_OF_EXIT.get().is_some() && !IS_WATCHED.replace(true) {
@@ -186,7 +186,7 @@ extern "C" fn end() {
     unsafe { _exit(*status) }
 }
 
-/// Which FMU ends the process; none if none lives, as at the program's own end.
+/// The FMU that ends the process; none if no FMU lives, as when the program ends normally.
 fn culprit() -> Option<String> {
     const ENDED: &str = "the FMU ended the process by `exit`";
     let live = locked(&LIVE);

@@ -1,4 +1,4 @@
-//! What an FMU logs, in the callbacks of each version.
+//! The logger callbacks of each version.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::OnceLock;

@@ -1,9 +1,9 @@
-//! The C side: the functions of an FMU's library and the calls to it, with all of the crate's `unsafe`.
+//! The C boundary: the functions of an FMU's library and the calls to them, with all `unsafe` code of the crate.
 //!
-//! A library is foreign code and cannot be verified. This module keeps the importer's side of FMI: signatures as
-//! declared by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep pointers
-//! to them), no call after a fatal error, and no instance in two threads. A status is a plain number, since a careless
-//! FMU may return any.
+//! A library is foreign code and cannot be verified. This module fulfills the importer's obligations in FMI: signatures
+//! as declared by each version, valid pointers with their lengths, callbacks that outlive the instance (FMUs keep
+//! pointers to them), no call after a fatal error, and no instance in two threads. A status is a plain number, because
+//! a careless FMU may return any.
 #![allow(unsafe_code)]
 
 mod functions;
@@ -34,7 +34,7 @@ const LAST_SUCCESSFUL_TIME: c_int = 2;
 /// `fmi2Terminated`, beside it.
 const TERMINATED: c_int = 3;
 
-/// What a function of another interface would give, which nothing calls.
+/// The status of a function that the FMU's interface does not have; no caller gets there.
 const MISUSED: c_int = 3;
 
 /// Numbers that a solver reads.
@@ -55,7 +55,7 @@ pub struct Handle {
     pub(super) time: Cell<Option<f64>>,
     /// When the experiment starts and stops (s), which FMI 3.0 takes with the initialization.
     experiment: Cell<(f64, Option<f64>)>,
-    /// The relative tolerance that the FMU is given, if it is.
+    /// The relative tolerance that the FMU gets, if any.
     pub(super) tolerance: Cell<Option<f64>>,
     /// In FMI 3.0, what the last step said.
     last_step: Cell<LastStep>,
@@ -68,7 +68,7 @@ pub struct Handle {
     _texts: [CString; 3],
 }
 
-/// What an FMU says after updating its discrete states.
+/// The FMU's answer after updating its discrete states.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Discrete {
     /// Whether they need another update.
@@ -79,7 +79,7 @@ pub struct Discrete {
     pub next_event: Option<f64>,
 }
 
-/// The results of an FMI 3.0 step besides its status.
+/// The results of an FMI 3.0 step in addition to its status.
 #[derive(Clone, Copy, Default)]
 struct LastStep {
     /// The time that it has reached (s).
@@ -94,7 +94,7 @@ impl Handle {
     /// Makes an instance of a name.
     ///
     /// # Errors
-    /// When the FMU refuses: the function that does, and what it says.
+    /// If the FMU refuses: the function that does, and its messages.
     pub fn new(
         functions: &Arc<Functions>,
         instance: &str,
@@ -541,7 +541,7 @@ impl Handle {
         // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
         let called =
             self.call_of_type(["Set", self.functions.state()], |component| unsafe { set(component, state) });
-        // What a step before made impossible is possible again.
+        // Restoring a state makes possible again what an earlier step made impossible.
         self.steps.set(called.status.succeeded() && steps);
         Some(called)
     }
