@@ -556,7 +556,7 @@ fn info_says_why_a_file_is_no_fmu() {
 
     for (name, xml, reason) in [
         ("cut.fmu", "<fmiModelDescription><ModelVariables>", "ends within the element ModelVariables"),
-        ("crossed.fmu", "<fmiModelDescription><a></b>", "is broken"),
+        ("crossed.fmu", "<fmiModelDescription><a></b>", "cannot be read"),
         ("other.fmu", "<html/>", "the root element is html"),
         ("blank.fmu", "", "no root element"),
     ] {

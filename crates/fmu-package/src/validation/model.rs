@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::report::{Place, Report, Version};
+use fmu_terms::Version;
+
+use super::report::{Place, Report};
 use super::rules::Rule;
 use super::xml::Xml;
 use crate::model_description::INTERFACES;
@@ -92,8 +94,7 @@ impl<'d> Model<'d> {
             })
             .collect();
         let units: Vec<_> = below("UnitDefinitions").collect();
-        let key = if version == Version::One { "unit" } else { "name" };
-        let by_name = |element: &Element<'d>, key| element.attribute(key).map(|name| (name, *element));
+        let by_name = |element: &Element<'d>| element.attribute("name").map(|name| (name, *element));
         let mut model = Self {
             xml,
             version,
@@ -104,7 +105,7 @@ impl<'d> Model<'d> {
                 .filter_map(|(declared, typed)| Some((declared.attribute("name")?, *typed)))
                 .collect(),
             types,
-            unit_by_name: units.iter().filter_map(|unit| by_name(unit, key)).collect(),
+            unit_by_name: units.iter().filter_map(by_name).collect(),
             units,
             variables: vec![],
             entries: vec![],
@@ -200,12 +201,8 @@ impl<'d> Model<'d> {
 
     /// The distinct model identifiers.
     pub fn identifiers(&self) -> Vec<&'d str> {
-        let of_root = (self.version == Version::One).then_some(self.root);
-        let mut all: Vec<_> = of_root
-            .into_iter()
-            .chain(self.interfaces.iter().copied())
-            .filter_map(|element| element.attribute("modelIdentifier"))
-            .collect();
+        let mut all: Vec<_> =
+            self.interfaces.iter().filter_map(|element| element.attribute("modelIdentifier")).collect();
         all.sort_unstable();
         all.dedup();
         all
