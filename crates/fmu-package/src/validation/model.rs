@@ -90,7 +90,7 @@ impl<'d> Model<'d> {
         let types: Vec<_> = below("TypeDefinitions")
             .map(|declared| match version {
                 Version::Three => (declared, declared),
-                _ => (declared, children(declared).next().unwrap_or(declared)),
+                Version::Two => (declared, children(declared).next().unwrap_or(declared)),
             })
             .collect();
         let units: Vec<_> = below("UnitDefinitions").collect();
@@ -117,7 +117,7 @@ impl<'d> Model<'d> {
                 Version::Three => {
                     variable.element.attribute("valueReference").and_then(|text| text.trim().parse().ok())
                 }
-                _ => u32::try_from(index + 1).ok(),
+                Version::Two => u32::try_from(index + 1).ok(),
             };
             if let Some(reference) = reference {
                 model.references.entry(reference).or_insert(index);
@@ -130,7 +130,7 @@ impl<'d> Model<'d> {
     fn variable(&self, element: Element<'d>) -> Variable<'d> {
         let typed = match self.version {
             Version::Three => element,
-            _ => children(element).next().unwrap_or(element),
+            Version::Two => children(element).next().unwrap_or(element),
         };
         let kind = typed.tag_name().name();
         let causality = element.attribute("causality").unwrap_or("local");
@@ -158,7 +158,7 @@ impl<'d> Model<'d> {
         let structure = listed(self.root, "ModelStructure");
         let elements: Vec<(&str, Element<'d>)> = match self.version {
             Version::Three => structure.map(|entry| (entry.tag_name().name(), entry)).collect(),
-            _ => structure
+            Version::Two => structure
                 .flat_map(|list| children(list).map(move |entry| (list.tag_name().name(), entry)))
                 .collect(),
         };
