@@ -1,4 +1,4 @@
-//! `boost-fmu`: exports the FMUs, inspects any FMU and couples it.
+//! `boost-fmu`: exports the FMUs, and couples them with FMUs from other tools.
 
 mod command;
 

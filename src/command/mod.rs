@@ -9,7 +9,6 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use boost_interface::{Interface, Role};
-use cargo_fmu::{Info, Merge, Parameters};
 use clap::{Parser, Subcommand};
 
 /// For the help.
@@ -39,9 +38,6 @@ enum Command {
         #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
-    Merge(Merge),
-    Info(Info),
-    Parameters(Parameters),
     /// Check whether an FMU can replace the plant or the controller
     ///
     /// Exits with 0 if it can, 1 if it cannot, and 2 on an error
@@ -86,9 +82,6 @@ pub fn run() -> Result<bool> {
     let interface = &Interface::new(plant, controller)?;
     match arguments.command {
         Command::Export { export, parameters } => export::run(interface, export, &parameters).map(|()| true),
-        Command::Merge(merge) => merge.run().map(|()| true),
-        Command::Info(info) => info.run().map(|()| true),
-        Command::Parameters(parameters) => parameters.run().map(|()| true),
         Command::Check { file, role, map, write_map } => {
             check::run(interface, &file, role, map.as_deref(), write_map.as_deref())
         }

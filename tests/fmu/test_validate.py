@@ -163,7 +163,7 @@ def test_only_what_pythonfmu_does_is_found_in_the_examples_of_it(name: str, tmp_
     assert {finding["rule"] for finding in report["findings"]} == NEEDS_PYTHON
 
 
-SCHEMAS = {1: "fmi1/fmiModelDescription", 2: "fmi2/fmi2ModelDescription", 3: "fmi3/fmi3ModelDescription"}
+SCHEMAS = {2: "fmi2/fmi2ModelDescription", 3: "fmi3/fmi3ModelDescription"}
 """Of FMPy's copies, by the version of FMI."""
 
 VALUES = [

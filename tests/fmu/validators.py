@@ -3,8 +3,8 @@
     target/venv/bin/python tests/fmu/validators.py
 
 makes these FMUs, runs `cargo fmu validate`, `fmpy validate` and `fmutool -check` on each, and writes the
-table into the page. A validator finds the break if it complains about the broken FMU, and not about the good
-one.
+table into the page. A validator finds the break if it complains about the broken FMU; none complains about
+the good ones.
 """
 
 from __future__ import annotations
@@ -57,13 +57,12 @@ def fmutool(file: Path) -> Answer:
 VALIDATORS = [cargo_fmu, fmpy, fmutool]
 
 
-def row(broken: Path, good: dict[str, list[Answer]]) -> str:
+def row(broken: Path) -> str:
     """What each validator finds in a broken FMU."""
-    version = re.search(r"FMI \d", broken.stem)[0]
     cells = [broken.stem.split(" ", 1)[1].removesuffix(" (FMI 2)")]
-    for validator, (complains_anyway, _) in zip(VALIDATORS, good[version], strict=True):
+    for validator in VALIDATORS:
         complains, text = validator(broken)
-        cells.append("no FMI 1" if complains_anyway else text if complains else "missed")
+        cells.append(text if complains else "missed")
     return f"| {' | '.join(cells)} |\n"
 
 
@@ -74,14 +73,12 @@ def table() -> str:
     )
     subprocess.run(["cargo", "build", "--quiet", "--package", "cargo-fmu"], cwd=ROOT, check=True)
     folder = TARGET / "tmp" / "good-fmus"
-    good = {
-        f"FMI {version}": [validator(folder / f"{version}.fmu") for validator in VALIDATORS]
-        for version in (1, 2, 3)
-    }
+    for good in (folder / "2.fmu", folder / "3.fmu"):
+        assert not any(complains for complains, _ in (validator(good) for validator in VALIDATORS)), good
     broken = sorted((TARGET / "tmp" / "broken-fmus").glob("*.fmu"))
     with ThreadPoolExecutor(2) as pool:
-        rows = list(pool.map(lambda file: row(file, good), broken))
-    finds = [[not cell.startswith(("missed", "no FMI")) for cell in line.split(" | ")[1:]] for line in rows]
+        rows = list(pool.map(row, broken))
+    finds = [[not cell.startswith("missed") for cell in line.split(" | ")[1:]] for line in rows]
     counts = [sum(column) for column in zip(*finds, strict=True)]
     total = f"| **found, of {len(rows)}** | {' | '.join(map(str, counts))} |\n"
     return HEADER + "".join(rows) + total

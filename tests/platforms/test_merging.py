@@ -1,4 +1,4 @@
-"""The command's `merge` and `--binary` with real libraries of every platform."""
+"""`cargo fmu merge` and `boost-fmu export --binary` with real libraries of every platform."""
 
 from __future__ import annotations
 
@@ -47,7 +47,11 @@ def test_fmus_of_single_platforms_merge_into_the_same_bytes(
     runs = [f"--ran={line.split(':')[0]}={run}" for line, found, run in lines if found]
     merged = tmp_path / "merged.fmu"
     for order in [parts, parts[::-1]]:
-        subprocess.run([COMMAND, "merge", *order, *runs, "--out", merged], check=True, capture_output=True)
+        subprocess.run(
+            [TARGET / "release" / "cargo-fmu", "merge", *order, *runs, "--out", merged],
+            check=True,
+            capture_output=True,
+        )
         assert merged.read_bytes() == (exported / f"{name}.fmu").read_bytes()
 
 

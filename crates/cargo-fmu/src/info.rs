@@ -1,4 +1,4 @@
-//! `info`: an FMU's description, FMI 1.0 to 3.0, as a table or as JSON.
+//! `info`: an FMU's description, as a table or as JSON.
 
 use std::collections::BTreeMap;
 use std::io::BufReader;

@@ -16,7 +16,7 @@ use super::info::Format;
 
 /// Validate FMUs
 ///
-/// Checks FMUs of FMI 1.0, 2.0 or 3.0 from any tool against the standard and its schemas, and for known problems
+/// Checks FMUs of FMI 2.0 or 3.0 from any tool against the standard and its schemas, and for known problems
 /// of importers. The exit status is 0 without errors (warnings allowed), 1 with errors, and 2 if a file cannot be
 /// read. Libraries are read, but never loaded.
 #[derive(Args, Debug)]

@@ -104,6 +104,12 @@ const MACH_O_X86_64: u8 = 7;
 
 const MACH_O_ARM64: u8 = 12;
 
+/// An FMU of the model `Other`.
+fn fmu_of(name: &str, entries: &[(&str, &[u8])]) -> String {
+    let description = description("");
+    archive_of(name, &[&[("modelDescription.xml", description.as_bytes())], entries].concat())
+}
+
 /// The files of an archive, and whether its first is the description.
 fn files_of(path: &str) -> BTreeMap<String, Vec<u8>> {
     let mut zip = zip::ZipArchive::new(fs::File::open(path).unwrap()).unwrap();
@@ -556,7 +562,7 @@ fn info_says_why_a_file_is_no_fmu() {
 
     for (name, xml, reason) in [
         ("cut.fmu", "<fmiModelDescription><ModelVariables>", "ends within the element ModelVariables"),
-        ("crossed.fmu", "<fmiModelDescription><a></b>", "is broken"),
+        ("crossed.fmu", "<fmiModelDescription><a></b>", "cannot be read"),
         ("other.fmu", "<html/>", "the root element is html"),
         ("blank.fmu", "", "no root element"),
     ] {
@@ -612,5 +618,115 @@ fn a_closed_pipe_ends_no_command_in_a_panic() {
         let output = command.arg("fmu").args(arguments).stdout(writer).output().unwrap();
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success() && message.is_empty(), "{arguments:?}: {message}");
+    }
+}
+
+/// The exit status and what the command prints, run in a folder.
+fn cargo_fmu_in(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    let output = command.arg("fmu").args(arguments).current_dir(folder).output().unwrap();
+    (output.status.code(), String::from_utf8([output.stdout, output.stderr].concat()).unwrap())
+}
+
+#[test]
+fn an_identifier_that_is_a_path_is_refused_by_every_command() {
+    let folder = empty("identifiers");
+    let evil =
+        description("").replace(r#"modelIdentifier="Other""#, "modelIdentifier=\"../../evil\u{9b}2J\"");
+    let evil = archive("evil.fmu", "modelDescription.xml", &evil);
+    for arguments in
+        [["parameters", &evil].as_slice(), &["info", &evil], &["merge", &evil, "--out", "merged.fmu"]]
+    {
+        let (code, printed) = cargo_fmu_in(&folder, arguments);
+        let reason = r"the modelIdentifier '../../evil\u{9b}2J' is not a C identifier";
+        assert!(code == Some(2) && printed.contains(&evil) && printed.contains(reason), "{printed}");
+        assert!(!printed.contains('\u{9b}'), "{printed:?}");
+    }
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+}
+
+/// In names, units, descriptions, and errors in them.
+#[test]
+fn a_description_does_not_control_the_terminal() {
+    let harm = "\u{9d}0;title\u{9c}\u{9b}31m\u{202e}&#10;";
+    let shown = r"\u{9d}0;title\u{9c}\u{9b}31m\u{202e}\n";
+    let variable = format!(
+        r#"<ScalarVariable name="a{harm}" causality="input" description="b{harm}"><Real unit="c{harm}" start="d{harm}"/>
+        </ScalarVariable>"#
+    );
+    let text = description(&variable).replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
+    let printed = |fmu: &str| {
+        let output = cargo_fmu(&["info", fmu]);
+        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(printed.chars().all(|character| character == '\n' || !character.is_control()), "{printed:?}");
+        printed
+    };
+    let table = printed(&archive("harm.fmu", "modelDescription.xml", &text));
+    for name in ["a", "b", "c", "d", "e"] {
+        assert!(table.contains(&format!("{name}{shown}")), "{table}");
+    }
+    let broken = archive("harm_in_tag.fmu", "modelDescription.xml", "<a></\u{1b}[2J>");
+    assert!(printed(&broken).contains(r"\u{1b}[2J"));
+    let entry = archive("harm_in_entry.fmu", "../\u{1b}[2J", "");
+    assert!(printed(&entry).contains(r"'../\u{1b}[2J'"));
+}
+
+#[test]
+fn an_output_that_is_an_input_is_refused() {
+    let folder = empty("overlap");
+    let fmu = folder.join("plant.fmu");
+    fs::copy(archive("plant.fmu", "modelDescription.xml", &description("")), &fmu).unwrap();
+    let before = fs::read(&fmu).unwrap();
+    let (code, printed) = cargo_fmu_in(&folder, &["merge", "plant.fmu", "--out", "../overlap/plant.fmu"]);
+    assert!(code == Some(2) && printed.contains("the input plant.fmu would be lost"), "{printed}");
+    assert_eq!(fs::read(&fmu).unwrap(), before);
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+}
+
+/// As on a full disk: no part of the file is left, and the error is reported once.
+#[cfg(unix)]
+#[test]
+fn a_failed_write_leaves_no_file() {
+    let folder = empty("full");
+    let parameter = |index: u32| {
+        let name = format!(r#"name="p{index}" causality="parameter" variability="fixed""#);
+        format!(r#"<ScalarVariable {name}><Real start="{index}"/></ScalarVariable>"#)
+    };
+    let parameters = (0..2000).map(parameter).collect::<Vec<_>>().concat();
+    let fmu = archive("full.fmu", "modelDescription.xml", &description(&parameters));
+    for arguments in
+        [["parameters", &fmu, "--out", "set.ssv"].as_slice(), &["merge", &fmu, "--out", "merged.fmu"]]
+    {
+        let output = Command::new("sh")
+            .args([
+                "-c",
+                "trap '' XFSZ; ulimit -f 1; exec \"$0\" fmu \"$@\"",
+                env!("CARGO_BIN_EXE_cargo-fmu"),
+            ])
+            .args(arguments)
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        let printed = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{printed}");
+        assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "{arguments:?}");
+    }
+}
+
+#[test]
+fn too_large_contents_are_refused() {
+    // Two entries claim, in the central directory, to hold 2 GiB each.
+    let bomb = fmu_of("bomb.fmu", &[("resources/a", b"a"), ("resources/b", b"b")]);
+    let mut bytes = fs::read(&bomb).unwrap();
+    let central: Vec<_> = (0..bytes.len() - 4).filter(|&at| bytes[at..].starts_with(b"PK\x01\x02")).collect();
+    assert_eq!(central.len(), 3);
+    for at in &central[1..] {
+        bytes[at + 24..at + 28].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
+    }
+    fs::write(&bomb, bytes).unwrap();
+    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"]] {
+        let message = refusal(arguments);
+        assert!(message.contains("its entries exceed 1 GiB"), "{message}");
     }
 }

@@ -97,7 +97,7 @@ fn findings_are_told_with_place_rule_and_remedy() {
             "rule": "start-missing", "severity": "error", "file": "modelDescription.xml", "line": 8,
             "variable": "level", "message": "it is input, but has no start value",
             "remedy": "Add the start value that the library uses.",
-            "source": "FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5",
+            "source": "2.0.5: 2.2.7; 3.0.2: 2.4.7.5",
         }],
     });
     assert_eq!(report, expected);
@@ -105,8 +105,30 @@ fn findings_are_told_with_place_rule_and_remedy() {
 }
 
 #[test]
+fn an_fmu_of_fmi_1_is_refused_and_another_tool_named() {
+    let path = fmu("one.fmu", &DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""));
+    let sentence = "it is of FMI 1.0, which is not supported here; use FMPy";
+    let validated = cargo_fmu(&["validate", &path]);
+    assert_eq!(validated.status.code(), Some(1));
+    let expected = format!(
+        "modelDescription.xml:2: error: {sentence} [version]\n    \
+         Set `fmiVersion` to the version that the FMU implements.\n{path}: FMI 1.0, 1 error, 0 warnings\n"
+    );
+    assert_eq!(String::from_utf8(validated.stdout).unwrap(), expected);
+    for format in ["text", "json"] {
+        let info = cargo_fmu(&["info", &path, "--format", format]);
+        assert_eq!((info.status.code(), info.stdout), (Some(2), vec![]));
+        let message = String::from_utf8(info.stderr).unwrap();
+        assert!(
+            message.ends_with(&format!("modelDescription.xml in {path} cannot be read: {sentence}\n")),
+            "{message}"
+        );
+    }
+}
+
+#[test]
 fn several_fmus_are_validated_at_once() {
-    let (good, bad) = (fmu("one.fmu", DESCRIPTION), fmu("two.fmu", &DESCRIPTION.replace("{1}", "")));
+    let (good, bad) = (fmu("first.fmu", DESCRIPTION), fmu("second.fmu", &DESCRIPTION.replace("{1}", "")));
     let output = cargo_fmu(&["validate", &good, &bad]);
     assert_eq!(output.status.code(), Some(1));
     let output = String::from_utf8(output.stdout).unwrap();

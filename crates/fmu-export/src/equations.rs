@@ -5,7 +5,6 @@ use crate::context::Context;
 use crate::error::Error;
 use crate::events::Event;
 use crate::integrator::{Method, Part, RODAS5P};
-use crate::model::Step;
 use crate::number::Number;
 use crate::persistence::Persistent;
 use crate::variables::Variables;
@@ -120,9 +119,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Derives the model's *fields* that depend on parameters only, such as tables or what [`Equations::advance`]
-    /// computes with. Called after [`Equations::calculate_parameters`], whenever that is, and for a restored state.
-    /// [`Equations::evaluate`] reads parameters and calculated parameters instead, because fields have no derivatives.
+    /// Derives the model's *fields* that depend on parameters only, such as tables. Called after
+    /// [`Equations::calculate_parameters`], whenever that is, and for a restored state. [`Equations::evaluate`] reads
+    /// parameters and calculated parameters instead, because fields have no derivatives.
     fn take_parameters(&mut self, variables: &Self::Variables) {
         let _ = variables;
     }
@@ -158,24 +157,6 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// Whether events sample inputs, and the equations use only the samples. If so, an event due at the end of a
     /// communication step belongs to the next step, with its inputs.
     const SAMPLES_INPUTS: bool = false;
-
-    /// Whether the model brings its own integrator, [`Equations::advance`]; in Model Exchange the importer's integrates.
-    const ADVANCES_ITSELF: bool = false;
-
-    /// Advances states and memory through a co-simulation step, and computes the variables at its end. What happens
-    /// within the step is the model's own: [`Equations::event`] is not called.
-    ///
-    /// # Errors
-    /// When the states cannot be integrated to the end of the step.
-    fn advance(
-        &mut self,
-        variables: &mut Self::Variables,
-        step: &Step<'_, <Self::Variables as Variables>::Inputs>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let _ = (variables, step, context);
-        Err(Error::new("the model has no `advance`"))
-    }
 
     /// Handles an event: changes the model's memory, states and discrete variables. It may be called with nothing to
     /// do, for example when an indicator returns to its previous side. If an indicator's sign differs afterwards,

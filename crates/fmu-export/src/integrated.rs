@@ -92,10 +92,6 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
                 "a model of `Equations` has no variables of the type Clock: `next_event` says when its samples are due, \
                  and `event` computes them"
             );
-            assert!(
-                !(E::ADVANCES_ITSELF && E::Variables::DESCRIPTION.capabilities.event_mode),
-                "a model that advances itself handles its events within a step: leave out \"event_mode\" in the JSON"
-            );
         }
         const {
             assert!(
@@ -103,10 +99,9 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
                 "a model integrated by `TwoRates` has time events, but no event indicators"
             );
         }
-        let states = if E::ADVANCES_ITSELF { 0 } else { E::Variables::STATE_NOMINALS.len() };
         Self {
             equations: E::default(),
-            integrator: I::new::<Equated<'_, E>>(states),
+            integrator: I::new::<Equated<'_, E>>(E::Variables::STATE_NOMINALS.len()),
             time: 0.0,
             elapsed: 0.0,
             look: f64::INFINITY,
@@ -169,9 +164,6 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        if E::ADVANCES_ITSELF {
-            return self.equations.advance(variables, step, context);
-        }
         let tolerance = self.equations.tolerance(variables, context.experiment.tolerance);
         let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {

@@ -129,7 +129,7 @@ impl Part {
             bytes.ok_or_else(|| broken(format!("there is no {MODEL_DESCRIPTION} in {}", self.name)))?;
         let text = str::from_utf8(bytes).map_err(io::Error::other);
         text.and_then(FmuDescription::parse)
-            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} is broken: {error}", self.name)))
+            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} cannot be read: {error}", self.name)))
     }
 
     fn runs(&self) -> BTreeMap<String, String> {

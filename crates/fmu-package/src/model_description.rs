@@ -1,4 +1,4 @@
-//! Reads the modelDescription.xml of an FMU from any tool and of any FMI version.
+//! Reads the modelDescription.xml of an FMU of FMI 2.0 or 3.0 from any tool.
 //!
 //! It does not check schemas, which [validation](crate::validation) does. Values whose meaning differs between versions
 //! remain text, and XML errors are rejected with their line. [`FmuDescription::scalars`] turns arrays and aliases of
@@ -66,7 +66,7 @@ impl FmuDescription {
             .and_then(|mut archive| archive::read_text(&mut archive, MODEL_DESCRIPTION))
             .map_err(|error| broken(format!("{shown} is not an FMU: {error}")))?;
         Self::parse(&xml)
-            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {shown} is broken: {error}")))
+            .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {shown} cannot be read: {error}")))
     }
 
     /// Reads the text of a modelDescription.xml.
@@ -76,6 +76,7 @@ impl FmuDescription {
     pub fn parse(xml: &str) -> io::Result<Self> {
         let document = xml::read(xml, "fmiModelDescription")?;
         let root = document.root_element();
+        refuse_fmi1(root)?;
         // The name of each type, and the element with its attributes.
         let types = listed(root, "TypeDefinitions").map(|declared| {
             let is_type =
@@ -112,11 +113,10 @@ impl FmuDescription {
             derivatives,
             event_indicators: references("EventIndicator"),
         };
-        // FMI 1.0 has it in the root element.
-        let of_root = root.attribute(IDENTIFIER).into_iter();
-        of_root
-            .chain(description.interfaces.iter().map(|(_, attributes)| text_of(attributes, IDENTIFIER)))
-            .try_for_each(refuse_no_identifier)?;
+        description
+            .interfaces
+            .iter()
+            .try_for_each(|(_, attributes)| refuse_no_identifier(text_of(attributes, IDENTIFIER)))?;
         Ok(description)
     }
 
@@ -298,14 +298,20 @@ impl FmuDescription {
 
 impl Enumeration {
     fn read(name: &str, typed: xml::Element<'_>) -> io::Result<Self> {
-        let mut items: Vec<(String, i32)> = vec![];
-        for item in named(typed, "Item") {
-            // FMI 1.0 counts from 1.
-            let next = items.last().map_or(1, |(_, last)| last.saturating_add(1));
-            items.push((text(item, "name"), xml::number(item, "value")?.unwrap_or(next)));
-        }
-        Ok(Self { name: name.to_owned(), items })
+        let items = named(typed, "Item").map(|item| {
+            let value = xml::number(item, "value")?.ok_or_else(|| xml::wrong(item, "it has no value"))?;
+            Ok((text(item, "name"), value))
+        });
+        Ok(Self { name: name.to_owned(), items: items.collect::<io::Result<_>>()? })
     }
+}
+
+/// Rejects an FMU of FMI 1.0, by the root of its description.
+pub(crate) fn refuse_fmi1(root: xml::Element<'_>) -> io::Result<()> {
+    if root.attribute("fmiVersion") == Some("1.0") {
+        return Err(broken("it is of FMI 1.0, which is not supported here; use FMPy".to_owned()));
+    }
+    Ok(())
 }
 
 fn text_of<'a>(attributes: &'a [(String, String)], name: &str) -> &'a str {
@@ -314,8 +320,6 @@ fn text_of<'a>(attributes: &'a [(String, String)], name: &str) -> &'a str {
 
 #[cfg(test)]
 mod tests {
-    use fmu_terms::DisplayUnit;
-
     use super::*;
 
     #[test]
@@ -331,14 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn units_of_fmi_1_and_texts_of_fmi_3_are_read() {
-        let xml = r#"<fmiModelDescription><UnitDefinitions><BaseUnit unit="K">
-            <DisplayUnitDefinition displayUnit="degC" gain="1" offset="-273.15"/>
-            </BaseUnit></UnitDefinitions></fmiModelDescription>"#;
-        let shown = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };
-        let unit = Unit { name: "K".to_owned(), base: None, display_units: vec![shown] };
-        assert_eq!(FmuDescription::parse(xml).unwrap().units, [unit]);
-
+    fn texts_of_fmi_3_are_read() {
         let xml = r#"<fmiModelDescription><ModelVariables><String name="a"><Start value="b"/><Start value="c"/>
             </String></ModelVariables></fmiModelDescription>"#;
         assert_eq!(FmuDescription::parse(xml).unwrap().variables[0].start, "b\nc");
@@ -394,9 +391,8 @@ mod tests {
 
     #[test]
     fn every_model_identifier_is_checked() {
-        // Of each interface, and of FMI 1.0.
         for xml in [
-            r#"<fmiModelDescription modelIdentifier="../a"/>"#,
+            r#"<fmiModelDescription><CoSimulation modelIdentifier="../a"/></fmiModelDescription>"#,
             r#"<fmiModelDescription><ModelExchange modelIdentifier="a"/><CoSimulation modelIdentifier="a/b"/></fmiModelDescription>"#,
             "<fmiModelDescription><CoSimulation/></fmiModelDescription>",
         ] {

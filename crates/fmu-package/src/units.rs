@@ -13,9 +13,7 @@ pub(crate) fn read<'d>(units: impl Iterator<Item = Element<'d>>) -> io::Result<V
 }
 
 fn read_unit(element: Element<'_>) -> io::Result<Unit> {
-    // FMI 1.0 uses another name.
-    let name = if element.has_attribute("name") { "name" } else { "unit" };
-    let mut unit = Unit { name: text(element, name), base: None, display_units: vec![] };
+    let mut unit = Unit { name: text(element, "name"), base: None, display_units: vec![] };
     for child in children(element) {
         let value = |name, default| Ok::<_, io::Error>(number(child, name)?.unwrap_or(default));
         let offset = value("offset", 0.0)?;
@@ -29,11 +27,6 @@ fn read_unit(element: Element<'_>) -> io::Result<Unit> {
             }
             "DisplayUnit" => {
                 let (name, factor) = (text(child, "name"), value("factor", 1.0)?);
-                unit.display_units.push(DisplayUnit { name, factor, offset });
-            }
-            // FMI 1.0.
-            "DisplayUnitDefinition" => {
-                let (name, factor) = (text(child, "displayUnit"), value("gain", 1.0)?);
                 unit.display_units.push(DisplayUnit { name, factor, offset });
             }
             _ => {}

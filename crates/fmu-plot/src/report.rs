@@ -107,8 +107,7 @@ impl Report {
 
     /// Appends a table.
     pub fn table(&mut self, table: &Table) {
-        let Table { class, caption, head, rows } = table;
-        self.html(&format!("<div class=\"wide\">\n<table{class}>\n{caption}{head}{rows}</table>\n</div>\n"));
+        self.html(&table.html());
     }
 
     /// Appends a text that readers unfold, such as a file.
@@ -163,6 +162,13 @@ impl Table {
     #[must_use]
     pub fn caption(self, caption: &str) -> Self {
         Self { caption: format!("<caption>{}</caption>\n", escaped(caption)), ..self }
+    }
+
+    /// Its markup.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let Self { class, caption, head, rows } = self;
+        format!("<div class=\"wide\">\n<table{class}>\n{caption}{head}{rows}</table>\n</div>\n")
     }
 
     /// Appends a row.

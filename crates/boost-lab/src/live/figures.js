@@ -4,6 +4,30 @@
 const NO_POINTS = [[], []];
 const [KILO, PERCENT] = [1e-3, 100];
 
+// Tolerance of communication points, which are multiples of the step (s).
+const SAME_TIME = 1e-6;
+
+const rowOf = (run, time) => run.time.findIndex(point => Math.abs(point - time) <= SAME_TIME);
+const at = (run, name, time) => run.columns.get(name)[rowOf(run, time)];
+const stop = run => run.scenario.start + run.scenario.steps * run.scenario.step;
+
+// The ends of a signal's steps.
+const endsOf = (run, name) => [...pointsOf(run.signal(name)).slice(1).map(([time]) => time), stop(run)];
+
+// Table 1, eqs. (6) and (7), from the plant's parameters; eq. (1) is choked, with the flow function of air.
+function tableOf(run) {
+  const parameter = name => run.instance("plant").variable(name).start;
+  const coefficients = (name, count) => Array.from({ length: count }, (_, index) => parameter(`${name}[${index + 1}]`));
+  const polynomial = (factors, x) => factors.reduce((sum, factor) => sum * x + factor, 0);
+  const [pressures, leakage] = [coefficients("valve.pressure_coefficient", 4), coefficients("valve.leakage_coefficient", 3)];
+  const ambient = at(run, "ambient_pressure", 0);
+  return {
+    pressure: duty => Math.min(polynomial(pressures, duty), ambient),
+    area: duty => parameter("valve.leakage_area_scale") * Math.max(polynomial(leakage, duty), 0),
+    areaOf: (flow, around, temperature) => flow * Math.sqrt(parameter("air.gas_constant") * temperature) / (around * 0.684731),
+  };
+}
+
 // Variables with their factors over time.
 function lines(run, ...variables) {
   return variables.map(([name, factor = 1]) => (run ? [run.time, run.columns.get(name).map(value => factor * value)] : NO_POINTS));

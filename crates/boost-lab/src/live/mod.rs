@@ -1,8 +1,8 @@
 //! A page that runs plant and controller live in a browser, as embedded WebAssembly modules, with the paper's
-//! experiments as run by the laboratory for comparison.
+//! experiments and the laboratory's results.
 //!
-//! The scripts: `fmu.js` calls a module, `master.js` couples two as [`fmu_master`] does, `measures.js` and `figures.js`
-//! compute the paper's numbers and lines from records, `plots.js` and `engine.js` display the run, `controls.js` makes the
+//! The scripts: `fmu.js` calls a module, `master.js` couples two as [`fmu_master`] does, `figures.js` computes the
+//! lines of the paper's figures from records, `plots.js` and `engine.js` display the run, `controls.js` makes the
 //! controls of `controls.json` from the FMUs' declarations, `page.js` runs the simulation.
 
 use std::path::Path;
@@ -15,7 +15,7 @@ use fmu_package::{FmuDescription, ParameterSet, Value};
 use serde_json::{Value as Json, json};
 use wasmparser::{Parser, Payload};
 
-use crate::reproduce::{Claim, PaperFigure, Reproduced, Run, shipped};
+use crate::reproduce::{CLAIMS_STYLE, PaperFigure, Reproduced, Run, claims_table, count, shipped};
 use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
 use fmu_plot::{Figure, Report, escaped};
 
@@ -26,10 +26,9 @@ const STYLE: &str = include_str!("style.css");
 const BODY: &str = include_str!("body.html");
 const ENGINE: &str = include_str!("engine.svg");
 const CONTROLS: &str = include_str!("controls.json");
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("fmu.js"),
     include_str!("master.js"),
-    include_str!("measures.js"),
     include_str!("figures.js"),
     include_str!("plots.js"),
     include_str!("engine.js"),
@@ -79,11 +78,16 @@ pub fn html(
     (closed_loop, plot): &(Run, Figure),
     experiments: &[Reproduced],
 ) -> Result<String> {
-    let template = |plots: String| format!("<template class=\"plots\">\n{plots}</template>\n");
-    let mut plots = template(plot.html());
+    let template = |class: &str, html: &str| format!("<template class=\"{class}\">\n{html}</template>\n");
+    let mut templates = template("plots", &plot.html());
     let mut buttons = String::new();
-    for Reproduced { figure: PaperFigure { number, title, .. }, evidence, .. } in experiments {
-        plots += &template(evidence.plots().map(|plot| plot.clone().without_points().html()).collect());
+    for experiment in experiments {
+        let Reproduced { figure: PaperFigure { number, title, .. }, evidence, claims, .. } = experiment;
+        let plots: String = evidence.plots().map(|plot| plot.clone().without_points().html()).collect();
+        let (counted, _) = count(std::slice::from_ref(experiment));
+        templates += &template("plots", &plots);
+        let results = format!("<h3>Fig. {number}: {counted}.</h3>\n{}", claims_table(claims).html());
+        templates += &template("results", &results);
         buttons += &format!("<button type=\"button\"><b>Fig. {number}</b> {}</button>\n", escaped(title));
     }
     let encoded = |module: &Module| BASE64_STANDARD.encode(&module.bytes);
@@ -95,19 +99,21 @@ pub fn html(
         "experiments": experiments.iter().map(|experiment| json!({
             "number": experiment.figure.number,
             "runs": experiment.runs.iter().map(run_json).collect::<Vec<_>>(),
-            "claims": experiment.claims.iter().map(claim_json).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
     });
     // Escaped so that no `<` ends the script.
     let data = data.to_string().replace('<', "\\u003c");
-    let body = BODY.replace("{engine}", ENGINE).replace("{plots}", &plots).replace("{experiments}", &buttons);
+    let body = BODY
+        .replace("{engine}", ENGINE)
+        .replace("{templates}", &templates)
+        .replace("{experiments}", &buttons);
     let mut report = Report::new("Boost pressure control, live");
     report.html(&format!(
         "{body}<script type=\"application/json\" id=\"laboratory\">{data}</script>\n\
          <script type=\"module\">\n{}</script>\n",
         SCRIPTS.join("\n")
     ));
-    Ok(report.page(STYLE))
+    Ok(report.page(&format!("{STYLE}{CLAIMS_STYLE}")))
 }
 
 /// A parameter set in the plant's units.
@@ -166,13 +172,4 @@ fn signal_json(signal: &Signal) -> Json {
             json!({ "mean": mean, "amplitude": amplitude, "frequency": frequency, "phase": phase })
         }
     }
-}
-
-fn claim_json(claim: &Claim) -> Json {
-    let (unit, factor) = claim.scale();
-    json!({
-        "name": claim.name, "paper": claim.paper, "inPaper": claim.in_paper(), "found": claim.found(), "asked": claim.asked(),
-        "least": claim.least, "most": claim.most, "unit": unit, "factor": factor, "how": claim.how, "basis": claim.basis,
-        "knownDifference": claim.known_difference,
-    })
 }

@@ -113,7 +113,7 @@ async function startNow(scenario, values, show) {
   pace.begin();
 }
 
-const templateOf = number => document.querySelectorAll("template.plots")[number];
+const templateOf = (kind, index) => document.querySelectorAll(`template.${kind}`)[index];
 
 // Puts the page in the state before the loop, or an experiment chosen by its button.
 function choose(experiment, chosen) {
@@ -130,7 +130,7 @@ async function startLoop() {
   pace.lower();
   const inputs = laboratory.loop.inputs.map(([name]) => [name, { constant: controls.get(name).value }]);
   const values = { plant: [...controls.plantValues(), ...controls.parameters("plant")], controller: controls.parameters("controller") };
-  await start({ ...laboratory.loop, inputs }, values, run => plots.show(run, templateOf(0), state.held));
+  await start({ ...laboratory.loop, inputs }, values, run => plots.show(run, templateOf("plots", 0), state.held));
 }
 
 async function startExperiment(experiment, button) {
@@ -138,7 +138,7 @@ async function startExperiment(experiment, button) {
   const { runs, number: figure } = experiment;
   pace.raise(runs.reduce((sum, { steps, step }) => sum + steps * step, 0));
   setRunning(false);
-  const show = () => plots.showFigure(templateOf(1 + laboratory.experiments.indexOf(experiment)), () => FIGURES[figure](runsOf()));
+  const show = () => plots.showFigure(templateOf("plots", 1 + laboratory.experiments.indexOf(experiment)), () => FIGURES[figure](runsOf()));
   await nextRun(show);
   setRunning(true);
 }
@@ -164,38 +164,14 @@ async function finish() {
   setRunning(false);
   plots.changed();
   plots.drawAll();
-  showResults(experiment, MEASURES[experiment.number](finished));
+  showResults(experiment, templateOf("results", laboratory.experiments.indexOf(experiment)));
   return undefined;
 }
 
-function showResults(experiment, measures) {
-  const count = { holds: 0, differs: 0, fails: 0 };
-  const rows = experiment.claims.map(claim => {
-    const value = measures[claim.name];
-    const holds = value >= (claim.least ?? -Infinity) && value <= (claim.most ?? Infinity);
-    const verdict = holds ? "holds" : claim.knownDifference ? "differs" : "fails";
-    count[verdict]++;
-    const cell = (label, text) => {
-      const made = make("td", { className: "number", textContent: text ?? "" });
-      made.dataset.label = label;
-      return made;
-    };
-    const known = claim.knownDifference ? ` Known difference: ${claim.knownDifference}.` : "";
-    const row = make(
-      "tr", {}, make("td", { textContent: claim.paper }, make("div", { className: "how", textContent: `${claim.basis}: ${claim.how}${known}` })),
-      cell("paper", claim.inPaper), cell("here", inUnit(number(claim.factor * value), claim.unit)),
-      cell("laboratory", claim.found), cell("accepted", claim.asked),
-      make("td", {}, make("span", { className: verdict, textContent: verdict })),
-    );
-    row.dataset.claim = claim.name;
-    return row;
-  });
-  const head = ["Claim", "Paper", "Here", "Laboratory", "Accepted", ""].map(text => make("th", { textContent: text }));
-  const table = make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows));
-  const known = count.differs ? `; ${count.differs} ${count.differs === 1 ? "differs for a known reason" : "differ for known reasons"}` : "";
-  const title = `Fig. ${experiment.number}: ${count.holds} of ${rows.length} claims hold${known}.`;
-  element("results").replaceChildren(make("h3", { textContent: title }), table);
-  say(`${title} Save CSV saves each run; Reset returns to the loop.`);
+// The laboratory's results, as in its report.
+function showResults({ number }, { content }) {
+  element("results").replaceChildren(content.cloneNode(true));
+  say(`Fig. ${number} is drawn. Save CSV saves each run; Reset returns to the loop.`);
 }
 
 // One step; drops the oldest rows.

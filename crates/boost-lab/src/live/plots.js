@@ -35,7 +35,8 @@ function rowsToDraw(places, values, from, to) {
 
 // The vertical range: that of the values unless they differ by round-off alone.
 function heightOf(values) {
-  const [low, high] = [least(values), greatest(values)];
+  const low = values.reduce((least, value) => Math.min(least, value), Infinity);
+  const high = values.reduce((most, value) => Math.max(most, value), -Infinity);
   const share = LEAST_SHARE * Math.max(Math.abs(low), Math.abs(high));
   if (high - low > share || values.length === 0) return { "yaxis.autorange": true };
   const [middle, half] = [(low + high) / 2, share / 2 || 1];

@@ -30,7 +30,7 @@ use fmu_plot::{Figure, Line, Panel, panels};
 use fmu_record::Record;
 use fmu_record::numbers::{axis, number};
 
-pub use self::report::{html, json};
+pub use self::report::{CLAIMS_STYLE, claims_table, html, json};
 
 #[derive(Serialize)]
 pub struct PaperFigure {
@@ -216,7 +216,7 @@ impl Claim {
     }
 
     /// The unit of the figure's axes, by the range, and the factor to it.
-    pub fn scale(&self) -> (String, f64) {
+    fn scale(&self) -> (String, f64) {
         axis(&self.unit, self.most.or(self.least).unwrap_or(self.value))
     }
 }

@@ -3,13 +3,15 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use super::{Drawing, Reproduced, count};
+use super::{Claim, Drawing, Reproduced, count};
 use fmu_plot::{Cell, Report, Table, escaped};
 
 const TITLE: &str =
     "Boost pressure control with system voltage disturbance rejection: the paper's figures from the FMUs";
-const STYLE: &str = "
-.how { color: var(--faint); font-size: .93em; } svg :is(.third, .added) { color: var(--faint); }
+const STYLE: &str = "\nsvg :is(.third, .added) { color: var(--faint); }\n";
+/// The style of the [claims' table](claims_table).
+pub const CLAIMS_STYLE: &str = "
+.how { color: var(--faint); font-size: .93em; }
 .claims { max-width: 58rem; }
 @media (max-width: 48rem) {
   .claims thead { display: none; } .claims tr { display: flex; flex-wrap: wrap; gap: 0 1rem; padding: .5rem 0; border-bottom: 1px solid var(--rule); }
@@ -51,7 +53,7 @@ pub fn html(figures: &[Reproduced], fmus: &[String]) -> String {
     for figure in figures {
         section(&mut report, figure);
     }
-    report.page(STYLE)
+    report.page(&format!("{STYLE}{CLAIMS_STYLE}"))
 }
 
 fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios, .. }: &Reproduced) {
@@ -65,6 +67,17 @@ fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios
             Drawing::Picture(svg) => report.picture(svg, caption),
         }
     }
+    report.table(&claims_table(claims));
+    for note in &evidence.notes {
+        report.paragraph(note);
+    }
+    for (name, scenario) in scenarios {
+        report.details(&format!("The scenario {name}"), scenario);
+    }
+}
+
+/// The paper's claims beside the FMUs' results.
+pub fn claims_table(claims: &[Claim]) -> Table {
     let mut table = Table::new(["Claim", "Paper", "FMUs", "Accepted", ""]).class("claims");
     for claim in claims {
         table.row([
@@ -84,11 +97,5 @@ fn section(report: &mut Report, Reproduced { figure, evidence, claims, scenarios
             Cell::html(&format!("<span class=\"{0}\">{0}</span>", claim.verdict())),
         ]);
     }
-    report.table(&table);
-    for note in &evidence.notes {
-        report.paragraph(note);
-    }
-    for (name, scenario) in scenarios {
-        report.details(&format!("The scenario {name}"), scenario);
-    }
+    table
 }

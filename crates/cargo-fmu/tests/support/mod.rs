@@ -25,12 +25,6 @@ pub fn archive_of(name: &str, entries: &[(&str, &[u8])]) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// An FMU of the model `Other`.
-pub fn fmu_of(name: &str, entries: &[(&str, &[u8])]) -> String {
-    let description = description("");
-    archive_of(name, &[&[("modelDescription.xml", description.as_bytes())], entries].concat())
-}
-
 /// What an FMU's description holds around its variables.
 pub fn description(variables: &str) -> String {
     format!(

@@ -9,7 +9,6 @@ fn main() {
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts");
     for model in [
         "decay",
-        "exact",
         "van_der_pol",
         "robertson",
         "hires",

@@ -127,7 +127,7 @@ impl Fmu {
         }
         let description = FmuDescription::parse(&reading::text(&description)?)
             .and_then(FmuDescription::scalars)
-            .context("its modelDescription.xml is broken")?;
+            .context("its modelDescription.xml cannot be read")?;
         let version = description.attribute("fmiVersion");
         let is_fmi3 = description.is_fmi3();
         if !version.starts_with("2.") && !is_fmi3 {

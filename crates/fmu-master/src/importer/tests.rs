@@ -227,7 +227,11 @@ fn a_file_that_is_not_an_fmu_is_refused() {
     fs::write(&text, "no archive").unwrap();
     assert!(refusal(Fmu::open(&text)).contains("it is not a ZIP archive"));
     let cases = [
-        ("one", DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""), "it is one of FMI 1.0"),
+        (
+            "one",
+            DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""),
+            "it is of FMI 1.0, which is not supported here; use FMPy",
+        ),
         (
             "interfaces",
             DESCRIPTION.replace("CoSimulation", "Other"),
@@ -243,7 +247,7 @@ fn a_file_that_is_not_an_fmu_is_refused() {
             DESCRIPTION.replace("modelIdentifier=\"careless\"", "modelIdentifier=\"other\""),
             "it has no",
         ),
-        ("xml", DESCRIPTION.replace("</ModelVariables>", ""), "its modelDescription.xml is broken"),
+        ("xml", DESCRIPTION.replace("</ModelVariables>", ""), "its modelDescription.xml cannot be read"),
     ];
     for (name, description, expected) in cases {
         let refusal = refusal(import(&description));

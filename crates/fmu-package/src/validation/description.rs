@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use fmu_terms::Version;
 use regex_lite::Regex;
 
 use super::model::Model;
-use super::report::{Report, Version};
+use super::report::Report;
 use super::rules::{
     CAPABILITY, DEFAULT_EXPERIMENT, EVENT_INDICATOR_COUNT, GENERATION_DATE, GUID, INTERFACE, LOG_CATEGORY,
     MODEL_IDENTIFIER, Rule,
@@ -43,7 +44,7 @@ pub(super) fn unique<'d>(
 }
 
 fn interfaces(model: &Model<'_>, report: &mut Report) {
-    if model.version != Version::One && model.interfaces.is_empty() {
+    if model.interfaces.is_empty() {
         model.wrong(report, &INTERFACE, model.root, "no interface is declared");
     }
     let mut seen = BTreeSet::new();
@@ -56,8 +57,7 @@ fn interfaces(model: &Model<'_>, report: &mut Report) {
 }
 
 fn identifiers(model: &Model<'_>, report: &mut Report) {
-    let of_root = (model.version == Version::One).then_some(model.root);
-    for element in of_root.iter().chain(&model.interfaces) {
+    for element in &model.interfaces {
         let refused = element.attribute("modelIdentifier").map(refuse_no_identifier);
         if let Some(Err(error)) = refused {
             model.wrong(report, &MODEL_IDENTIFIER, *element, error.to_string());

@@ -1,7 +1,9 @@
 //! The table of FMUs that the standard allows but known importers reject, shown in `docs/validation.md`.
 
+use fmu_terms::Version;
+
 use super::model::Model;
-use super::report::{Place, Report, Version};
+use super::report::{Place, Report};
 use super::rules::{ARRAY, Rule, STRUCTURAL_PARAMETER, TYPE_DESCRIPTION};
 use crate::xml::named;
 

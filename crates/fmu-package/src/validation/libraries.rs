@@ -2,27 +2,19 @@
 
 use std::collections::BTreeSet;
 
+use fmu_terms::Version;
+
 use super::archive::Files;
 use super::model::Model;
-use super::report::{Place, Report, Version};
+use super::report::{Place, Report};
 use super::rules::{
     LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
     LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
 };
 use crate::library::{Library, Linkage};
 use crate::platform::{Architecture, Format, Platform};
-use crate::xml::named;
 
-/// The functions of FMI 1.0 for Model Exchange, without their prefix.
-const FMI1_MODEL_EXCHANGE: &str =
-    "GetModelTypesPlatform GetVersion InstantiateModel FreeModelInstance SetDebugLogging
-    SetTime SetContinuousStates CompletedIntegratorStep SetReal SetInteger SetBoolean SetString Initialize
-    GetDerivatives GetEventIndicators GetReal GetInteger GetBoolean GetString EventUpdate GetContinuousStates
-    GetNominalContinuousStates GetStateValueReferences Terminate";
-const FMI1_CO_SIMULATION: &str = "GetTypesPlatform GetVersion SetDebugLogging InstantiateSlave InitializeSlave
-    TerminateSlave ResetSlave FreeSlaveInstance SetReal SetInteger SetBoolean SetString GetReal GetInteger GetBoolean
-    GetString SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus GetRealStatus
-    GetIntegerStatus GetBooleanStatus GetStringStatus";
+/// The functions of FMI 2.0 for both interfaces, without their prefix.
 const FMI2_COMMON: &str = "GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment
     EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean GetString SetReal
     SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate
@@ -107,7 +99,7 @@ fn platform(folder: &str, version: Version) -> Option<(Format, Option<&'static [
     if let Some(platform) = of_fmi2 {
         return Some((platform.format(), Some(platform.architectures())));
     }
-    let (processor, system) = folder.split_once('-').filter(|_| version > Version::One)?;
+    let (processor, system) = folder.split_once('-')?;
     let format = match system.split('-').next()? {
         "linux" => Format::Elf,
         "darwin" => Format::MachO,
@@ -192,8 +184,6 @@ fn functions(model: &Model<'_>, identifier: &str) -> Vec<String> {
         model.interface(name).is_some_and(|element| element.attribute("modelIdentifier") == Some(identifier))
     };
     let lists = match model.version {
-        Version::One if named(model.root, "Implementation").next().is_some() => vec![FMI1_CO_SIMULATION],
-        Version::One => vec![FMI1_MODEL_EXCHANGE],
         Version::Two => {
             let of = |name, list| if has(name) { list } else { "" };
             vec![
@@ -204,11 +194,7 @@ fn functions(model: &Model<'_>, identifier: &str) -> Vec<String> {
         }
         Version::Three => vec![FMI3],
     };
-    let prefix = match model.version {
-        Version::One => format!("{identifier}_fmi"),
-        Version::Two => "fmi2".to_owned(),
-        Version::Three => "fmi3".to_owned(),
-    };
+    let prefix = format!("fmi{}", model.version);
     lists.iter().flat_map(|list| list.split_whitespace()).map(|name| format!("{prefix}{name}")).collect()
 }
 
@@ -219,14 +205,7 @@ mod tests {
     #[test]
     fn the_lists_of_functions_are_complete() {
         // As many as the standard's headers declare.
-        let counts = [
-            (FMI1_MODEL_EXCHANGE, 24),
-            (FMI1_CO_SIMULATION, 25),
-            (FMI2_COMMON, 25),
-            (FMI2_MODEL_EXCHANGE, 10),
-            (FMI2_CO_SIMULATION, 9),
-            (FMI3, 75),
-        ];
+        let counts = [(FMI2_COMMON, 25), (FMI2_MODEL_EXCHANGE, 10), (FMI2_CO_SIMULATION, 9), (FMI3, 75)];
         for (list, count) in counts {
             let names: BTreeSet<_> = list.split_whitespace().collect();
             assert_eq!((list.split_whitespace().count(), names.len()), (count, count), "{list}");
@@ -237,14 +216,14 @@ mod tests {
     fn folders_are_named_as_in_each_version() {
         let known = |folder, version| platform(folder, version).is_some();
         for (folder, versions) in [
-            ("linux64", [true, true, false]),
-            ("x86_64-linux", [false, true, true]),
-            ("aarch64-darwin", [true, true, true]),
-            ("riscv64-linux", [false, true, true]),
-            ("x86_64-windows-msvc140mt", [false, true, true]),
-            ("windows", [false, false, false]),
+            ("linux64", [true, false]),
+            ("x86_64-linux", [true, true]),
+            ("aarch64-darwin", [true, true]),
+            ("riscv64-linux", [true, true]),
+            ("x86_64-windows-msvc140mt", [true, true]),
+            ("windows", [false, false]),
         ] {
-            let found = [Version::One, Version::Two, Version::Three].map(|version| known(folder, version));
+            let found = Version::ALL.map(|version| known(folder, version));
             assert_eq!(found, versions, "{folder}");
         }
     }

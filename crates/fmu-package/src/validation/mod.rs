@@ -1,4 +1,4 @@
-//! Finds problems in FMUs from any tool, FMI 1.0, 2.0 and 3.0, by the published [`rules`].
+//! Finds problems in FMUs from any tool, FMI 2.0 and 3.0, by the published [`rules`].
 //!
 //! Libraries are not loaded, nothing is extracted, and the sizes read bound time and memory.
 
@@ -20,10 +20,10 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading;
+use fmu_terms::Version;
 
-use crate::model_description::MODEL_DESCRIPTION;
+use crate::model_description::{MODEL_DESCRIPTION, refuse_fmi1};
 use importers::Importer;
-use report::Version;
 use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, VERSION};
 use xml::Xml;
 
@@ -58,9 +58,11 @@ fn check(files: &mut archive::Files, importers: &[&Importer], report: &mut Repor
     let Some(xml) = Xml::parse(MODEL_DESCRIPTION, &text, report) else { return };
     let root = xml.root();
     report.fmi_version = root.attribute("fmiVersion").map(str::to_owned);
+    if let Err(error) = refuse_fmi1(root) {
+        return report.add(&VERSION, xml.at(root), error.to_string());
+    }
     let version = match root.attribute("fmiVersion").unwrap_or_default() {
         _ if root.tag_name().name() != "fmiModelDescription" => None,
-        "1.0" => Some(Version::One),
         "2.0" => Some(Version::Two),
         text if text == "3" || text.starts_with("3.") => Some(Version::Three),
         _ => None,

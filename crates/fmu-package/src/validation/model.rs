@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::report::{Place, Report, Version};
+use fmu_terms::Version;
+
+use super::report::{Place, Report};
 use super::rules::Rule;
 use super::xml::Xml;
 use crate::model_description::INTERFACES;
@@ -88,12 +90,11 @@ impl<'d> Model<'d> {
         let types: Vec<_> = below("TypeDefinitions")
             .map(|declared| match version {
                 Version::Three => (declared, declared),
-                _ => (declared, children(declared).next().unwrap_or(declared)),
+                Version::Two => (declared, children(declared).next().unwrap_or(declared)),
             })
             .collect();
         let units: Vec<_> = below("UnitDefinitions").collect();
-        let key = if version == Version::One { "unit" } else { "name" };
-        let by_name = |element: &Element<'d>, key| element.attribute(key).map(|name| (name, *element));
+        let by_name = |element: &Element<'d>| element.attribute("name").map(|name| (name, *element));
         let mut model = Self {
             xml,
             version,
@@ -104,7 +105,7 @@ impl<'d> Model<'d> {
                 .filter_map(|(declared, typed)| Some((declared.attribute("name")?, *typed)))
                 .collect(),
             types,
-            unit_by_name: units.iter().filter_map(|unit| by_name(unit, key)).collect(),
+            unit_by_name: units.iter().filter_map(by_name).collect(),
             units,
             variables: vec![],
             entries: vec![],
@@ -116,7 +117,7 @@ impl<'d> Model<'d> {
                 Version::Three => {
                     variable.element.attribute("valueReference").and_then(|text| text.trim().parse().ok())
                 }
-                _ => u32::try_from(index + 1).ok(),
+                Version::Two => u32::try_from(index + 1).ok(),
             };
             if let Some(reference) = reference {
                 model.references.entry(reference).or_insert(index);
@@ -129,7 +130,7 @@ impl<'d> Model<'d> {
     fn variable(&self, element: Element<'d>) -> Variable<'d> {
         let typed = match self.version {
             Version::Three => element,
-            _ => children(element).next().unwrap_or(element),
+            Version::Two => children(element).next().unwrap_or(element),
         };
         let kind = typed.tag_name().name();
         let causality = element.attribute("causality").unwrap_or("local");
@@ -157,7 +158,7 @@ impl<'d> Model<'d> {
         let structure = listed(self.root, "ModelStructure");
         let elements: Vec<(&str, Element<'d>)> = match self.version {
             Version::Three => structure.map(|entry| (entry.tag_name().name(), entry)).collect(),
-            _ => structure
+            Version::Two => structure
                 .flat_map(|list| children(list).map(move |entry| (list.tag_name().name(), entry)))
                 .collect(),
         };
@@ -200,12 +201,8 @@ impl<'d> Model<'d> {
 
     /// The distinct model identifiers.
     pub fn identifiers(&self) -> Vec<&'d str> {
-        let of_root = (self.version == Version::One).then_some(self.root);
-        let mut all: Vec<_> = of_root
-            .into_iter()
-            .chain(self.interfaces.iter().copied())
-            .filter_map(|element| element.attribute("modelIdentifier"))
-            .collect();
+        let mut all: Vec<_> =
+            self.interfaces.iter().filter_map(|element| element.attribute("modelIdentifier")).collect();
         all.sort_unstable();
         all.dedup();
         all

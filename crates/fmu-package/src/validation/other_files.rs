@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use fmu_terms::Version;
+
 use super::archive::Files;
 use super::model::Model;
-use super::report::{Place, Report, Version};
+use super::report::{Place, Report};
 use super::rules::{SOURCES, TERMINALS};
 use super::schema;
 use super::xml::Xml;

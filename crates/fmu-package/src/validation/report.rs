@@ -66,11 +66,3 @@ impl Report {
 
 /// Reports a problem at a known place.
 pub(super) type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
-
-/// The FMI versions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Version {
-    One,
-    Two,
-    Three,
-}

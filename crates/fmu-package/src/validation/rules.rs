@@ -32,7 +32,7 @@ pub struct Rule {
     pub id: &'static str,
     /// The consequence of breaking it.
     pub severity: Severity,
-    /// Its source: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` or `FMI 1` for requirements of the schemas.
+    /// Its source: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` for requirements of the schemas.
     pub source: &'static str,
     /// Its text.
     pub text: &'static str,
@@ -91,7 +91,7 @@ rules! {
     XML_SYNTAX: Error "xml-syntax" ("XML 1.0")
         "XML files are well-formed." => "Correct the XML at this line.";
     VERSION: Error "version" ("2.0.5: 2.2.1; 3.0.2: 2.4.1")
-        "The root is `fmiModelDescription` with `fmiVersion` 1.0, 2.0 or 3.x." => "Set `fmiVersion` to the version that the FMU implements.";
+        "The root is `fmiModelDescription` with `fmiVersion` 2.0 or 3.x." => "Set `fmiVersion` to the version that the FMU implements.";
     SCHEMA_ELEMENT: Error "schema-element" ("schema")
         "Elements and their order follow the schema; no required one is missing." => "Add, move or remove the element.";
     SCHEMA_ATTRIBUTE: Error "schema-attribute" ("schema")
@@ -124,33 +124,33 @@ rules! {
         "Unit factors are finite and nonzero, offsets finite; `inverse` has no offset." => "Correct the conversion.";
     UNIT_DEFINED: Error "unit-defined" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "Units of variables and types are in `UnitDefinitions`." => "Add the unit to `UnitDefinitions`.";
-    DISPLAY_UNIT: Error "display-unit" ("FMI 1; 2.0.5: 2.2.3; 3.0.2: 2.4.4")
+    DISPLAY_UNIT: Error "display-unit" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
         "A display unit is defined under its unit." => "Add a `DisplayUnit` to the unit's definition.";
     TYPE_NAME: Error "type-name" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
         "Type names are unique and differ from variable names." => "Rename the type.";
-    TYPE_DEFINED: Error "type-defined" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
+    TYPE_DEFINED: Error "type-defined" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "A variable's declared type is defined, and of the same kind." => "Add the type to `TypeDefinitions`, or name another one.";
     ENUMERATION_ITEM: Error "enumeration-item" ("2.0.5: 2.2.3; 3.0.2: 2.4.4")
         "An enumeration's item names and values are unique." => "Remove or change one of them.";
 
     // Variables.
-    VARIABLE_NAME: Error "variable-name" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7")
+    VARIABLE_NAME: Error "variable-name" ("2.0.5: 2.2.7; 3.0.2: 2.4.7")
         "Variable and alias names are unique and not empty." => "Rename one of the variables.";
     NAME_SYNTAX: Error "name-syntax" ("2.0.5: 2.2.9; 3.0.2: 2.4.7.5.1")
         "Names follow the `variableNamingConvention`: the `structured` grammar, or no tabs and line breaks." => "Rename the variable, quote the part with `'…'`, or use `variableNamingConvention=\"flat\"`.";
     VALUE_REFERENCE: Error "value-reference" ("3.0.2: 2.4.7.4")
         "Value references are unique." => "Number the variables differently, or declare the second one as `Alias`.";
-    ALIAS: Error "alias" ("FMI 1; 2.0.5: 2.2.7")
-        "Among variables sharing type and value reference, at most one has a start value; all or none are constant, with equal values; units match. In FMI 1 all but one are declared aliases." => "Give the variable a unique value reference.";
+    ALIAS: Error "alias" ("2.0.5: 2.2.7")
+        "Among variables sharing type and value reference, at most one has a start value; all or none are constant, with equal values; units match." => "Give the variable a unique value reference.";
     CAUSALITY: Error "causality" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
         "The standard allows this combination of causality and variability." => "See the table of combinations in the standard.";
     INITIAL: Error "initial" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "`initial` fits the causality and variability." => "Leave `initial` out, or see the table of its values in the standard.";
-    CONTINUOUS_TYPE: Error "continuous-type" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
-        "Only floating-point variables are continuous (the default in FMI 1 and 2)." => "Declare `variability=\"discrete\"`.";
+    CONTINUOUS_TYPE: Error "continuous-type" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
+        "Only floating-point variables are continuous (the default in FMI 2)." => "Declare `variability=\"discrete\"`.";
     INDEPENDENT: Error "independent" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.4")
         "Exactly one variable is independent (FMI 2: at most one), and floating-point." => "Declare only time with `causality=\"independent\"`.";
-    START_MISSING: Error "start-missing" ("FMI 1; 2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
+    START_MISSING: Error "start-missing" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "Inputs, parameters, constants, and variables with `initial` `exact` or `approx` have a start value." => "Add the start value that the library uses.";
     START_FORBIDDEN: Error "start-forbidden" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "Calculated and independent variables have no start value." => "Remove the start value, or declare `initial=\"exact\"` or `\"approx\"`.";
@@ -170,10 +170,6 @@ rules! {
         "`derivative` refers to another variable; both are continuous and floating-point." => "Refer to the variable whose derivative this is.";
     REINIT: Error "reinit" ("2.0.5: 2.2.7; 3.0.2: 2.4.7.5")
         "Only continuous states of Model Exchange FMUs have `reinit`." => "Remove the attribute.";
-    FIXED: Error "fixed" ("FMI 1")
-        "`fixed` requires a start value." => "Add the start value, or remove `fixed`.";
-    DIRECT_DEPENDENCY: Error "direct-dependency" ("FMI 1")
-        "Only outputs have `DirectDependency`, which names inputs." => "Name inputs only.";
     DIMENSION: Error "dimension" ("3.0.2: 2.4.7.2")
         "A dimension has either a positive `start`, or the value reference of a `UInt64` constant or structural parameter with positive start; structural parameters have no dimensions." => "Correct the dimension.";
     CLOCK: Error "clock" ("3.0.2: 2.4.4, 2.4.7.4")
@@ -217,10 +213,10 @@ rules! {
     LIBRARY_NAME: Error "library-name" ("2.0.5: 2.3; 3.0.2: 2.5.1")
         "Each platform folder has a library named after each model identifier." => "Rename the library to the model identifier.";
     LIBRARY_PLATFORM: Warning "library-platform" ("2.0.5: 2.3; 3.0.2: 2.5.1.4.1")
-        "Folders in `binaries` are platform names: FMI 1 and 2 `linux64`, `win64`, `darwin64` …, FMI 2 and 3 `x86_64-linux` …" => "Name the folder as the standard does.";
+        "Folders in `binaries` are platform names: FMI 2 `linux64`, `win64`, `darwin64` …, both `x86_64-linux` …" => "Name the folder as the standard does.";
     LIBRARY_FORMAT: Error "library-format" ("2.0.5: 2.3; 3.0.2: 2.5.1.4.1")
         "A library is complete, in its folder's format and for its processor." => "Build the library for this platform, or move it to its platform's folder.";
-    LIBRARY_FUNCTION: Error "library-function" ("FMI 1; 2.0.5: 2.3; 3.0.2: 2.5")
+    LIBRARY_FUNCTION: Error "library-function" ("2.0.5: 2.3; 3.0.2: 2.5")
         "A library exports all functions of the declared interfaces (FMI 3: of all), even for missing capabilities." => "Export the function; where it is not supported, it returns an error.";
     LIBRARY_GUID: Error "library-guid" ("2.0.5: 2.1.5")
         "A library made by fmu-export contains the description's GUID." => "Export the FMU again: description and library come from different builds.";

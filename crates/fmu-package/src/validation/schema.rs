@@ -7,10 +7,11 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use fmu_terms::Version;
 use regex_lite::Regex;
 use roxmltree::{Document, Node};
 
-use super::report::{Report, Version};
+use super::report::Report;
 use super::rules::{SCHEMA_ATTRIBUTE, SCHEMA_ELEMENT, SCHEMA_VALUE};
 use super::xml::Xml;
 
@@ -22,8 +23,6 @@ macro_rules! schema_files {
     };
 }
 
-const FMI1: &[&str] = schema_files!("fmi1": "fmiBaseUnit" "fmiImplementation" "fmiModelDescription" "fmiScalarVariable"
-    "fmiType");
 const FMI2: &[&str] = schema_files!("fmi2": "fmi2Annotation" "fmi2AttributeGroups" "fmi2ModelDescription"
     "fmi2ScalarVariable" "fmi2Type" "fmi2Unit" "fmi2VariableDependency");
 const FMI3: &[&str] = schema_files!("fmi3": "fmi3Annotation" "fmi3AttributeGroups" "fmi3BuildDescription"
@@ -33,7 +32,6 @@ const FMI3: &[&str] = schema_files!("fmi3": "fmi3Annotation" "fmi3AttributeGroup
 /// Checks a document against the schema of an FMI version that declares its root.
 pub(super) fn check(version: Version, xml: &Xml<'_>, report: &mut Report) {
     let files = match version {
-        Version::One => FMI1,
         Version::Two => FMI2,
         Version::Three => FMI3,
     };
@@ -138,8 +136,6 @@ impl<'s> Schema<'s> {
     ) {
         let declaration = self.referred(declaration);
         let expected = match (declaration.attribute("type"), child(declaration, "complexType")) {
-            // All simple types of elements are texts.
-            (Some(name), _) if name.starts_with("xs:") => Rc::new(Type { is_mixed: true, ..Type::default() }),
             (Some(name), _) => self.type_of(self.resolve("complexType", name)),
             (None, Some(complex_type)) => self.type_of(complex_type),
             // Without a type, anything is allowed.
@@ -470,7 +466,7 @@ mod tests {
             "sequence",
             "simpleType",
         ];
-        for files in [FMI1, FMI2, FMI3] {
+        for files in [FMI2, FMI3] {
             let documents: Vec<_> = files.iter().map(|text| parsed(text)).collect();
             let mut schema = Schema::new(&documents);
             let nodes = documents.iter().flat_map(|document| document.descendants());

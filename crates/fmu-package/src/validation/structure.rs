@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_terms::Version;
+
 use super::model::{Entry, Model};
-use super::report::{Report, Version, Wrong};
+use super::report::{Report, Wrong};
 use super::rules::{
     CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KIND_USE, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES,
     EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
@@ -11,9 +13,7 @@ use super::rules::{
 };
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
-    if model.version == Version::One
-        || !model.root.children().any(|child| child.has_tag_name("ModelStructure"))
-    {
+    if !model.root.children().any(|child| child.has_tag_name("ModelStructure")) {
         return;
     }
     let states: BTreeSet<_> = model.states().collect();

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::description::unique;
 use super::model::Model;
-use super::report::{Place, Report, Version};
+use super::report::{Place, Report};
 use super::rules::{
     DISPLAY_UNIT, ENUMERATION_ITEM, RANGE, TYPE_DEFINED, TYPE_NAME, UNIT_DEFINED, UNIT_FACTOR, UNIT_NAME,
 };
@@ -38,16 +38,12 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
 }
 
 fn units(model: &Model<'_>, report: &mut Report) {
-    let (unit, display_unit, factor) = match model.version {
-        Version::One => ("unit", "displayUnit", "gain"),
-        _ => ("name", "name", "factor"),
-    };
-    unique(model, report, &UNIT_NAME, model.units.iter().copied(), unit);
+    unique(model, report, &UNIT_NAME, model.units.iter().copied(), "name");
     for definition in &model.units {
-        unique(model, report, &UNIT_NAME, children(*definition), display_unit);
+        unique(model, report, &UNIT_NAME, children(*definition), "name");
         for conversion in children(*definition) {
             let value = |key, default| conversion.attribute(key).and_then(number).unwrap_or(default);
-            let (factor, offset) = (value(factor, 1.0), value("offset", 0.0));
+            let (factor, offset) = (value("factor", 1.0), value("offset", 0.0));
             if !factor.is_finite() || factor == 0.0 || !offset.is_finite() {
                 let message = format!("the factor is {factor}, the offset {offset}");
                 model.wrong(report, &UNIT_FACTOR, conversion, message);
@@ -93,14 +89,12 @@ fn unit(
     report: &mut Report,
 ) {
     let definition = unit.and_then(|unit| model.unit_named(unit));
-    // In FMI 1 a unit without a display unit needs no definition.
-    if let (Some(unit), None, true) = (unit, definition, model.version > Version::One) {
+    if let (Some(unit), None) = (unit, definition) {
         return report.add(&UNIT_DEFINED, place, format!("the unit {unit} is not defined"));
     }
     let Some(display_unit) = display_unit else { return };
-    let key = if model.version == Version::One { "displayUnit" } else { "name" };
-    let is_defined =
-        definition.is_some_and(|unit| children(unit).any(|shown| shown.attribute(key) == Some(display_unit)));
+    let is_defined = definition
+        .is_some_and(|unit| children(unit).any(|shown| shown.attribute("name") == Some(display_unit)));
     if !is_defined {
         let of =
             unit.map_or("but there is no unit".to_owned(), |unit| format!("which is not defined for {unit}"));
@@ -122,7 +116,7 @@ fn declared_type(model: &Model<'_>, typed: Element<'_>, place: Place, report: &m
     let kind = typed.tag_name().name();
     let message = match model.type_named(name) {
         None => format!("the type {name} is not defined"),
-        // `RealType` in FMI 1, `Float64Type` in FMI 3.
+        // `Float64Type` in FMI 3.
         Some(declared) if declared.tag_name().name().trim_end_matches("Type") != kind => {
             format!("the type {name} is {}, the variable {kind}", declared.tag_name().name())
         }

@@ -2,14 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_terms::Version;
 use regex_lite::Regex;
 
 use super::model::{Model, Variable, initials};
-use super::report::{Report, Version, Wrong};
+use super::report::{Report, Wrong};
 use super::rules::{
-    ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, DIRECT_DEPENDENCY, FINITE,
-    FIXED, INDEPENDENT, INITIAL, INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT,
-    START_FORBIDDEN, START_MISSING, START_RANGE, STATE_NOMINAL, VALUE_REFERENCE, VARIABLE_NAME,
+    ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, FINITE, INDEPENDENT, INITIAL,
+    INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT, START_FORBIDDEN, START_MISSING,
+    START_RANGE, STATE_NOMINAL, VALUE_REFERENCE, VARIABLE_NAME,
 };
 use super::schema::number;
 use super::types::range;
@@ -35,20 +36,6 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
             range(variable.inherited("min"), variable.inherited("max"), model.at(variable), report);
         }
     }
-    match model.version {
-        Version::One => fmi1(model, report),
-        Version::Two => {
-            since_fmi2(model, report);
-            aliases(model, report);
-        }
-        Version::Three => {
-            since_fmi2(model, report);
-            fmi3(model, report);
-        }
-    }
-}
-
-fn since_fmi2(model: &Model<'_>, report: &mut Report) {
     let states: BTreeSet<_> = model.states().collect();
     for (index, variable) in model.variables.iter().enumerate() {
         let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
@@ -57,42 +44,9 @@ fn since_fmi2(model: &Model<'_>, report: &mut Report) {
         reinit(model, variable, states.contains(&index), wrong);
         state_nominal(model, variable, states.contains(&index), wrong);
     }
-}
-
-fn fmi1(model: &Model<'_>, report: &mut Report) {
-    let inputs: BTreeSet<_> = model
-        .variables
-        .iter()
-        .filter(|variable| variable.causality == "input")
-        .map(|variable| variable.name)
-        .collect();
-    for set in alias_sets(model) {
-        let is_alias = |variable: &&&Variable<'_>| {
-            variable.element.attribute("alias").is_some_and(|kind| kind != "noAlias")
-        };
-        for variable in set.iter().filter(|variable| !is_alias(variable)).skip(1) {
-            let message =
-                format!("it has the value reference of {}, but is not declared as its alias", set[0].name);
-            report.add(&ALIAS, model.at(variable), message);
-        }
-    }
-    for variable in &model.variables {
-        let wrong = &mut |rule, message: String| report.add(rule, model.at(variable), message);
-        if variable.variability == "constant" && variable.start().is_none() {
-            wrong(&START_MISSING, "the constant has no start value".to_owned());
-        }
-        if variable.typed.has_attribute("fixed") && variable.start().is_none() {
-            wrong(&FIXED, "it has fixed, but no start value".to_owned());
-        }
-        let Some(dependency) = named(variable.element, "DirectDependency").next() else { continue };
-        if variable.causality != "output" {
-            wrong(&DIRECT_DEPENDENCY, "it is not an output".to_owned());
-        }
-        for name in named(dependency, "Name").filter_map(|name| name.text()) {
-            if !inputs.contains(name.trim()) {
-                wrong(&DIRECT_DEPENDENCY, format!("{name} is not an input"));
-            }
-        }
+    match model.version {
+        Version::Two => aliases(model, report),
+        Version::Three => fmi3(model, report),
     }
 }
 
@@ -235,12 +189,9 @@ fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     }
     let declared = variable.typed.attribute("declaredType").and_then(|name| model.type_named(name));
     let Some(enumeration) = declared.filter(|_| variable.kind() == "Enumeration") else { return };
-    let items: Vec<_> = named(enumeration, "Item")
-        // FMI 1 counts from 1.
-        .zip(1_u32..)
-        .map(|(item, place)| item.attribute("value").map_or(Some(f64::from(place)), number))
-        .collect();
-    for start in start_values(variable).filter(|start| !items.contains(&Some(*start))) {
+    let items: Vec<_> =
+        named(enumeration, "Item").filter_map(|item| item.attribute("value").and_then(number)).collect();
+    for start in start_values(variable).filter(|start| !items.contains(start)) {
         wrong(&START_RANGE, format!("the start value {start} is not an item of the enumeration"));
     }
 }

@@ -3,7 +3,7 @@
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use super::Good::{Fmi1, Fmi2, Fmi3, Library};
+use super::Good::{Fmi2, Fmi3, Library};
 use super::{BUILD, DESCRIPTION, Files, Good, TERMINALS, library, zipped};
 
 /// A small edit of a good FMU.
@@ -92,7 +92,7 @@ const ARCHIVES: &[Break] = &[
     (
         "modelDescription.xml in a folder",
         "description-missing",
-        Fmi1,
+        Fmi2,
         Edit::Files(|files| {
             let description = files.remove(DESCRIPTION).unwrap();
             files.insert("resources/modelDescription.xml".to_owned(), description);
@@ -107,14 +107,14 @@ const DESCRIPTIONS: &[Break] = &[
     ("expanding entities", "xml-doctype", Fmi2, xml("<fmiM", r#"<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]><fmiM"#)),
     ("unclosed element", "xml-syntax", Fmi2, xml("</ModelVariables>", "")),
     ("nonexistent version", "version", Fmi2, xml(r#"fmiVersion="2.0""#, r#"fmiVersion="2.1""#)),
+    ("FMI 1.0", "version", Fmi2, xml(r#"fmiVersion="2.0""#, r#"fmiVersion="1.0""#)),
     ("unknown element", "schema-element", Fmi2, xml("<LogCategories>", "<Extra/><LogCategories>")),
     ("elements out of order", "schema-element", Fmi3, xml("<ClockedState valueReference=\"8\"/>\n    <InitialUnknown valueReference=\"2\"/>", "<InitialUnknown valueReference=\"2\"/>\n    <ClockedState valueReference=\"8\"/>")),
     ("terminals outside their list", "schema-element", Fmi3, Xml(TERMINALS, "<Terminals>", "<Terminals/><Terminals>")),
     ("no model name", "schema-attribute", Fmi2, xml(r#"modelName="Tank""#, "")),
-    ("attribute of a text element", "schema-attribute", Fmi1, xml("<Name>", r#"<Name min="0">"#)),
     ("unknown attribute", "schema-attribute", Fmi3, xml(r#"modelName="Tank""#, r#"modelName="Tank" guid="{a-guid}""#)),
     ("nonexistent causality", "schema-value", Fmi2, xml(r#"causality="input""#, r#"causality="entry""#)),
-    ("nonnumeric start value", "schema-value", Fmi1, xml(r#"start="9.81""#, r#"start="9,81""#)),
+    ("nonnumeric start value", "schema-value", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0,5"/>"#)),
     ("duplicate interface", "interface", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank"/>"#, r#"<CoSimulation modelIdentifier="tank"/><CoSimulation modelIdentifier="tank"/>"#)),
     ("hyphen in model identifier", "model-identifier", Fmi2, xml(r#"<CoSimulation modelIdentifier="tank""#, r#"<CoSimulation modelIdentifier="a-tank""#)),
     ("empty GUID", "guid", Fmi2, xml("{a-guid}", "")),
@@ -143,11 +143,10 @@ const VARIABLES: &[Break] = &[
     ("duplicate variable name", "variable-name", Fmi2, xml(r#"name="capacity""#, r#"name="count""#)),
     ("variable named like an alias", "variable-name", Fmi3, xml(r#"name="note""#, r#"name="height""#)),
     ("structured name with blank", "name-syntax", Fmi2, xml(r#"name="capacity""#, r#"name="total capacity""#)),
-    ("flat name with tab", "name-syntax", Fmi1, xml(r#"name="gravity""#, r#"name="gra&#9;vity""#)),
+    ("flat name with tab", "name-syntax", Fmi2, Edit::Files(|files| describe(files, &[("\"structured\"", "\"flat\""), ("capacity", "capa&#9;city")]))),
     ("duplicate value reference", "value-reference", Fmi3, xml(r#"valueReference="11""#, r#"valueReference="12""#)),
     ("alias with different start value", "alias", Fmi2, xml(r#"valueReference="1"><Real unit="m"/>"#, r#"valueReference="1" initial="approx"><Real unit="m" start="2"/>"#)),
     ("alias with different unit", "alias", Fmi2, xml(r#"<Real unit="m"/>"#, r#"<Real unit="m/s"/>"#)),
-    ("undeclared alias", "alias", Fmi1, xml(r#"valueReference="2""#, r#"valueReference="1""#)),
     ("continuous parameter", "causality", Fmi2, xml(r#"variability="fixed"><Real start="2""#, r#"variability="continuous"><Real start="2""#)),
     ("input with initial", "initial", Fmi2, xml(r#"causality="input""#, r#"causality="input" initial="exact""#)),
     ("continuous integer", "continuous-type", Fmi2, xml(r#"variability="discrete""#, "")),
@@ -164,8 +163,6 @@ const VARIABLES: &[Break] = &[
     ("derivative of nothing", "derivative", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" derivative="99"/>"#)),
     ("reinit without Model Exchange", "reinit", Fmi2, xml("<ModelExchange modelIdentifier=\"tank\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\">\n    <SourceFiles><File name=\"tank.c\"/></SourceFiles>\n  </ModelExchange>", "")),
     ("reinit on input", "reinit", Fmi2, xml(r#"<Real start="0"/>"#, r#"<Real start="0" reinit="true"/>"#)),
-    ("fixed without start value", "fixed", Fmi1, xml(r#"<Real start="0"/>"#, r#"<Real fixed="true"/>"#)),
-    ("direct dependency on parameter", "direct-dependency", Fmi1, xml("<Name>inflow</Name>", "<Name>mode</Name>")),
     ("dimension of 0", "dimension", Fmi3, xml(r#"<Dimension start="3"/>"#, r#"<Dimension start="0"/>"#)),
     ("dimension from input", "dimension", Fmi3, xml(r#"<Dimension valueReference="4"/>"#, r#"<Dimension valueReference="3"/>"#)),
     ("Clock without interval", "clock", Fmi3, xml(r#"intervalDecimal="0.1""#, "")),
@@ -198,9 +195,10 @@ const LIBRARIES: &[Break] = &[
     (
         "neither library nor sources",
         "library-missing",
-        Fmi1,
+        Fmi2,
         Edit::Files(|files| {
             files.remove("sources/tank.c");
+            describe(files, &[("<SourceFiles><File name=\"tank.c\"/></SourceFiles>", "")]);
         }),
     ),
     ("misnamed library", "library-name", Library, Edit::Files(|files| move_library(files, "tank", "pool"))),
@@ -275,13 +273,23 @@ const LIBRARIES: &[Break] = &[
 
 /// Appends a variable that is also a derivative of the tank's level, which is the second variable.
 fn second_derivative(files: &mut Files) {
-    let text = String::from_utf8(files[DESCRIPTION].clone()).unwrap();
     let variable = r#"<ScalarVariable name="rise" valueReference="9"><Real unit="m/s" derivative="2"/></ScalarVariable>"#;
-    let text = text
-        .replace("</ModelVariables>", &format!("{variable}</ModelVariables>"))
-        .replace("</Derivatives>", r#"<Unknown index="10" dependencies="4"/></Derivatives>"#)
-        .replace("</InitialUnknowns>", r#"<Unknown index="10" dependencies="4"/></InitialUnknowns>"#);
-    files.insert(DESCRIPTION.to_owned(), text.into_bytes());
+    let edits = [
+        ("</ModelVariables>", &*format!("{variable}</ModelVariables>")),
+        ("</Derivatives>", r#"<Unknown index="10" dependencies="4"/></Derivatives>"#),
+        ("</InitialUnknowns>", r#"<Unknown index="10" dependencies="4"/></InitialUnknowns>"#),
+    ];
+    describe(files, &edits);
+}
+
+/// Replaces texts in the description.
+fn describe(files: &mut Files, edits: &[(&str, &str)]) {
+    let mut description = String::from_utf8(files[DESCRIPTION].clone()).unwrap();
+    for (text, replacement) in edits {
+        assert!(description.contains(text), "{text}");
+        description = description.replacen(text, replacement, 1);
+    }
+    files.insert(DESCRIPTION.to_owned(), description.into_bytes());
 }
 
 fn library_of(files: &mut Files) -> &mut Vec<u8> {

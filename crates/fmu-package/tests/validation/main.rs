@@ -33,7 +33,6 @@ type Files = BTreeMap<String, Vec<u8>>;
 /// The versions of FMI; good FMUs with sources, and with a library.
 #[derive(Clone, Copy)]
 enum Good {
-    Fmi1,
     Fmi2,
     Fmi3,
     /// FMI 2 with a library.
@@ -42,7 +41,6 @@ enum Good {
 
 fn files(good: Good) -> Files {
     let (description, mut files) = match good {
-        Good::Fmi1 => (include_str!("fmi1.xml"), Files::new()),
         Good::Fmi2 => (include_str!("fmi2.xml"), Files::new()),
         Good::Fmi3 => (
             include_str!("fmi3.xml"),
@@ -93,8 +91,7 @@ fn broken(report: &Report, severity: Severity) -> BTreeSet<&'static str> {
 
 #[test]
 fn nothing_is_found_in_good_fmus() {
-    for (name, good) in [("1", Good::Fmi1), ("2", Good::Fmi2), ("3", Good::Fmi3), ("library", Good::Library)]
-    {
+    for (name, good) in [("2", Good::Fmi2), ("3", Good::Fmi3), ("library", Good::Library)] {
         let report = report(&folder("good-fmus").join(format!("{name}.fmu")), &zipped(&files(good)));
         assert!(report.findings.is_empty(), "{name}: {:#?}", report.findings);
     }
@@ -107,7 +104,7 @@ fn each_break_is_found_by_its_rule_and_no_other() {
     let folder = folder("broken-fmus");
     let mut wrong = vec![];
     for (index, &(what, rule, good, ref edit)) in breaks::all().enumerate() {
-        let version = if matches!(good, Good::Fmi1) { 1 } else { 2 + i32::from(matches!(good, Good::Fmi3)) };
+        let version = if matches!(good, Good::Fmi3) { 3 } else { 2 };
         let mut files = files(good);
         let archive = match edit {
             Edit::Xml(path, text, replacement) => {

@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use fmu_export::integrator::{Method, RODAS5P, ROS34PW2};
 use fmu_export::{
-    Clocked, Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Sample, Sampled, Step,
+    Clocked, Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Sample, Sampled,
 };
 
 macro_rules! variables {
@@ -16,7 +16,7 @@ macro_rules! variables {
         }
     )*};
 }
-variables!(decay: "decay", exact: "exact", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
+variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
     without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
@@ -124,46 +124,6 @@ impl Equations for Decay {
         derivatives.x = parameters.rate * (inputs.target + parameters.ramp * time - states.x);
         outputs.square = states.x * states.x;
         outputs.seconds = time;
-    }
-}
-
-/// A decay to a constant target, by its solution in closed form. Its start has no derivative.
-#[derive(Clone, Debug, Default, Persistent)]
-pub struct Exact {
-    #[persistent(skip)]
-    time_constant: f64,
-}
-
-impl Equations for Exact {
-    type Variables = exact::Variables;
-    const LONGEST_STEP: f64 = 10.0;
-    const ADVANCES_ITSELF: bool = true;
-
-    fn take_parameters(&mut self, variables: &exact::Variables) {
-        self.time_constant = 1.0 / variables.parameters.rate;
-    }
-
-    fn check_start(&self) -> Result<(), Error> {
-        Err(Error::new("the start is arbitrary"))
-    }
-
-    fn evaluate<T: Number>(&self, _time: T, variables: exact::Evaluation<'_, T>) {
-        let exact::Evaluation { parameters, inputs, states, derivatives, outputs, .. } = variables;
-        derivatives.x = parameters.rate * (inputs.target - states.x);
-        outputs.square = states.x * states.x;
-    }
-
-    fn advance(
-        &mut self,
-        variables: &mut exact::Variables,
-        step: &Step<'_, exact::Inputs>,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let target = step.inputs.at(step.size).target;
-        let x = &mut variables.states.x;
-        *x = target + (*x - target) * (-step.size / self.time_constant).exp();
-        variables.outputs.square = *x * *x;
-        Ok(())
     }
 }
 
