@@ -281,6 +281,7 @@ fn models_of_equations_go_on_from_states_between_steps() {
         ("Stair", equal(0.1, 21)),
         ("Stair", equal(0.17, 21)),
         ("VanDerPol", growing),
+        ("Furnace", equal(0.03, 21)),
     ];
     for (model, times) in runs {
         let fmu = Fmu::open(&Fmu::folder(), &format!("ladder/fmu/{model}.fmu"));
