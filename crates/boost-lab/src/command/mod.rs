@@ -3,7 +3,6 @@
 mod identify;
 mod live;
 mod reproduce;
-mod show;
 mod study;
 mod tune;
 
@@ -17,7 +16,6 @@ use cargo_fmu::run::{
     write_file,
 };
 use clap::{Args, Parser, Subcommand};
-use fmu_master::scenario::Scenario;
 use fmu_package::ParameterSet;
 
 /// The files in a folder of results.
@@ -50,20 +48,6 @@ enum Command {
     Compare(run::Compare),
     /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
     Linearize(WithMaps<Box<run::Linearize>>),
-    /// Run scenarios and show them on one page
-    Show {
-        /// The scenarios (see docs/simulate.md)
-        #[arg(value_name = "SCENARIO.toml", required = true)]
-        scenarios: Vec<PathBuf>,
-        #[command(flatten)]
-        fmus: FmuArguments,
-        /// Page title
-        #[arg(long, default_value = "Scenarios")]
-        title: String,
-        /// The page to write
-        #[arg(long, value_name = "FILE.html", default_value = "target/scenarios.html")]
-        out: PathBuf,
-    },
     /// Reproduce the paper's figures and check its claims against the FMUs
     ///
     /// Exits with 0 if no claim fails, known differences aside, 1 if one fails, and 2 if an experiment cannot be run.
@@ -103,9 +87,6 @@ struct WithMaps<T: Args> {
     maps: MapArguments,
 }
 
-/// Which FMUs a scenario runs, and under which names.
-type FmuArguments = WithMaps<run::FmuArguments>;
-
 /// Maps of names.
 #[derive(Args)]
 struct MapArguments {
@@ -117,16 +98,6 @@ struct MapArguments {
 impl MapArguments {
     fn maps(&self) -> Maps<'_> {
         Maps { read: mapping::read, files: &self.maps, give: mapping::give }
-    }
-}
-
-impl FmuArguments {
-    fn give(&self, scenario: &mut Scenario) -> Result<()> {
-        self.own.give(scenario, &self.maps.maps())
-    }
-
-    fn inputs(&self, scenario: &Scenario) -> Vec<PathBuf> {
-        run::inputs(scenario, &self.maps.maps())
     }
 }
 
@@ -153,7 +124,6 @@ pub fn run() -> Result<bool> {
         Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()),
         Command::Compare(compare) => compare.run(),
         Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()),
-        Command::Show { scenarios, fmus, title, out } => show::run(&scenarios, &fmus, &title, &out),
         Command::Live(arguments) => live::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
