@@ -3,11 +3,15 @@
 //! The text is included in a module of the model's crate. The lints of that crate should not apply to it, so it is an
 //! inner module with `#[allow]`. Macros of `fmu-export` implement what all generated structs have in common.
 
-mod access;
+mod accessors;
+mod audit;
 mod generator;
+mod inputs;
+mod numbers;
 mod states;
 mod structs;
 mod tables;
+mod variables;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

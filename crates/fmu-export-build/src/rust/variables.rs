@@ -1,0 +1,91 @@
+//! All variables of a model: what the runtime sees of them, through the trait `Variables`.
+
+use super::audit::is_evaluated;
+use super::generator::Generator;
+use crate::model::Place;
+
+impl Generator<'_, '_> {
+    pub(super) fn variables_impl(&self) -> String {
+        let tables =
+            [self.strict_states(), self.event_indicators(), self.dependencies(), self.clock_tables()]
+                .concat();
+        let access = [
+            self.numbers(),
+            self.accessors(),
+            self.clocks(),
+            self.marks("mark_calculated", is_evaluated),
+            self.calculated_parameters(),
+        ]
+        .concat();
+        format!(
+            "
+impl ::fmu_export::Variables for Variables {{
+    type Inputs = Inputs;
+    const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
+    const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
+    const STATE_NOMINALS: &'static [f64] = {nominals};
+{tables}
+    fn inputs(&self) -> &Inputs {{
+        &self.inputs
+    }}
+
+    fn inputs_mut(&mut self) -> &mut Inputs {{
+        &mut self.inputs
+    }}
+
+    fn has_parameters_of(&self, other: &Self) -> bool {{
+        self.parameters == other.parameters
+    }}
+{access}
+    fn states_from_start(&mut self) {{
+        self.states.clone_from(&self.start);
+    }}
+
+    fn swap_states_and_start(&mut self) {{
+        ::core::mem::swap(&mut self.states, &mut self.start);
+    }}
+{zero}{first_non_finite}}}
+",
+            nominals = self.nominals(),
+            zero = self.zero(),
+            first_non_finite = self.first_non_finite(),
+        )
+    }
+
+    /// Variables without values, and with the derivatives as states.
+    fn zero(&self) -> String {
+        let of = |place: Place| {
+            let name = place.field_name();
+            if self.is_real(place) { format!("{name}.map(|_| 0.0)") } else { name.to_owned() }
+        };
+        let field = |name: &str, value: &str| format!("            {name}: {value},\n");
+        let states = of(Place::States);
+        let mut fields = field("parameters", &of(Place::Parameters));
+        if self.has(Place::CalculatedParameters) {
+            fields += &field("calculated_parameters", &of(Place::CalculatedParameters));
+        }
+        fields += &field("inputs", &of(Place::Inputs));
+        for name in ["start", "states", "derivatives"] {
+            fields += &field(name, &states);
+        }
+        fields += &field("locals", &of(Place::Locals));
+        fields += &field("outputs", &of(Place::Outputs));
+        if self.has(Place::Clocks) {
+            fields += &field("clocks", "Clocks::default()");
+        }
+        format!(
+            "
+    fn zero() -> Self {{
+        let Self {{ parameters, {calculated}inputs, states, locals, outputs, .. }} = Self::default();
+        Self {{
+{fields}        }}
+    }}
+
+    fn along_derivatives(&self) -> Self {{
+        Self {{ start: self.derivatives.clone(), ..Self::zero() }}
+    }}
+",
+            calculated = self.calculated_field(),
+        )
+    }
+}
