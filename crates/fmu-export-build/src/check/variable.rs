@@ -36,6 +36,25 @@ pub(crate) fn check(
     start: Option<&Value>,
     before: usize,
 ) -> Result<Checked, Blame> {
+    texts(variable)?;
+    size(variable, before)?;
+    let enumerations: Vec<_> = declaration.enumerations.iter().map(|known| known.name.as_str()).collect();
+    let data_type = DataType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
+    let (place, variability) = place(variable, data_type)?;
+    let initial = initial(variable, place, variability)?;
+    reads(variable, place, variability, initial)?;
+    unit(variable, data_type)?;
+    bounds(variable, data_type)?;
+    clocks::keys(variable, data_type)?;
+    clocked(variable, variability)?;
+    has_start(start.is_some(), data_type, place, variability, initial)?;
+    let starts = start.map(|start| Start::all(declaration, variable, data_type, start));
+    let starts = starts.transpose().map_err(|reason| ("start", reason))?;
+    Ok(Checked { place, data_type, variability, initial, starts })
+}
+
+/// Name and descriptions.
+fn texts(variable: &VariableDeclaration) -> Result<(), Blame> {
     mixed_name(&variable.name, OF_VARIABLES).map_err(|reason| {
         let component = variable.name.split_once('.').map(|(component, own)| {
             format!("; '{own}' is declared under the component '{component}' of 'components'")
@@ -48,36 +67,46 @@ pub(crate) fn check(
     {
         text.map_or(Ok(()), |text| one_line(text)).map_err(|reason| (key, reason))?;
     }
+    Ok(())
+}
+
+/// The dimensions, and how many scalars there are with the `before` that precede it.
+fn size(variable: &VariableDeclaration, before: usize) -> Result<(), Blame> {
     refuse_if(variable.sizes.contains(&0), "dimensions", "a dimension is 0")?;
     let reason = format_args!("an array has at most {MOST_DIMENSIONS} dimensions");
     refuse_if(variable.sizes.len() > MOST_DIMENSIONS, "dimensions", reason)?;
     let with_derivative = if variable.derivative.is_some() { 2 } else { 1 };
     let scalars =
         variable.sizes.iter().try_fold(with_derivative, |product: usize, &size| product.checked_mul(size));
-    let scalars = scalars.filter(|scalars| before.saturating_add(*scalars) <= MOST_VARIABLES);
+    let is_too_large = scalars.is_none_or(|scalars| before.saturating_add(scalars) > MOST_VARIABLES);
     let key = if variable.sizes.is_empty() { "name" } else { "dimensions" };
     let reason = format_args!(
         "a model has at most {MOST_VARIABLES} variables, counting array elements and derivatives"
     );
-    refuse_if(scalars.is_none(), key, reason)?;
-    let enumerations: Vec<_> = declaration.enumerations.iter().map(|known| known.name.as_str()).collect();
-    let data_type = DataType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
-    let (place, variability) = place(variable, data_type)?;
-    let initial = initial(variable, place, variability)?;
-    reads(variable, place, variability, initial)?;
-    unit(variable, data_type)?;
-    bounds(variable, data_type)?;
-    clocks::keys(variable, data_type)?;
+    refuse_if(is_too_large, key, reason)
+}
+
+/// What changes at ticks of clocks only is discrete or tunable.
+fn clocked(variable: &VariableDeclaration, variability: Variability) -> Result<(), Blame> {
+    let is_clocked = !variable.clocks.is_empty();
     let is_discrete = variability == Variability::Discrete;
-    let (is_clocked, has_previous) = (!variable.clocks.is_empty(), variable.previous.is_some());
     let reason = "a variable with clocks is 'discrete' or 'tunable'";
     refuse_if(is_clocked && !is_discrete && variability != Variability::Tunable, "clocks", reason)?;
     let reason = "a variable with a previous value is 'discrete' and has 'clocks'";
-    refuse_if(has_previous && !(is_clocked && is_discrete), "previous", reason)?;
+    refuse_if(variable.previous.is_some() && !(is_clocked && is_discrete), "previous", reason)
+}
+
+/// A start value where one is needed, and nowhere else (FMI 2.0.5, section 2.2.7).
+fn has_start(
+    has_start: bool,
+    data_type: DataType,
+    place: Place,
+    variability: Variability,
+    initial: Option<Initial>,
+) -> Result<(), Blame> {
     let needs_start = matches!(place, Place::Inputs | Place::States) || initial == Some(Initial::Exact);
-    let has_start = start.is_some();
     refuse_if(has_start && data_type == DataType::Clock, "start", "a Clock has no 'start' value")?;
-    let unless = if is_discrete { ", unless 'initial' is 'exact'" } else { "" };
+    let unless = if variability == Variability::Discrete { ", unless 'initial' is 'exact'" } else { "" };
     let reason = format_args!("a calculated variable has no 'start' value{unless}");
     refuse_if(has_start && !needs_start, "start", reason)?;
     let kind = match place {
@@ -88,10 +117,7 @@ pub(crate) fn check(
         _ => "an 'exact' variable",
     };
     let reason = format_args!("{kind} needs a 'start' value");
-    refuse_if(!has_start && needs_start, "start", reason)?;
-    let starts = start.map(|start| Start::all(declaration, variable, data_type, start));
-    let starts = starts.transpose().map_err(|reason| ("start", reason))?;
-    Ok(Checked { place, data_type, variability, initial, starts })
+    refuse_if(!has_start && needs_start, "start", reason)
 }
 
 /// The combinations of causality and variability that FMI 2.0.5 allows (section 2.2.7).
