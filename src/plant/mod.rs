@@ -42,8 +42,10 @@ pub mod variables {
 }
 
 use fmu_export::display::Rounded;
-use fmu_export::integrator::{Method, ROS34PW2};
-use fmu_export::{Context, Equations, Error, Event, Integrated, Number, Part, Persistent, TwoRates};
+use fmu_export::integrator::ROS34PW2;
+use fmu_export::{
+    Context, Equations, Error, Event, Integrated, Integration, Multirate, Number, Part, Persistent, TwoRates,
+};
 
 use self::duty_latch::DutyLatch;
 use self::initialization::{Settled, follow_settled, running, settled};
@@ -102,18 +104,15 @@ impl Default for Plant {
 impl Equations for Plant {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
-    /// Of all states, where the parts are coupled.
-    const METHOD: &'static Method = &ROS34PW2;
-    const LONGEST_INTERNAL_STEP: f64 = 0.025;
-    const ERROR_SCALES: Option<&'static [f64]> = Some(&error_control::ERROR_SCALES);
-    /// The duty.
-    const SAMPLES_INPUTS: bool = true;
-
-    /// The tolerance of the parameter, or that of the importer if it is smaller.
-    fn tolerance(&self, variables: &Variables, asked: Option<f64>) -> f64 {
-        let own = variables.parameters.solver.relative_tolerance;
-        own.min(asked.unwrap_or(own)).max(SMALLEST_TOLERANCE)
-    }
+    const INTEGRATION: Integration<Variables> = Integration {
+        // Of all states, where the parts are coupled.
+        method: &ROS34PW2,
+        longest_step: 0.025,
+        error_scales: Some(&error_control::ERROR_SCALES),
+        tolerance,
+        // The duty.
+        samples_inputs: true,
+    };
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
         let p = &variables.parameters;
@@ -193,6 +192,31 @@ impl Equations for Plant {
         self.evaluate_with(&self.system, variables);
     }
 
+    fn next_event(&self, _time: f64, variables: &Variables) -> Option<f64> {
+        let valve = &variables.parameters.valve;
+        valve.duty_latch.then(|| self.latch.next(valve.pwm_frequency))
+    }
+
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut Variables,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        if event.is_due {
+            self.latch.take(variables.inputs.hp_wastegate_pwm);
+        }
+        Ok(())
+    }
+}
+
+/// The tolerance of the parameter, or that of the importer if it is smaller.
+fn tolerance(variables: &Variables, asked: Option<f64>) -> f64 {
+    let own = variables.parameters.solver.relative_tolerance;
+    own.min(asked.unwrap_or(own)).max(SMALLEST_TOLERANCE)
+}
+
+impl Multirate for Plant {
     #[inline]
     fn evaluate_part(&self, part: Part, _time: f64, variables: Evaluation<'_>) {
         let Evaluation { parameters, inputs, states, derivatives, .. } = variables;
@@ -215,23 +239,6 @@ impl Equations for Plant {
     /// When the exhaust pushes the wastegate.
     fn is_coupled(&self, variables: &Variables) -> bool {
         variables.parameters.actuator.exhaust_area != 0.0
-    }
-
-    fn next_event(&self, _time: f64, variables: &Variables) -> Option<f64> {
-        let valve = &variables.parameters.valve;
-        valve.duty_latch.then(|| self.latch.next(valve.pwm_frequency))
-    }
-
-    fn event(
-        &mut self,
-        event: &Event<'_>,
-        variables: &mut Variables,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        if event.is_due {
-            self.latch.take(variables.inputs.hp_wastegate_pwm);
-        }
-        Ok(())
     }
 }
 

@@ -4,13 +4,11 @@
 use crate::context::Context;
 use crate::error::Error;
 use crate::events::Event;
-use crate::integrator::{Method, Part, RODAS5P};
+use crate::integration::Integration;
+use crate::integrator::Part;
 use crate::number::Number;
 use crate::persistence::Persistent;
 use crate::variables::Variables;
-
-/// The relative tolerance if the importer gives none.
-pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 
 /// A model of ordinary differential equations, optionally with events.
 ///
@@ -42,6 +40,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in seconds, as in [`Model`](crate::Model).
     const LONGEST_STEP: f64 = f64::MAX;
 
+    /// The settings of the built-in integrator.
+    const INTEGRATION: Integration<Self::Variables> = Integration::DEFAULT;
+
     /// Computes derivatives, locals and outputs from time (s), parameters, inputs and states.
     ///
     /// Between events the result must be smooth in time, inputs and states, even slightly beyond where an event is
@@ -53,37 +54,6 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// [`Equations::take_parameters`] derived.
     fn evaluate_values(&self, time: f64, variables: EvaluationOf<'_, Self, f64>) {
         self.evaluate(time, variables);
-    }
-
-    /// The method of the built-in integrator.
-    const METHOD: &'static Method = &RODAS5P;
-
-    /// The longest step of the built-in integrator in s, for models in which its error estimate may miss something
-    /// shorter.
-    const LONGEST_INTERNAL_STEP: f64 = f64::INFINITY;
-
-    /// The error of each state that a tolerance of 1 allows in a step; by default the sum of the state's magnitude and
-    /// its nominal value.
-    const ERROR_SCALES: Option<&'static [f64]> = None;
-
-    /// The tolerance of the built-in integrator; `asked` is the importer's.
-    fn tolerance(&self, variables: &Self::Variables, asked: Option<f64>) -> f64 {
-        let _ = variables;
-        asked.unwrap_or(DEFAULT_TOLERANCE)
-    }
-
-    /// [`Equations::evaluate_values`] for [`TwoRates`](crate::TwoRates): computes at least the derivatives of one part's
-    /// states. The fast part must not read the slow states, unless the parts are [coupled](Equations::is_coupled).
-    fn evaluate_part(&self, part: Part, time: f64, variables: EvaluationOf<'_, Self, f64>) {
-        let _ = part;
-        self.evaluate_values(time, variables);
-    }
-
-    /// Whether the fast part depends on the slow one with these parameters: [`TwoRates`](crate::TwoRates) then integrates
-    /// both with the same steps.
-    fn is_coupled(&self, variables: &Self::Variables) -> bool {
-        let _ = variables;
-        false
     }
 
     /// Rejects contradictory parameters.
@@ -154,10 +124,6 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         None
     }
 
-    /// Whether events sample inputs, and the equations use only the samples. If so, an event due at the end of a
-    /// communication step belongs to the next step, with its inputs.
-    const SAMPLES_INPUTS: bool = false;
-
     /// Handles an event: changes the model's memory, states and discrete variables. It may be called with nothing to
     /// do, for example when an indicator returns to its previous side. If an indicator's sign differs afterwards,
     /// another event follows.
@@ -172,6 +138,27 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     ) -> Result<(), Error> {
         let _ = (event, variables, context);
         Ok(())
+    }
+}
+
+/// Equations in two parts: a fast one that drives a slow one, each of which [`TwoRates`](crate::TwoRates) integrates with
+/// steps of its own. The JSON declares the states of the fast part first.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not implement `Multirate`, whose `evaluate_part` computes one part at a time",
+    label = "integrated by `TwoRates`"
+)]
+pub trait Multirate: Equations {
+    /// [`Equations::evaluate_values`] of one part: computes at least the derivatives of its states. The fast part must not
+    /// read the slow states, unless the parts are [coupled](Multirate::is_coupled).
+    fn evaluate_part(&self, part: Part, time: f64, variables: EvaluationOf<'_, Self, f64>) {
+        let _ = part;
+        self.evaluate_values(time, variables);
+    }
+
+    /// Whether the fast part depends on the slow one with these parameters: both then take the same steps.
+    fn is_coupled(&self, variables: &Self::Variables) -> bool {
+        let _ = variables;
+        false
     }
 }
 

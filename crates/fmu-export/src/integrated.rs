@@ -2,10 +2,12 @@
 //! handles the events; in Model Exchange the importer does. Dual numbers give derivatives.
 
 mod equated;
+mod integrate;
 
 use core::{fmt, mem};
 
 use self::equated::Equated;
+pub use self::integrate::Integrate;
 
 use crate::audit::{check_calculated_parameters, check_evaluation, first_discrete_difference};
 use crate::context::Context;
@@ -16,7 +18,7 @@ use crate::error::Error;
 use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::Inputs as _;
-use crate::integrator::{Integrate, Integrator, StepFailure, Tolerance, Trials};
+use crate::integrator::{Integrator, StepFailure, Tolerance, Trials};
 use crate::model::{InputsOf, Model, Step, time_rounding};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
@@ -61,7 +63,7 @@ pub struct Integrated<E: Equations, I = Integrator> {
     evaluated: Option<(f64, <E::Variables as Variables>::Inputs)>,
 }
 
-impl<E: Equations, I: Integrate> Clone for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> Clone for Integrated<E, I> {
     fn clone(&self) -> Self {
         Self {
             equations: self.equations.clone(),
@@ -84,7 +86,7 @@ impl<E: Equations, I: Integrate> Clone for Integrated<E, I> {
     }
 }
 
-impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> Default for Integrated<E, I> {
     fn default() -> Self {
         const {
             assert!(
@@ -101,7 +103,7 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
         }
         Self {
             equations: E::default(),
-            integrator: I::new::<Equated<'_, E>>(E::Variables::STATE_NOMINALS.len()),
+            integrator: I::new(),
             time: 0.0,
             elapsed: 0.0,
             look: f64::INFINITY,
@@ -114,7 +116,7 @@ impl<E: Equations, I: Integrate> Default for Integrated<E, I> {
 }
 
 /// The rest belongs to a step in progress.
-impl<E: Equations, I: Integrate> crate::Persistent for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> crate::Persistent for Integrated<E, I> {
     fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
         self.integrator.persist(archive)?;
@@ -124,7 +126,7 @@ impl<E: Equations, I: Integrate> crate::Persistent for Integrated<E, I> {
     }
 }
 
-impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     type Variables = E::Variables;
     const LONGEST_STEP: f64 = E::LONGEST_STEP;
 
@@ -164,7 +166,7 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let tolerance = self.equations.tolerance(variables, context.experiment.tolerance);
+        let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
         let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
             let stops = Stops { events: EventsLeft::None, internal_steps: false };
@@ -271,7 +273,7 @@ impl<E: Equations, I: Integrate> Model for Integrated<E, I> {
     }
 }
 
-impl<E: Equations, I: Integrate> ModelExchange for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> ModelExchange for Integrated<E, I> {
     fn event_indicators(
         &self,
         time: f64,
@@ -300,7 +302,7 @@ impl<E: Equations, I: Integrate> ModelExchange for Integrated<E, I> {
     }
 }
 
-impl<E: Equations, I: Integrate> EventMode for Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> EventMode for Integrated<E, I> {
     fn step_to_event(
         &mut self,
         variables: &mut Self::Variables,
@@ -309,7 +311,7 @@ impl<E: Equations, I: Integrate> EventMode for Integrated<E, I> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        let tolerance = self.equations.tolerance(variables, context.experiment.tolerance);
+        let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
@@ -329,7 +331,7 @@ impl<E: Equations, I: Integrate> EventMode for Integrated<E, I> {
     }
 }
 
-impl<E: Equations, I: Integrate> Integrated<E, I> {
+impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     fn take_states(&mut self) -> Vec<f64> {
         let mut states = mem::take(&mut self.states);
         states.resize(E::Variables::STATE_NOMINALS.len(), 0.0);
@@ -422,7 +424,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
         (self.time, self.elapsed) = (step.start, 0.0);
         let end = step.end();
         let coincidence = TIME_TOLERANCE * step.size + time_rounding(end);
-        let last_event = if E::SAMPLES_INPUTS { end - coincidence } else { end + coincidence };
+        let last_event = if E::INTEGRATION.samples_inputs { end - coincidence } else { end + coincidence };
         let evaluated = self.evaluated.take();
         let mut is_evaluated = evaluated.as_ref().is_some_and(|(time, inputs)| {
             time.to_bits() == step.start.to_bits() && inputs == variables.inputs()
@@ -432,8 +434,8 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
             states[state] = value;
         });
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let most_trials =
-            MOST_TRIALS.saturating_add((step.size / E::LONGEST_INTERNAL_STEP * TRIALS_A_LONGEST_STEP) as u32);
+        let most_trials = MOST_TRIALS
+            .saturating_add((step.size / E::INTEGRATION.longest_step * TRIALS_A_LONGEST_STEP) as u32);
         let (mut trials, mut events) = (0, 0);
         let mut last_cause = None;
         // The importer may have changed inputs and tunable parameters since the last step.
@@ -473,7 +475,7 @@ impl<E: Equations, I: Integrate> Integrated<E, I> {
                 let due = due.map(|due| due - step.start).filter(|due| *due < last);
                 let target = due.unwrap_or(step.size);
                 let mut system = Equated::new(&self.equations, variables, step);
-                let nominals = E::ERROR_SCALES.unwrap_or(E::Variables::STATE_NOMINALS);
+                let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
                 let limits = Tolerance { relative: tolerance, nominals };
                 let times = (self.elapsed, target);
                 let counted = Trials { count: &mut trials, most: most_trials };
@@ -642,7 +644,7 @@ struct Solution<'a, E: Equations, I> {
 }
 
 #[allow(clippy::inline_always, reason = "as `first_event`")]
-impl<E: Equations, I: Integrate> Trajectory for Solution<'_, E, I> {
+impl<E: Equations, I: Integrate<E>> Trajectory for Solution<'_, E, I> {
     type Error = Error;
 
     #[inline(always)]

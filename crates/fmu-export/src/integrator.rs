@@ -92,73 +92,6 @@ impl Trials<'_> {
     }
 }
 
-/// What integrates the states of a model in co-simulation.
-pub trait Integrate: Clone + core::fmt::Debug + Persistent + Send + Sync + 'static {
-    /// Whether [`Integrate::states_at`] gives states within a step, where events are searched.
-    const FINDS_EVENTS: bool;
-    /// An integrator for this many states of a system.
-    fn new<S: TwoParts>(size: usize) -> Self;
-    /// Prepares for a jump.
-    fn restart(&mut self);
-    /// Has the Jacobian renewed before the next step.
-    fn discard_jacobian(&mut self);
-    /// Takes a step as [`Integrator::step`].
-    ///
-    /// # Errors
-    /// When even the shortest step misses the tolerance.
-    fn step<S: TwoParts>(
-        &mut self,
-        system: &mut S,
-        times: (f64, f64),
-        states: &[f64],
-        tolerance: &Tolerance<'_>,
-        trials: Trials<'_>,
-    ) -> Result<f64, StepFailure>;
-    /// The states at a time in the last step.
-    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]);
-    /// Takes the derivatives at the end of the last step.
-    fn end_step<S: TwoParts>(&mut self, system: &S) {
-        let _ = system;
-    }
-    /// The position of the state whose error determined the length of the last trial.
-    fn decisive_state(&self) -> usize;
-}
-
-impl Integrate for Integrator {
-    const FINDS_EVENTS: bool = true;
-
-    fn new<S: TwoParts>(size: usize) -> Self {
-        Self::new(size)
-    }
-
-    fn restart(&mut self) {
-        self.restart();
-    }
-
-    fn discard_jacobian(&mut self) {
-        self.jacobian.discard();
-    }
-
-    fn step<S: TwoParts>(
-        &mut self,
-        system: &mut S,
-        times: (f64, f64),
-        states: &[f64],
-        tolerance: &Tolerance<'_>,
-        trials: Trials<'_>,
-    ) -> Result<f64, StepFailure> {
-        self.step(system, times, states, tolerance, trials.count)
-    }
-
-    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
-        self.states_at(system, time, states);
-    }
-
-    fn decisive_state(&self) -> usize {
-        self.decisive_state()
-    }
-}
-
 impl Integrator {
     /// An integrator for this many states.
     #[must_use]
@@ -169,6 +102,11 @@ impl Integrator {
     /// Re-estimates the length of the next step, as after a jump.
     pub fn restart(&mut self) {
         self.steps.next = 0.0;
+        self.jacobian.discard();
+    }
+
+    /// Has the Jacobian renewed before the next step.
+    pub fn discard_jacobian(&mut self) {
         self.jacobian.discard();
     }
 

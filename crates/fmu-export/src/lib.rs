@@ -9,7 +9,8 @@
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
-//   equations, integrator, search         the trait of models of equations; their integrator and the events in its steps
+//   equations, integration                the trait of models of equations, and how they are integrated
+//   integrator, search                    the integrator, and the events in its steps
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
@@ -46,6 +47,7 @@ pub mod fmi3;
 mod inputs;
 mod instance;
 mod integrated;
+mod integration;
 pub mod integrator;
 mod logger;
 mod model;
@@ -74,7 +76,7 @@ pub use clock::Clock;
 pub use clocked::{Clocked, ClockedModel};
 pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
-pub use equations::{DEFAULT_TOLERANCE, Equations, EvaluationOf, VariablesOf};
+pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
 pub use error::Error;
 pub use event_mode::EventMode;
 #[doc(hidden)]
@@ -83,7 +85,8 @@ pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
-pub use integrated::Integrated;
+pub use integrated::{Integrate, Integrated};
+pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use integrator::{Part, TwoRates};
 pub use model::{InputsOf, Model, Step};
 pub use model_exchange::ModelExchange;

@@ -1,6 +1,6 @@
 //! A furnace: a fast fuel valve drives a slow thermal mass, each integrated in its own steps.
 
-use fmu_export::{Equations, Number, Part, TwoRates};
+use fmu_export::{Equations, Multirate, Number, Part, TwoRates};
 
 // The valve's two states come first in the JSON.
 fmu_export::fmu!(equations struct {Type}, TwoRates<2, 1>);
@@ -12,7 +12,9 @@ impl Equations for {Type} {
         valve(&mut variables);
         mass(&mut variables);
     }
+}
 
+impl Multirate for {Type} {
     fn evaluate_part(&self, part: Part, _time: f64, mut variables: Evaluation<'_>) {
         match part {
             Part::Fast => valve(&mut variables),

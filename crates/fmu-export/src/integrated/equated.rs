@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::equations::{Equations, evaluate, evaluate_values};
+use crate::equations::{Equations, Multirate, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
 use crate::integrator::{Directions, MOST_DENSE, Method, Part, Pattern, System, TwoParts};
 use crate::model::Step;
@@ -11,7 +11,7 @@ use crate::tape::{Recorded, Tape};
 use crate::variables::Variables;
 
 /// A model's equations with the inputs of a step.
-pub(super) struct Equated<'a, E: Equations> {
+pub struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
     inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
@@ -40,6 +40,11 @@ impl<'a, E: Equations> Equated<'a, E> {
         evaluate_values(self.equations, self.start + elapsed, self.variables);
     }
 
+    /// Whether the derivatives depend on the states alone.
+    fn is_autonomous(&self) -> bool {
+        !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant()
+    }
+
     /// Records an evaluation on an empty tape. Returns the states on it, the first numbers there, and their derivatives.
     fn record<'t>(
         &mut self,
@@ -59,7 +64,7 @@ impl<'a, E: Equations> Equated<'a, E> {
     }
 }
 
-impl<E: Equations> TwoParts for Equated<'_, E> {
+impl<E: Multirate> TwoParts for Equated<'_, E> {
     fn drives(state: usize, slow: Range<usize>) -> bool {
         slow.into_iter().any(|derivative| E::Variables::derivative_reads(derivative, state))
     }
@@ -87,7 +92,7 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
     }
 
     fn is_autonomous(&self) -> bool {
-        !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant()
+        self.is_autonomous()
     }
 
     fn range(state: usize) -> [f64; 2] {
@@ -97,9 +102,9 @@ impl<E: Equations> TwoParts for Equated<'_, E> {
 }
 
 impl<E: Equations> System for Equated<'_, E> {
-    const METHOD: &'static Method = E::METHOD;
-    const TOLERANCE_IS_ABSOLUTE: bool = E::ERROR_SCALES.is_some();
-    const LONGEST_STEP: f64 = E::LONGEST_INTERNAL_STEP;
+    const METHOD: &'static Method = E::INTEGRATION.method;
+    const TOLERANCE_IS_ABSOLUTE: bool = E::INTEGRATION.error_scales.is_some();
+    const LONGEST_STEP: f64 = E::INTEGRATION.longest_step;
     const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {

@@ -13,7 +13,7 @@ use super::dense;
 use super::method::{Method, ROS34PW2};
 use super::step_size::{SIMILAR, StepSize};
 use super::system::{Part, StepFailure, System, Tolerance, TwoParts};
-use super::{Integrate, Integrator, Trials};
+use super::{Integrator, Trials};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
@@ -67,10 +67,13 @@ impl<const FAST: usize, const SLOW: usize> Persistent for TwoRates<FAST, SLOW> {
     }
 }
 
-impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
-    const FINDS_EVENTS: bool = false;
-
-    fn new<S: TwoParts>(size: usize) -> Self {
+impl<const FAST: usize, const SLOW: usize> TwoRates<FAST, SLOW> {
+    /// For this many states of a system.
+    ///
+    /// # Panics
+    /// When they are not the states of both parts.
+    #[must_use]
+    pub fn new<S: TwoParts>(size: usize) -> Self {
         assert_eq!(size, FAST + SLOW, "the numbers of states of `TwoRates`");
         Self {
             fast: Course::new(S::range),
@@ -85,17 +88,21 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
     }
 
     /// Jumps are noticed by the derivatives.
-    fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.together.restart();
     }
 
-    fn discard_jacobian(&mut self) {
+    /// Has the Jacobians renewed before the next step.
+    pub fn discard_jacobian(&mut self) {
         (self.fast.serves, self.slow.serves) = (0, 0);
         self.together.discard_jacobian();
     }
 
-    /// Takes all steps to the end.
-    fn step<S: TwoParts>(
+    /// Takes all steps to the end, and returns it.
+    ///
+    /// # Errors
+    /// When even the shortest step misses the tolerance.
+    pub fn step<S: TwoParts>(
         &mut self,
         system: &mut S,
         (time, end): (f64, f64),
@@ -128,7 +135,8 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         Ok(end)
     }
 
-    fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
+    /// The states at the end of the last step, or, where the parts are coupled, within it.
+    pub fn states_at<S: TwoParts>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
         if system.is_coupled() {
             self.together.states_at(system, time, states);
         } else {
@@ -137,11 +145,14 @@ impl<const FAST: usize, const SLOW: usize> Integrate for TwoRates<FAST, SLOW> {
         }
     }
 
-    fn end_step<S: TwoParts>(&mut self, system: &S) {
+    /// Takes the derivatives at the end of the last step.
+    pub fn end_step<S: TwoParts>(&mut self, system: &S) {
         system.present_derivatives(split(&mut self.fast.slopes, &mut self.slow.slopes));
     }
 
-    fn decisive_state(&self) -> usize {
+    /// The position of the state whose error determined the length of the last trial.
+    #[must_use]
+    pub fn decisive_state(&self) -> usize {
         self.decisive
     }
 }

@@ -3,9 +3,10 @@
 use std::array::from_fn;
 use std::cell::Cell;
 
-use fmu_export::integrator::{Method, RODAS5P, ROS34PW2};
+use fmu_export::integrator::{RODAS5P, ROS34PW2};
 use fmu_export::{
-    Clocked, Context, Equations, Error, EvaluationOf, Event, Number, Part, Persistent, Sample, Sampled,
+    Clocked, Context, Equations, Error, EvaluationOf, Event, Integration, Multirate, Number, Part,
+    Persistent, Sample, Sampled,
 };
 
 macro_rules! variables {
@@ -336,23 +337,12 @@ fn mass<T: Number>(variables: &mut furnace::Evaluation<'_, T>) {
 
 impl Equations for Furnace {
     type Variables = furnace::Variables;
-    const SAMPLES_INPUTS: bool = true;
+    const INTEGRATION: Integration<furnace::Variables> =
+        Integration { samples_inputs: true, ..Integration::DEFAULT };
 
     fn evaluate<T: Number>(&self, time: T, mut variables: furnace::Evaluation<'_, T>) {
         self.valve(time, &mut variables);
         mass(&mut variables);
-    }
-
-    fn evaluate_part(&self, part: Part, time: f64, mut variables: furnace::Evaluation<'_>) {
-        EVALUATIONS.with(|counts| counts[part as usize].update(|count| count + 1));
-        match part {
-            Part::Fast => self.valve(time, &mut variables),
-            Part::Slow => mass(&mut variables),
-        }
-    }
-
-    fn is_coupled(&self, variables: &furnace::Variables) -> bool {
-        variables.parameters.feedback != 0.0
     }
 
     fn next_event(&self, _time: f64, _variables: &furnace::Variables) -> Option<f64> {
@@ -373,6 +363,20 @@ impl Equations for Furnace {
     }
 }
 
+impl Multirate for Furnace {
+    fn evaluate_part(&self, part: Part, time: f64, mut variables: furnace::Evaluation<'_>) {
+        EVALUATIONS.with(|counts| counts[part as usize].update(|count| count + 1));
+        match part {
+            Part::Fast => self.valve(time, &mut variables),
+            Part::Slow => mass(&mut variables),
+        }
+    }
+
+    fn is_coupled(&self, variables: &furnace::Variables) -> bool {
+        variables.parameters.feedback != 0.0
+    }
+}
+
 thread_local! {
     /// The evaluations of the models of two parts.
     pub static PARTS_EVALUATIONS: Cell<u32> = const { Cell::new(0) };
@@ -386,7 +390,8 @@ macro_rules! two_parts {
 
         impl Equations for $model {
             type Variables = $variables::Variables;
-            const METHOD: &'static Method = &$method;
+            const INTEGRATION: Integration<$variables::Variables> =
+                Integration { method: &$method, ..Integration::DEFAULT };
 
             fn evaluate<T: Number>(&self, time: T, variables: $variables::Evaluation<'_, T>) {
                 PARTS_EVALUATIONS.with(|count| count.update(|count| count + 1));
@@ -398,6 +403,8 @@ macro_rules! two_parts {
                     from_fn(|i| product(&p.slow_rates[i], &states.slow) + product(&p.drive[i], &states.fast));
             }
         }
+
+        impl Multirate for $model {}
     )*};
 }
 two_parts! {

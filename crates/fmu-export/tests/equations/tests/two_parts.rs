@@ -4,8 +4,10 @@
 use std::array::from_fn;
 use std::cell::Cell;
 
-use fmu_export::integrator::{Integrate, Integrator};
-use fmu_export::{Equations, InputSignal, Inputs as _, Integrated, Simulation, TwoRates, Variables as _};
+use fmu_export::integrator::Integrator;
+use fmu_export::{
+    Equations, InputSignal, Inputs as _, Integrate, Integrated, Simulation, TwoRates, Variables as _,
+};
 use fmu_export_equations::{
     KeptTwoParts, KeptTwoPartsWithoutCapabilities, PARTS_EVALUATIONS, TwoParts, TwoPartsWithoutCapabilities,
 };
@@ -61,12 +63,12 @@ impl Case {
 
 /// Runs a model of two parts for 10 s, by communication steps of 0.1 s. Returns the states after each, and the number of
 /// evaluations.
-fn run<E: Equations, I: Integrate>(case: &Case, tolerance: f64) -> (Vec<[f64; 4]>, u32) {
+fn run<E: Equations, I: Integrate<E>>(case: &Case, tolerance: f64) -> (Vec<[f64; 4]>, u32) {
     run_from(&mut Simulation::<Integrated<E, I>>::default(), case, tolerance, |_| {})
 }
 
 /// The same with a model as it is left by `between`, which is called after half of the time.
-fn run_from<E: Equations, I: Integrate>(
+fn run_from<E: Equations, I: Integrate<E>>(
     simulation: &mut Simulation<Integrated<E, I>>,
     case: &Case,
     tolerance: f64,
@@ -161,7 +163,7 @@ fn two_rates_keep_the_tolerance_of_every_state() {
 
 #[test]
 fn a_restored_model_and_one_that_ran_before_take_the_same_steps() {
-    fn check<E: Equations, I: Integrate>(case: &Case) {
+    fn check<E: Equations, I: Integrate<E>>(case: &Case) {
         let once = run::<E, I>(case, 1e-6);
         let mut simulation = Simulation::default();
         let restored = run_from::<E, I>(&mut simulation, case, 1e-6, |simulation| {

@@ -1,6 +1,6 @@
 //! Two parts with steps of their own, against closed forms.
 
-use fmu_export::{Equations, Integrated, Number, Persistent, Simulation, TwoRates};
+use fmu_export::{Equations, Integrated, Multirate, Number, Persistent, Simulation, TwoRates};
 use fmu_export_equations::furnace::{Evaluation, Variables};
 use fmu_export_equations::{EVALUATIONS, Furnace};
 
@@ -111,6 +111,8 @@ impl Equations for Failing {
         derivatives.temperature = (-time + 1.0).sqrt();
     }
 }
+
+impl Multirate for Failing {}
 
 #[test]
 fn a_failure_names_the_time_that_was_reached() {

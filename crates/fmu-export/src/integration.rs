@@ -1,0 +1,51 @@
+//! How the built-in integrator solves the equations of a model.
+
+use core::fmt;
+
+use crate::integrator::{Method, RODAS5P};
+
+/// The relative tolerance if the importer gives none.
+pub const DEFAULT_TOLERANCE: f64 = 1e-6;
+
+/// The settings of the built-in integrator, for equations with variables of type `V`.
+///
+/// ```ignore
+/// const INTEGRATION: Integration<Variables> = Integration { longest_step: 0.1, ..Integration::DEFAULT };
+/// ```
+pub struct Integration<V> {
+    /// The method.
+    pub method: &'static Method,
+    /// The longest internal step in s, for models in which the error estimate may miss something shorter.
+    pub longest_step: f64,
+    /// The error of each state that a tolerance of 1 allows in a step; by default the sum of the state's magnitude and
+    /// its nominal value.
+    pub error_scales: Option<&'static [f64]>,
+    /// The tolerance; `asked` is the importer's.
+    pub tolerance: fn(variables: &V, asked: Option<f64>) -> f64,
+    /// Whether events sample inputs, and the equations use only the samples. If so, an event due at the end of a
+    /// communication step belongs to the next step, with its inputs.
+    pub samples_inputs: bool,
+}
+
+impl<V> Integration<V> {
+    /// `Rodas5P` with the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+    pub const DEFAULT: Self = Self {
+        method: &RODAS5P,
+        longest_step: f64::INFINITY,
+        error_scales: None,
+        tolerance: |_, asked| asked.unwrap_or(DEFAULT_TOLERANCE),
+        samples_inputs: false,
+    };
+}
+
+impl<V> fmt::Debug for Integration<V> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { method, longest_step, error_scales, tolerance: _, samples_inputs } = self;
+        f.debug_struct("Integration")
+            .field("method", method)
+            .field("longest_step", longest_step)
+            .field("error_scales", error_scales)
+            .field("samples_inputs", samples_inputs)
+            .finish_non_exhaustive()
+    }
+}
