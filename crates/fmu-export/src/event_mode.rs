@@ -43,6 +43,11 @@ pub struct Stops {
     pub(crate) internal_steps: bool,
 }
 
+impl Stops {
+    /// None: the model handles its events.
+    pub const NONE: Self = Self { events: EventsLeft::None, internal_steps: false };
+}
+
 /// Why a communication step stops, and its time in s.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,14 +15,15 @@ use crate::description::{Causality, DataType};
 use crate::display::Seconds;
 use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, evaluate_values};
 use crate::error::Error;
-use crate::event_mode::{EventMode, EventsLeft, Stop, Stops, due_until};
+use crate::event_loop::{EventLoop, Hybrid};
+use crate::event_mode::{EventMode, Stop, Stops};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::Inputs as _;
 use crate::integrator::{Integrator, StepFailure, Tolerance, Trials};
-use crate::model::{InputsOf, Model, Step, time_rounding};
+use crate::model::{InputsOf, Model, Step};
 use crate::model_exchange::ModelExchange;
 use crate::number::Dual;
-use crate::search::{self, ROUNDINGS, Trajectory};
+use crate::search::{self, Trajectory};
 use crate::tape::{Recorded, Tape};
 use crate::variables::Variables;
 
@@ -34,9 +35,6 @@ const TRIALS_A_LONGEST_STEP: f64 = 50.0;
 const MOST_AUDITED: u32 = 1000;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
-/// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
-/// belongs to the step: importers' times are subject to rounding.
-const TIME_TOLERANCE: f64 = 1e-9;
 
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
@@ -166,14 +164,10 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
-        let mut states = self.take_states();
-        let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            let stops = Stops { events: EventsLeft::None, internal_steps: false };
-            self.advance::<false>(variables, step, tolerance, &mut states, stops, context)
-        });
-        self.states = states;
-        result.map(|_| ())
+        with_inputs(variables, step.inputs.initial(), |variables| {
+            self.advance::<false>(variables, step, Stops::NONE, context)
+        })
+        .map(|_| ())
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
@@ -311,15 +305,12 @@ impl<E: Equations, I: Integrate<E>> EventMode for Integrated<E, I> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
-        let mut states = self.take_states();
         let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance::<true>(variables, step, tolerance, &mut states, stops, context)
+            self.advance::<true>(variables, step, stops, context)
         });
-        self.states = states;
         if let Some(events) = events {
             mem::swap(&mut self.events, events);
         }
@@ -416,15 +407,13 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         &mut self,
         variables: &mut E::Variables,
         step: &Step<'_, InputsOf<Self>>,
-        tolerance: f64,
-        states: &mut [f64],
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
         (self.time, self.elapsed) = (step.start, 0.0);
         let end = step.end();
-        let coincidence = TIME_TOLERANCE * step.size + time_rounding(end);
-        let last_event = if E::INTEGRATION.samples_inputs { end - coincidence } else { end + coincidence };
+        let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
+        let mut states = self.take_states();
         let evaluated = self.evaluated.take();
         let mut is_evaluated = evaluated.as_ref().is_some_and(|(time, inputs)| {
             time.to_bits() == step.start.to_bits() && inputs == variables.inputs()
@@ -433,98 +422,38 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             is_evaluated &= states[state].to_bits() == value.to_bits();
             states[state] = value;
         });
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let most_trials = MOST_TRIALS
-            .saturating_add((step.size / E::INTEGRATION.longest_step * TRIALS_A_LONGEST_STEP) as u32);
-        let (mut trials, mut events) = (0, 0);
-        let mut last_cause = None;
         // The importer may have changed inputs and tunable parameters since the last step.
         if !is_evaluated {
             evaluate_values(&self.equations, self.time, variables);
         }
-        let mut crossed = self.find_changes(variables)?;
-        loop {
-            let due = if STOPS {
-                due_until(end, self.events.next)
-            } else {
-                self.events.next.filter(|&due| due <= last_event)
-            };
-            let is_at_end = self.elapsed >= step.size;
-            let is_due = due.is_some_and(|due| due - step.start <= self.elapsed || is_at_end);
-            if crossed || is_due {
-                if STOPS && stops.events.has(self.time, end) {
-                    return Ok(Some(Stop::Event(self.time)));
-                }
-                trials += 1;
-                events += 1;
-                last_cause = self.events.first_changed();
-                if let Some(due) = due.filter(|_| is_due) {
-                    self.time = due;
-                }
-                self.happen(variables, false, is_due, context)?;
-                if context.end.is_some() {
-                    return Ok(None);
-                }
-                E::Variables::each_state(variables, |state, value| states[state] = value);
-                crossed = false;
-            } else if is_at_end {
-                break;
-            } else {
-                // One that rounding puts before the end is at the end.
-                let last = step.size - ROUNDINGS * f64::EPSILON * end.abs();
-                let due = due.map(|due| due - step.start).filter(|due| *due < last);
-                let target = due.unwrap_or(step.size);
-                let mut system = Equated::new(&self.equations, variables, step);
-                let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
-                let limits = Tolerance { relative: tolerance, nominals };
-                let times = (self.elapsed, target);
-                let counted = Trials { count: &mut trials, most: most_trials };
-                match self.integrator.step(&mut system, times, states, &limits, counted) {
-                    Ok(reached) => {
-                        crossed = self.find_event(variables, step, reached, states, &mut trials)?;
-                        self.integrator.end_step(&Equated::new(&self.equations, variables, step));
-                    }
-                    Err(failure) => {
-                        self.time = step.start + failure.time;
-                        if trials <= most_trials {
-                            return Err(self.not_integrable(failure, tolerance));
-                        }
-                    }
-                }
-                if STOPS && stops.internal_steps && !crossed && self.elapsed < step.size {
-                    return Ok(Some(Stop::InternalStep(self.time)));
-                }
-            }
-            if trials > most_trials {
-                let limits = (most_trials, tolerance);
-                let events = Some(events).filter(|events| *events > most_trials / MOST_TRIALS_AN_EVENT);
-                return Err(self.abandoned(step.start, limits, events, last_cause));
-            }
+        let crossed = self.find_changes(variables);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let most_trials = MOST_TRIALS
+            .saturating_add((step.size / E::INTEGRATION.longest_step * TRIALS_A_LONGEST_STEP) as u32);
+        let event_loop =
+            EventLoop::new((step.start, step.size, end), E::INTEGRATION.samples_inputs, most_trials);
+        let mut evolution = Evolution {
+            model: self,
+            variables,
+            step,
+            tolerance,
+            states: &mut states,
+            context,
+            last_cause: None,
+        };
+        let stop =
+            crossed.and_then(|crossed| event_loop.after(crossed).go_on::<STOPS, _>(&mut evolution, stops));
+        let is_over = evolution.context.end.is_some();
+        self.states = states;
+        let stop = stop?;
+        if stop.is_none() && !is_over {
+            self.time = end;
+            // Large inputs are copied into existing memory.
+            let (_, mut inputs) = evaluated.unwrap_or_else(|| (end, variables.inputs().clone()));
+            inputs.clone_from(variables.inputs());
+            self.evaluated = Some((end, inputs));
         }
-        self.time = end;
-        // Large inputs are copied into existing memory.
-        let (_, mut inputs) = evaluated.unwrap_or_else(|| (end, variables.inputs().clone()));
-        inputs.clone_from(variables.inputs());
-        self.evaluated = Some((end, inputs));
-        Ok(None)
-    }
-
-    /// Advances to the end of the integrator's step, in s since the communication step's start, or to its first event,
-    /// and computes the variables there. Returns whether an event indicator has changed.
-    fn find_event(
-        &mut self,
-        variables: &mut E::Variables,
-        step: &Step<'_, InputsOf<Self>>,
-        end: f64,
-        states: &mut [f64],
-        trials: &mut u32,
-    ) -> Result<bool, Error> {
-        let begin = self.elapsed;
-        let mut trajectory = Solution { model: self, variables, step, states };
-        if E::Variables::EVENT_INDICATORS.is_empty() {
-            return trajectory.go_to(end);
-        }
-        search::first_event(&mut trajectory, step.start, (begin, end), trials)
+        Ok(stop)
     }
 
     fn check_calculated_parameters(&self, variables: &E::Variables) -> Result<(), Error> {
@@ -577,35 +506,6 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         Err(self.events.endless(self.time, E::Variables::EVENT_INDICATORS))
     }
 
-    /// Why a step from a time (s) was abandoned: for the number of events, of which an indicator caused the last, if that
-    /// is too large.
-    #[cold]
-    fn abandoned(
-        &self,
-        start: f64,
-        (most_trials, tolerance): (u32, f64),
-        events: Option<u32>,
-        last_cause: Option<usize>,
-    ) -> Error {
-        let cause = if let Some(events) = events {
-            let what =
-                last_cause.map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
-            format!("{events} of them are events, which come ever faster, the last caused by {what}")
-        } else {
-            let what = if E::Variables::STATE_NOMINALS.is_empty() {
-                "an event indicator".to_owned()
-            } else {
-                E::Variables::state_name(self.integrator.decisive_state())
-            };
-            format!("{what} changes too fast for a step this long, or for the tolerance {tolerance:?}")
-        };
-        Error::new(format!(
-            "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
-            Seconds(start),
-            Seconds(self.time)
-        ))
-    }
-
     #[cold]
     fn not_integrable(&self, failure: StepFailure, tolerance: f64) -> Error {
         Error::new(format!(
@@ -635,16 +535,104 @@ fn with_inputs<V: Variables, R>(
     result
 }
 
-/// The integrator's last step, along which events are searched.
-struct Solution<'a, E: Equations, I> {
+/// A communication step of a model.
+struct Evolution<'a, 'c, E: Equations, I> {
     model: &'a mut Integrated<E, I>,
     variables: &'a mut E::Variables,
     step: &'a Step<'a, <E::Variables as Variables>::Inputs>,
+    tolerance: f64,
     states: &'a mut [f64],
+    context: &'a mut Context<'c>,
+    /// The first indicator that caused the last event.
+    last_cause: Option<usize>,
+}
+
+#[allow(clippy::inline_always, reason = "as `EventLoop`")]
+impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
+    type Error = Error;
+
+    #[inline(always)]
+    fn next_event(&self) -> Option<f64> {
+        self.model.events.next
+    }
+
+    #[inline(always)]
+    fn time(&self) -> f64 {
+        self.model.time
+    }
+
+    #[inline(always)]
+    fn elapsed(&self) -> f64 {
+        self.model.elapsed
+    }
+
+    #[inline(always)]
+    fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool, Error> {
+        let Self { model, variables, step, tolerance, states, .. } = self;
+        let Trials { count, most } = trials;
+        let mut system = Equated::new(&model.equations, variables, step);
+        let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
+        let limits = Tolerance { relative: *tolerance, nominals };
+        let (begin, counted) = (model.elapsed, Trials { count: &mut *count, most });
+        match model.integrator.step(&mut system, (begin, target), states, &limits, counted) {
+            Ok(reached) => {
+                let crossed = if E::Variables::EVENT_INDICATORS.is_empty() {
+                    self.go_to(reached)?
+                } else {
+                    let start = step.start;
+                    search::first_event(self, start, (begin, reached), count)?
+                };
+                let Self { model, variables, step, .. } = self;
+                model.integrator.end_step(&Equated::new(&model.equations, variables, step));
+                Ok(crossed)
+            }
+            Err(failure) => {
+                model.time = step.start + failure.time;
+                if *count <= most { Err(model.not_integrable(failure, *tolerance)) } else { Ok(false) }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn handle(&mut self, due: Option<f64>) -> Result<bool, Error> {
+        let Self { model, variables, states, context, last_cause, .. } = self;
+        *last_cause = model.events.first_changed();
+        if let Some(due) = due {
+            model.time = due;
+        }
+        model.happen(variables, false, due.is_some(), context)?;
+        if context.end.is_some() {
+            return Ok(false);
+        }
+        E::Variables::each_state(&**variables, |state, value| states[state] = value);
+        Ok(true)
+    }
+
+    #[cold]
+    fn abandoned(&self, most_trials: u32, events: u32) -> Error {
+        let Self { model, step, tolerance, last_cause, .. } = self;
+        let cause = if events > most_trials / MOST_TRIALS_AN_EVENT {
+            let what =
+                last_cause.map_or("time events", |indicator| E::Variables::EVENT_INDICATORS[indicator]);
+            format!("{events} of them are events, which come ever faster, the last caused by {what}")
+        } else {
+            let what = if E::Variables::STATE_NOMINALS.is_empty() {
+                "an event indicator".to_owned()
+            } else {
+                E::Variables::state_name(model.integrator.decisive_state())
+            };
+            format!("{what} changes too fast for a step this long, or for the tolerance {tolerance:?}")
+        };
+        Error::new(format!(
+            "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",
+            Seconds(step.start),
+            Seconds(model.time)
+        ))
+    }
 }
 
 #[allow(clippy::inline_always, reason = "as `first_event`")]
-impl<E: Equations, I: Integrate<E>> Trajectory for Solution<'_, E, I> {
+impl<E: Equations, I: Integrate<E>> Trajectory for Evolution<'_, '_, E, I> {
     type Error = Error;
 
     #[inline(always)]
@@ -659,7 +647,7 @@ impl<E: Equations, I: Integrate<E>> Trajectory for Solution<'_, E, I> {
 
     #[inline(always)]
     fn go_to(&mut self, elapsed: f64) -> Result<bool, Error> {
-        let Self { model, variables, step, states } = self;
+        let Self { model, variables, step, states, .. } = self;
         model.elapsed = elapsed;
         model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
         let mut system = Equated::new(&model.equations, variables, step);

@@ -10,7 +10,7 @@
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
 //   equations, integration                the trait of models of equations, and how they are integrated
-//   integrator, search                    the integrator, and the events in its steps
+//   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
 //   scheduled_execution                   the trait of models whose clocks the importer schedules
 //   event_mode                            the trait of models that step from event to event
 //   model_exchange                        the trait of models whose states the importer integrates
@@ -39,6 +39,7 @@ pub mod description;
 pub mod display;
 mod equations;
 mod error;
+pub mod event_loop;
 mod event_mode;
 mod events;
 mod floating_point;

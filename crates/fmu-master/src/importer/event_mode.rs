@@ -4,6 +4,7 @@ use std::ffi::c_int;
 
 use anyhow::{Result, bail};
 use fmu_export::display::Seconds;
+use fmu_export::event_loop::TIME_TOLERANCE;
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 
@@ -12,9 +13,6 @@ use super::fmu::{input_clocks, reference};
 
 /// The most updates of discrete states at one time.
 const MOST_ITERATIONS: u32 = 1000;
-/// An event due this shortly after a communication step, relative to the step, belongs to the step: times are subject
-/// to rounding.
-pub const TIME_TOLERANCE: f64 = 1e-9;
 /// `fmi3IntervalChanged`.
 const CHANGED: c_int = 2;
 

@@ -1,17 +1,18 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
-use anyhow::{Error, Result, bail};
+use anyhow::{Error, Result, anyhow, bail};
 use fmu_export::display::Seconds;
+use fmu_export::event_loop::{EventLoop, Hybrid};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::integrator::{Directions, Integrator, System, Tolerance};
+use fmu_export::integrator::{Directions, Integrator, System, Tolerance, Trials};
 use fmu_export::search::{Trajectory, first_event};
-use fmu_export::{DEFAULT_TOLERANCE, Events};
+use fmu_export::{DEFAULT_TOLERANCE, Events, Stops};
 use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
 use super::derivative_check::{DerivativeCheck, Use};
-use super::event_mode::{EventMode, TIME_TOLERANCE};
+use super::event_mode::EventMode;
 use super::messages::is_discarded;
 
 /// The most trials and events in a communication step, which must end.
@@ -140,88 +141,103 @@ impl Integration {
 
     /// Steps from a time (s) by a size (s).
     pub fn step(&mut self, calls: &mut Calls, events: &mut EventMode, start: f64, size: f64) -> Result<()> {
-        let (end, late) = (start + size, TIME_TOLERANCE * size);
+        let end = start + size;
         let relative = calls.handle.tolerance.get().unwrap_or(DEFAULT_TOLERANCE);
-        // The last event may have been handled a little late.
-        let mut place = (self.time - start).max(0.0);
-        let mut has_event = false;
-        let mut trials = 0;
         if events.is_entered() {
             self.handle(calls, events, self.time, false)?;
         }
-        loop {
-            let due = events.next().filter(|due| *due <= end + late);
-            let is_due = due.is_some_and(|due| due - start <= place || place >= size);
-            if has_event || is_due {
-                trials += 1;
-                let mut time = self.time;
-                if let Some(due) = due.filter(|due| is_due && *due > time) {
-                    time = due;
-                    calls.go_to(time, &self.states)?;
-                }
-                self.handle(calls, events, time, true)?;
-                has_event = false;
-            } else if place >= size {
-                break;
-            } else {
-                let target = due.map(|due| due - start).filter(|due| *due < size - late).unwrap_or(size);
-                let mut solved = Solved {
-                    calls: &mut *calls,
-                    equations: &mut self.equations,
-                    tolerance: Tolerance { relative, nominals: &self.nominals },
-                    start,
-                    size,
-                    failure: None,
-                };
-                let tolerance = solved.tolerance;
-                let step =
-                    self.integrator.step(&mut solved, (place, target), &self.states, &tolerance, &mut trials);
-                let failure = solved.failure.take();
-                let reached = match (step, failure) {
-                    (Ok(reached), None) => reached,
-                    (Ok(reached), Some(failure)) if is_discarded(&failure) => reached,
-                    (_, Some(failure)) => return Err(failure),
-                    (Err(failure), None) => bail!(
-                        "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
-                         {relative:?}, or its derivative is not finite",
-                        calls.name,
-                        Seconds(self.time),
-                        calls.fmu.states[failure.state].name
-                    ),
-                };
-                let mut path = Path {
-                    solved,
-                    integrator: &mut self.integrator,
-                    events: &mut self.events,
-                    states: &mut self.states,
-                    look: &mut self.look,
-                    place,
-                };
-                has_event = if path.solved.equations.indicators.is_empty() {
-                    path.go_to(reached)?
-                } else {
-                    first_event(&mut path, start, (place, reached), &mut trials)?
-                };
-                place = path.place;
-                self.time = path.solved.time(place);
-                let (called, [event, terminates]) = calls.handle.completed_integrator_step();
-                calls.check(&[], called)?;
-                if terminates {
-                    return calls.end(self.time);
-                }
-                has_event |= event;
-            }
-            if trials > MOST_TRIALS {
-                bail!(
-                    "{}: the step from {} s was abandoned at {} s after {MOST_TRIALS} trials and events",
-                    calls.name,
-                    Seconds(start),
-                    Seconds(self.time)
-                );
-            }
-        }
+        // The last event may have been handled a little late.
+        let place = (self.time - start).max(0.0);
+        let mut evolution =
+            Evolution { integration: self, calls, event_mode: events, start, size, place, relative };
+        EventLoop::new((start, size, end), false, MOST_TRIALS)
+            .go_on::<false, _>(&mut evolution, Stops::NONE)?;
         calls.handle.time.set(Some(end));
         Ok(())
+    }
+}
+
+/// A communication step, from event to event.
+struct Evolution<'a> {
+    integration: &'a mut Integration,
+    calls: &'a mut Calls,
+    event_mode: &'a mut EventMode,
+    /// The communication step, and the present place in it (s).
+    start: f64,
+    size: f64,
+    place: f64,
+    /// The tolerance.
+    relative: f64,
+}
+
+impl Hybrid for Evolution<'_> {
+    type Error = Error;
+
+    fn next_event(&self) -> Option<f64> {
+        self.event_mode.next()
+    }
+
+    fn time(&self) -> f64 {
+        self.integration.time
+    }
+
+    fn elapsed(&self) -> f64 {
+        self.place
+    }
+
+    fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool> {
+        let Self { integration, calls, start, size, place, relative, .. } = self;
+        let Integration { integrator, events, look, time, states, nominals, equations } = &mut **integration;
+        let tolerance = Tolerance { relative: *relative, nominals };
+        let mut solved =
+            Solved { calls: &mut *calls, equations, tolerance, start: *start, size: *size, failure: None };
+        let step = integrator.step(&mut solved, (*place, target), states, &tolerance, trials.count);
+        let reached = match (step, solved.failure.take()) {
+            (Ok(reached), None) => reached,
+            (Ok(reached), Some(failure)) if is_discarded(&failure) => reached,
+            (_, Some(failure)) => return Err(failure),
+            (Err(failure), None) => bail!(
+                "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
+                 {relative:?}, or its derivative is not finite",
+                calls.name,
+                Seconds(*time),
+                calls.fmu.states[failure.state].name
+            ),
+        };
+        let mut path = Path { solved, integrator, events, states, look, place: *place };
+        let has_event = if path.solved.equations.indicators.is_empty() {
+            path.go_to(reached)?
+        } else {
+            first_event(&mut path, *start, (*place, reached), trials.count)?
+        };
+        *place = path.place;
+        *time = path.solved.time(*place);
+        let (called, [event, terminates]) = calls.handle.completed_integrator_step();
+        calls.check(&[], called)?;
+        if terminates {
+            calls.end(*time)?;
+        }
+        Ok(has_event || event)
+    }
+
+    fn handle(&mut self, due: Option<f64>) -> Result<bool> {
+        let Self { integration, calls, event_mode, .. } = self;
+        let mut time = integration.time;
+        if let Some(due) = due.filter(|due| *due > time) {
+            time = due;
+            calls.go_to(time, &integration.states)?;
+        }
+        integration.handle(calls, event_mode, time, true)?;
+        Ok(true)
+    }
+
+    fn abandoned(&self, most_trials: u32, _events: u32) -> Error {
+        anyhow!(
+            "{}: the step from {} s was abandoned at {} s after {most_trials} trials and events",
+            self.calls.name,
+            Seconds(self.start),
+            Seconds(self.integration.time)
+        )
     }
 }
 
