@@ -144,9 +144,11 @@ def check(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return cargo("check", folder, *arguments)
 
 
-def cargo(command: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def cargo(
+    command: str, folder: Path, *arguments: str, variables: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     line = ["cargo", command, "--offline", *arguments]
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET.resolve())}
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET.resolve()), **(variables or {})}
     return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
@@ -233,3 +235,41 @@ def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_
     print(result.stderr)
     assert result.returncode != 0
     assert "`next_event` says when its samples are due, and `event` computes them" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("model", "variables", "message"),
+    [
+        (
+            "fmu!(struct Motor);" + MODEL,
+            {"FMU_INTERFACES": "me"},
+            "this model cannot be exported for Model Exchange: models of `Equations` and `Sampled` models can be",
+        ),
+        (
+            "fmu!(equations struct Motor);" + EQUATIONS,
+            {"FMU_INTERFACES": "se", "FMI_VERSION": "3"},
+            "this model cannot be exported for Scheduled Execution: `Clocked` and `Sampled` models can be",
+        ),
+        (
+            "fmu!(sampled struct Motor);" + SAMPLED,
+            {"FMU_INTERFACES": "se", "FMI_VERSION": "3"},
+            "Scheduled Execution needs a clock in the model's JSON",
+        ),
+    ],
+    ids=["model_exchange", "scheduled_execution", "without_a_clock"],
+)
+def test_an_interface_that_a_model_lacks_is_refused_once(
+    model: str, variables: dict[str, str], message: str, tmp_path: Path
+) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    # Scheduled Execution has no states.
+    without_states = [{key: value for key, value in each.items() if key != "derivative"} for each in DECLARATION["variables"]]
+    declared = without_states if "se" in variables.values() else DECLARATION["variables"]
+    tmp_path.joinpath("model.json").write_text(json.dumps({"variables": declared}))
+    tmp_path.joinpath("src").mkdir()
+    tmp_path.joinpath("src", "lib.rs").write_text("#![allow(unused)]\n" + USE + "fmu_export::" + model)
+    result = cargo("check", tmp_path, variables=variables)
+    print(result.stderr)
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    assert message in said[0]
+    assert len(said) <= 2

@@ -5,8 +5,6 @@ use std::str::FromStr;
 
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
-use crate::declaration::Declaration;
-
 /// The FMI version and interfaces of an FMU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fmi {
@@ -42,24 +40,13 @@ impl Fmi {
     }
 
     /// The macro of `fmu-export` that defines a model's functions.
-    pub(crate) fn macro_name(self, declaration: &Declaration) -> &'static str {
-        let has_event_mode = declaration.capabilities.event_mode;
+    pub(crate) fn macro_name(self) -> &'static str {
         match (self.version, self.interfaces) {
-            (_, Interfaces::ScheduledExecution)
-                if declaration.clock.is_none() && !declaration.has_clocks() =>
-            {
-                "fmi3_without_clock"
-            }
-            (_, Interfaces::ScheduledExecution) => "fmi3_scheduled_execution",
-            (Version::Two, Interfaces::CoSimulation) => "fmi2_co_simulation",
             (Version::Two, Interfaces::ModelExchange) => "fmi2_model_exchange",
             (Version::Two, Interfaces::Both) => "fmi2_both",
-            (Version::Three, Interfaces::CoSimulation | Interfaces::Both) if has_event_mode => {
-                "fmi3_event_mode"
-            }
-            (Version::Three, Interfaces::CoSimulation) => "fmi3_co_simulation",
+            (Version::Two, _) => "fmi2_co_simulation",
             // Every library has all functions.
-            (Version::Three, Interfaces::ModelExchange | Interfaces::Both) => "fmi3_model_exchange",
+            (Version::Three, _) => "fmi3_functions",
         }
     }
 }

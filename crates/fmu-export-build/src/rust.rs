@@ -44,7 +44,7 @@ mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
-        model.fmi.macro_name(model.declaration),
+        model.fmi.macro_name(),
         enumerations = enumerations(&model.declaration.enumerations),
     );
     let mut written = BTreeSet::new();

@@ -18,10 +18,9 @@ use crate::checksum::checksum;
 use crate::description::ValueReference;
 use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
-use crate::instance::{Answer, Instance, Preemption};
+use crate::instance::{Answer, Instance, Offer, Preemption};
 use crate::logger::Logger;
 use crate::model::Model;
-use crate::model_exchange::ModelExchange;
 use crate::panics::contain;
 use crate::saved_states;
 use crate::status::Status;
@@ -59,20 +58,22 @@ macro_rules! exported_function {
     };
 }
 
-/// Defines the FMU of [`exported_function!`]: its model, and the trait it must implement.
+/// Defines the FMU of [`exported_function!`], and refuses interfaces for which its model cannot be exported.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! exported_model {
-    ($model:ty: $kind:ident) => {
+    ($model:ty) => {
         struct Fmu;
 
         trait Exported {
-            type Model: $crate::$kind;
+            type Model: $crate::Model;
         }
 
         impl Exported for Fmu {
             type Model = $model;
         }
+
+        const _: () = $crate::check_interfaces::<<Fmu as Exported>::Model>();
     };
 }
 
@@ -110,53 +111,48 @@ macro_rules! exports {
     };
 }
 
-/// Holds the functions of a module of `c_api` against the version's table: each is there, and of its type.
+/// Holds the functions of `c_api` against the version's table: each is there, and of its type.
 macro_rules! held {
-    ($module:ident, $kind:ident
-        Library {
-            $($library:ident($($argument:ident: $of:ty),* $(,)?) $(-> $result:ty)?;)*
-        }
-        $($interface:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* })*
-    ) => {
+    (Library {
+        $($library:ident($($argument:ident: $of:ty),* $(,)?) $(-> $result:ty)?;)*
+    }
+    $($interface:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* })*) => {
         const _: () = {
             use super::c_types::*;
 
-            fn _held<M: crate::$kind>() {
-                $(let _: unsafe fn($($of),*) $(-> $result)? = $module::$library::<M>;)*
-                $($(let _: unsafe fn(*mut core::ffi::c_void, $($type),*) -> Status = $module::$name::<M>;)*)*
+            fn _held<M: crate::Model>() {
+                $(let _: unsafe fn($($of),*) $(-> $result)? = $library::<M>;)*
+                $($(let _: unsafe fn(*mut core::ffi::c_void, $($type),*) -> Status = $name::<M>;)*)*
             }
         };
     };
 }
 
-/// Defines functions of the standard that take an instance. Each row has the name, the trait of the model, and the
-/// arguments; the function runs its body on the instance if the calling sequence allows it.
+/// Defines functions of the standard that take an instance. Each row has the name, the arguments, and what an FMU must
+/// offer for it; the function runs its body on the instance if the calling sequence allows it.
 macro_rules! c_functions {
     ($(
         $(#[$attribute:meta])*
-        $name:ident<$model:ident>($($argument:ident: $type:ty),* $(,)?), $body:expr;
+        $name:ident($($argument:ident: $type:ty),* $(,)?) $(if $offered:ident)?, $body:expr;
     )*) => {$(
         #[doc = concat!("`", stringify!($name), "`.")]
         $(#[$attribute])*
-        pub unsafe fn $name<M: $model>(instance: *mut core::ffi::c_void, $($argument: $type),*) -> Status {
+        pub unsafe fn $name<M: Model>(instance: *mut core::ffi::c_void, $($argument: $type),*) -> Status {
+            $(
+                if const { !Instance::<M>::$offered.is_made } {
+                    // SAFETY: the instance is the importer's (see the module).
+                    return unsafe {
+                        $crate::c_boundary::refuse::<M>(instance, Function::$name, Instance::<M>::$offered)
+                    };
+                }
+            )?
             // SAFETY: the instance and the other arguments are the importer's (see the module).
             unsafe { $crate::c_boundary::call::<M>(instance, Function::$name, $body) }
         }
     )*};
 }
 
-/// Defines functions that always fail, each with its reason.
-macro_rules! refusals {
-    ($($name:ident($($argument:ty),* $(,)?), $reason:expr;)*) => {$(
-        #[doc = concat!("`", stringify!($name), "`: an error.")]
-        pub unsafe fn $name<M: Model>(instance: *mut core::ffi::c_void, $(_: $argument),*) -> Status {
-            // SAFETY: the instance is the importer's (see the module).
-            unsafe { $crate::c_boundary::call::<M>(instance, Function::$name, |_| Err(Error::new($reason))) }
-        }
-    )*};
-}
-
-pub(crate) use {c_functions, held, refusals};
+pub(crate) use {c_functions, held};
 
 /// The target of a handle. Coupled FMUs share a process; the first word distinguishes their instances.
 #[repr(C)]
@@ -255,6 +251,16 @@ pub(crate) unsafe fn call<M: Model>(
     unsafe {
         run::<M>(handle, function.name(), |instance| in_default_environment(|| instance.call(function, body)))
     }
+}
+
+/// Refuses a function of what the FMU does not offer.
+///
+/// # Safety
+/// As for [`Exported::of`].
+#[cold]
+pub(crate) unsafe fn refuse<M: Model>(handle: *mut c_void, function: impl Function, offer: Offer) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe { call::<M>(handle, function, |_| Err(Error::new(offer.refusal))) }
 }
 
 /// Runs the body of a function that only copies and compares numbers, in the importer's floating-point environment. To
@@ -417,7 +423,7 @@ pub(crate) unsafe fn completed_integrator_step<B: Default>(event_mode: *mut B, t
 ///
 /// # Safety
 /// There are as many states as counted.
-pub(crate) unsafe fn set_continuous_states<M: ModelExchange>(
+pub(crate) unsafe fn set_continuous_states<M: Model>(
     instance: &mut Instance<M>,
     [name, count_name]: [&str; 2],
     (states, count): (*const f64, usize),

@@ -3,12 +3,10 @@
 use crate::audit::check_calculated_parameters;
 use crate::context::Context;
 use crate::error::Error;
-use crate::event_mode::{EventMode, Stop, Stops};
 use crate::events::Events;
-use crate::model::{InputsOf, Model, Step, calculate_parameters};
-use crate::model_exchange::ModelExchange;
+use crate::model::{InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::persistence::{Archive, Persistent};
-use crate::scheduled_execution::ScheduledExecution;
+use crate::stops::{Stop, Stops};
 use crate::variables::Variables;
 
 /// A model that computes at the ticks of its clocks, activated by the importer; nothing changes in between. Its clocks
@@ -91,6 +89,7 @@ impl<C: Clocked> Persistent for ClockedModel<C> {
 
 impl<C: Clocked> Model for ClockedModel<C> {
     type Variables = C::Variables;
+    const SERVES: Serves = Serves::ALL;
     const TAKES_PARAMETERS: bool = C::Variables::HAS_CALCULATED_PARAMETERS;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
@@ -141,11 +140,7 @@ impl<C: Clocked> Model for ClockedModel<C> {
     ) -> Result<(), Error> {
         self.0.tick(time, variables, inputs, context)
     }
-}
 
-impl<C: Clocked> ModelExchange for ClockedModel<C> {}
-
-impl<C: Clocked> EventMode for ClockedModel<C> {
     fn step_to_event(
         &mut self,
         _variables: &mut Self::Variables,
@@ -157,5 +152,3 @@ impl<C: Clocked> EventMode for ClockedModel<C> {
         Ok(None)
     }
 }
-
-impl<C: Clocked> ScheduledExecution for ClockedModel<C> {}

@@ -1,10 +1,10 @@
 //! The event loop of co-simulation: goes through a communication step from event to event, with the
 //! [integrator](crate::integrator) in between.
 
-use crate::event_mode::{Stop, Stops, due_until};
 use crate::integrator::Trials;
-use crate::model::time_rounding;
 use crate::search::ROUNDINGS;
+use crate::stops::{Stop, Stops, due_until};
+use crate::time::time_rounding;
 
 /// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
 /// belongs to the step: importers' times are subject to rounding.

@@ -4,8 +4,8 @@ use core::mem;
 
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
-use crate::model::time_rounding;
 use crate::persistence::{Archive, Persistent};
+use crate::time::time_rounding;
 
 /// The most events at one time, each caused by the previous one.
 pub(crate) const MOST_ITERATIONS: u32 = 1000;

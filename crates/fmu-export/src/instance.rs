@@ -21,7 +21,7 @@ use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::context::{Context, Experiment};
-use crate::description::{Causality, ModelDescription, ValueReference};
+use crate::description::{Causality, ModelDescription, ValueReference, Version};
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::floating_point::in_default_environment;
@@ -65,6 +65,14 @@ pub(crate) struct IntermediateUpdate {
 pub(crate) struct IntermediateCallback {
     pub(crate) function: unsafe extern "C" fn(*mut c_void, f64, u8, u8, u8, u8, *mut u8, *mut f64),
     pub(crate) environment: *mut c_void,
+}
+
+/// What an FMU may offer: code for what it does not is left out of its library.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Offer {
+    pub(crate) is_made: bool,
+    /// Why a function of it is refused otherwise.
+    pub(crate) refusal: &'static str,
 }
 
 /// An instance of a model.
@@ -116,6 +124,24 @@ impl<M: Model> Instance<M> {
     }
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
+
+    /// Event Mode of Co-Simulation, and so intermediate updates.
+    pub(crate) const EVENT_MODE: Offer = Offer {
+        is_made: Self::DESCRIPTION.capabilities.event_mode
+            && Self::DESCRIPTION.interfaces.co_simulation
+            && matches!(Self::DESCRIPTION.version, Version::Three),
+        refusal: "not supported by this FMU (hasEventMode is false)",
+    };
+    /// Events that the importer handles: in Model Exchange, and in Event Mode of Co-Simulation.
+    pub(crate) const EVENTS: Offer = Offer {
+        is_made: Self::DESCRIPTION.interfaces.model_exchange || Self::EVENT_MODE.is_made,
+        refusal: "this FMU does not offer Model Exchange",
+    };
+    /// Scheduled Execution.
+    pub(crate) const SCHEDULED_EXECUTION: Offer = Offer {
+        is_made: Self::DESCRIPTION.interfaces.scheduled_execution,
+        refusal: "this FMU does not offer Scheduled Execution",
+    };
 
     /// Runs a function's body if the calling sequence allows it; catches panics and logs errors.
     pub(crate) fn call<F: Function>(
@@ -232,7 +258,7 @@ impl<M: Model> Instance<M> {
         Ok(Status::Ok)
     }
 
-    pub(crate) fn exit_initialization_mode(&mut self) -> Answer {
+    fn leave_initialization_mode(&mut self) -> Answer {
         M::check_parameters(&self.memory.variables)?;
         let status = self.compute_values()?;
         self.memory.parameters_changed = false;

@@ -16,14 +16,13 @@ use crate::display::Seconds;
 use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, evaluate_values};
 use crate::error::Error;
 use crate::event_loop::{EventLoop, Hybrid};
-use crate::event_mode::{EventMode, Stop, Stops};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::Inputs as _;
 use crate::integrator::{Integrator, StepFailure, Tolerance, Trials};
-use crate::model::{InputsOf, Model, Step};
-use crate::model_exchange::ModelExchange;
+use crate::model::{InputsOf, Model, Serves, Step};
 use crate::number::Dual;
 use crate::search::{self, Trajectory};
+use crate::stops::{Stop, Stops};
 use crate::tape::{Recorded, Tape};
 use crate::variables::Variables;
 
@@ -126,6 +125,7 @@ impl<E: Equations, I: Integrate<E>> crate::Persistent for Integrated<E, I> {
 
 impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     type Variables = E::Variables;
+    const SERVES: Serves = Serves { scheduled_execution: false, ..Serves::ALL };
     const LONGEST_STEP: f64 = E::LONGEST_STEP;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
@@ -265,9 +265,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         E::Variables::set_states(&mut derivatives, |state| by_state[state]);
         Ok(derivatives)
     }
-}
 
-impl<E: Equations, I: Integrate<E>> ModelExchange for Integrated<E, I> {
     fn event_indicators(
         &self,
         time: f64,
@@ -294,9 +292,7 @@ impl<E: Equations, I: Integrate<E>> ModelExchange for Integrated<E, I> {
         self.evaluated = None;
         with_inputs(variables, inputs, |variables| self.equations.event(event, variables, context))
     }
-}
 
-impl<E: Equations, I: Integrate<E>> EventMode for Integrated<E, I> {
     fn step_to_event(
         &mut self,
         variables: &mut Self::Variables,

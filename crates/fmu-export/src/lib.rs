@@ -11,9 +11,6 @@
 //   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
 //   equations, integration                the trait of models of equations, and how they are integrated
 //   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
-//   scheduled_execution                   the trait of models whose clocks the importer schedules
-//   event_mode                            the trait of models that step from event to event
-//   model_exchange                        the trait of models whose states the importer integrates
 //   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
@@ -40,7 +37,6 @@ pub mod display;
 mod equations;
 mod error;
 pub mod event_loop;
-mod event_mode;
 mod events;
 mod floating_point;
 pub mod fmi2;
@@ -52,20 +48,20 @@ mod integration;
 pub mod integrator;
 mod logger;
 mod model;
-mod model_exchange;
 mod number;
 mod panics;
 pub mod persistence;
 mod resources;
 mod sampled;
 mod saved_states;
-mod scheduled_execution;
 pub mod search;
 mod serialized_state;
 mod simulation;
 mod status;
 pub mod steady_state;
+mod stops;
 mod tape;
+mod time;
 #[doc(hidden)]
 pub mod typed;
 mod variables;
@@ -79,9 +75,6 @@ pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
 pub use error::Error;
-pub use event_mode::EventMode;
-#[doc(hidden)]
-pub use event_mode::{EventsLeft, Stop, Stops};
 pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
@@ -90,12 +83,14 @@ pub use integrated::{Integrate, Integrated};
 pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use integrator::{Part, TwoRates};
 pub use model::{InputsOf, Model, Step};
-pub use model_exchange::ModelExchange;
+#[doc(hidden)]
+pub use model::{Serves, check_interfaces};
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
 pub use sampled::{Sample, Sampled, SampledModel};
-pub use scheduled_execution::ScheduledExecution;
 pub use simulation::Simulation;
+#[doc(hidden)]
+pub use stops::{EventsLeft, Stop, Stops};
 pub use tape::{Recorded, Tape};
 pub use variables::Variables;
 

@@ -4,14 +4,20 @@
 //! the order of importers' calls.
 
 use crate::context::Context;
+use crate::description::ModelDescription;
 use crate::error::Error;
+use crate::events::{Event, Events};
 use crate::inputs::InputSignal;
 use crate::number::Dual;
 use crate::persistence::Persistent;
+use crate::stops::{Stop, Stops};
 use crate::tape::Tape;
 use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.
+///
+/// It is also the runtime's view of the other kinds of models, [`Equations`](crate::Equations),
+/// [`Sampled`](crate::Sampled) and [`Clocked`](crate::Clocked); the items that only these need are hidden.
 ///
 /// `Clone` saves and restores the model, and [`Persistent`] carries it into other processes, so both must cover its
 /// whole memory. A struct can derive both.
@@ -192,6 +198,113 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     fn restored(&mut self, variables: &Self::Variables) {
         self.take_parameters(variables);
     }
+
+    /// What the runtime can do with the model beside co-simulation.
+    #[doc(hidden)]
+    const SERVES: Serves = Serves::CO_SIMULATION;
+
+    /// Computes the event indicators, one per name in the model's JSON, after [`Model::refresh`] has computed the variables.
+    /// An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order one. Changes to
+    /// `variables` are lost at the next [`Model::refresh`].
+    #[doc(hidden)]
+    fn event_indicators(
+        &self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        indicators: &mut [f64],
+    ) {
+        let _ = (time, variables, inputs, indicators);
+    }
+
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event.
+    #[doc(hidden)]
+    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
+        let _ = (time, variables, inputs);
+        None
+    }
+
+    /// Handles an event: changes the model's memory, states and discrete variables. [`Model::refresh`] follows. If
+    /// that changes the sign of an indicator, another event follows at once.
+    ///
+    /// # Errors
+    /// When the model cannot continue.
+    #[doc(hidden)]
+    fn event(
+        &mut self,
+        event: &Event<'_>,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let _ = (event, variables, inputs, context);
+        Ok(())
+    }
+
+    /// Advances over a communication step, or to an earlier stop (FMI 3.0.2, section 4.2). Without `events`, the model uses
+    /// its own.
+    ///
+    /// # Errors
+    /// As [`Model::step`].
+    #[doc(hidden)]
+    fn step_to_event(
+        &mut self,
+        variables: &mut Self::Variables,
+        step: &Step<'_, InputsOf<Self>>,
+        events: Option<&mut Events>,
+        stops: Stops,
+        context: &mut Context<'_>,
+    ) -> Result<Option<Stop>, Error> {
+        let _ = (events, stops);
+        self.step(variables, step, context).map(|()| None)
+    }
+
+    /// The next step begins after an event.
+    #[doc(hidden)]
+    fn enter_step_mode(&mut self) {}
+}
+
+/// What the runtime can do with a kind of models beside co-simulation.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug)]
+pub struct Serves {
+    pub model_exchange: bool,
+    /// Of Co-Simulation in FMI 3.0.
+    pub event_mode: bool,
+    pub scheduled_execution: bool,
+}
+
+impl Serves {
+    /// Nothing else.
+    pub const CO_SIMULATION: Self =
+        Self { model_exchange: false, event_mode: false, scheduled_execution: false };
+    /// All of it.
+    pub const ALL: Self = Self { model_exchange: true, event_mode: true, scheduled_execution: true };
+}
+
+/// Refuses, while the model is compiled, interfaces for which it cannot be exported.
+#[doc(hidden)]
+pub const fn check_interfaces<M: Model>() {
+    let ModelDescription { interfaces, capabilities, .. } = M::Variables::DESCRIPTION;
+    let Serves { model_exchange, event_mode, scheduled_execution } = M::SERVES;
+    assert!(
+        model_exchange || !interfaces.model_exchange,
+        "this model cannot be exported for Model Exchange: models of `Equations` and `Sampled` models can be"
+    );
+    assert!(
+        event_mode || !capabilities.event_mode || !interfaces.co_simulation,
+        "this model has no Event Mode, which `event_mode` in its JSON's capabilities declares: models of `Equations` and \
+         `Sampled` models have it"
+    );
+    assert!(
+        scheduled_execution || !interfaces.scheduled_execution,
+        "this model cannot be exported for Scheduled Execution: `Clocked` and `Sampled` models can be"
+    );
+    assert!(
+        !interfaces.scheduled_execution || !M::Variables::CLOCKS.is_empty(),
+        "Scheduled Execution needs a clock in the model's JSON: a variable of the type Clock, or of a sampled model \
+         \"clock\": {{\"name\": \"sample_clock\"}}"
+    );
 }
 
 /// Calculates what follows from the parameters of a model only.
@@ -221,9 +334,4 @@ impl<I> Step<'_, I> {
     pub fn end(&self) -> f64 {
         self.start + self.size
     }
-}
-
-/// The rounding error that an importer's time (s) may have, after some additions and products.
-pub(crate) fn time_rounding(time: f64) -> f64 {
-    64.0 * f64::EPSILON * time.abs()
 }

@@ -10,12 +10,10 @@ use crate::audit::check_calculated_parameters;
 use crate::context::Context;
 use crate::display::Shown;
 use crate::error::Error;
-use crate::event_mode::{EventMode, Stop, Stops, due_until};
 use crate::events::{Event, Events};
-use crate::model::{InputsOf, Model, Step, calculate_parameters};
-use crate::model_exchange::ModelExchange;
+use crate::model::{InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::persistence::Persistent;
-use crate::scheduled_execution::ScheduledExecution;
+use crate::stops::{Stop, Stops, due_until};
 use crate::variables::Variables;
 
 /// Times that differ by less than this fraction of the period are equal, whatever the rounding.
@@ -134,6 +132,7 @@ impl<S: Sampled> SampledModel<S> {
 
 impl<S: Sampled> Model for SampledModel<S> {
     type Variables = S::Variables;
+    const SERVES: Serves = Serves::ALL;
     const LONGEST_STEP: f64 = S::LONGEST_STEP;
     const TAKES_PARAMETERS: bool = S::Variables::HAS_CALCULATED_PARAMETERS;
 
@@ -215,9 +214,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         self.executed += 1;
         self.sampled.sample(sample, variables, inputs, context)
     }
-}
 
-impl<S: Sampled> ModelExchange for SampledModel<S> {
     fn next_event(
         &self,
         _time: f64,
@@ -241,9 +238,7 @@ impl<S: Sampled> ModelExchange for SampledModel<S> {
         }
         Ok(())
     }
-}
 
-impl<S: Sampled> EventMode for SampledModel<S> {
     fn step_to_event(
         &mut self,
         variables: &mut Self::Variables,
@@ -281,8 +276,6 @@ impl<S: Sampled> EventMode for SampledModel<S> {
         }
     }
 }
-
-impl<S: Sampled> ScheduledExecution for SampledModel<S> {}
 
 /// The reason to reject a step until a time in s, whose samples start with this one.
 #[cold]

@@ -16,14 +16,13 @@ use super::c_types::{
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
-use crate::c_boundary::{self, c_functions, get_values, held, refusals, set_values, states};
+use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
 use crate::instance::{Answer, Instance};
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;
-use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
 use crate::variables::Variables;
 
@@ -138,9 +137,10 @@ pub unsafe fn fmi2FreeInstance<M: Model>(component: Component) {
 }
 
 c_functions! {
-    fmi2SetDebugLogging<Model>(on: Boolean, count: usize, categories: *const String),
+    fmi2ExitInitializationMode(), Instance::exit_initialization_mode;
+    fmi2SetDebugLogging(on: Boolean, count: usize, categories: *const String),
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
-    fmi2SetupExperiment<Model>(
+    fmi2SetupExperiment(
         tolerance_defined: Boolean, tolerance: f64, start_time: f64, stop_time_defined: Boolean,
         stop_time: f64,
     ), |instance| {
@@ -150,26 +150,26 @@ c_functions! {
             tolerance: (tolerance_defined != FALSE).then_some(tolerance),
         })
     };
-    fmi2EnterInitializationMode<Model>(), Instance::enter_initialization_mode;
-    fmi2Terminate<Model>(), Instance::terminate;
-    fmi2Reset<Model>(), Instance::reset;
+    fmi2EnterInitializationMode(), Instance::enter_initialization_mode;
+    fmi2Terminate(), Instance::terminate;
+    fmi2Reset(), Instance::reset;
 
     /// Creates a saved state if `*state` is null, otherwise overwrites that one.
-    fmi2GetFMUstate<Model>(state: *mut FmuState),
+    fmi2GetFMUstate(state: *mut FmuState),
         |instance| states::get_state(instance, state);
-    fmi2SetFMUstate<Model>(state: FmuState), |instance| states::set_state(instance, state);
+    fmi2SetFMUstate(state: FmuState), |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    fmi2FreeFMUstate<Model>(state: *mut FmuState), |_| states::free_state::<M>(state);
-    fmi2SerializedFMUstateSize<Model>(state: FmuState, size: *mut usize),
+    fmi2FreeFMUstate(state: *mut FmuState), |_| states::free_state::<M>(state);
+    fmi2SerializedFMUstateSize(state: FmuState, size: *mut usize),
         |_| states::serialized_size::<M>(state, size);
     /// Writes as many bytes as `fmi2SerializedFMUstateSize` reports.
-    fmi2SerializeFMUstate<Model>(state: FmuState, bytes: *mut Byte, size: usize),
+    fmi2SerializeFMUstate(state: FmuState, bytes: *mut Byte, size: usize),
         |_| states::serialize::<M>(state, (bytes.cast(), size));
     /// Always into a new state.
-    fmi2DeSerializeFMUstate<Model>(bytes: *const Byte, size: usize, state: *mut FmuState),
+    fmi2DeSerializeFMUstate(bytes: *const Byte, size: usize, state: *mut FmuState),
         |instance| states::deserialize(instance, (bytes.cast(), size), state);
 
-    fmi2GetDirectionalDerivative<Model>(
+    fmi2GetDirectionalDerivative(
         unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,
         known_count: usize, seeds: *const f64, sensitivities: *mut f64,
     ), |instance| {
@@ -180,7 +180,7 @@ c_functions! {
             instance.get_directional_derivative(&unknowns, &knowns, &seeds, sensitivities)
         })
     };
-    fmi2GetRealOutputDerivatives<Model>(
+    fmi2GetRealOutputDerivatives(
         references: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64,
     ), |instance| {
         let references = elements("vr", references, count)?;
@@ -189,7 +189,7 @@ c_functions! {
             instance.get_real_output_derivatives(&references, orders.iter().copied(), values)
         })
     };
-    fmi2SetRealInputDerivatives<Model>(
+    fmi2SetRealInputDerivatives(
         references: *const ValueReference, count: usize, orders: *const Integer, values: *const f64,
     ), |instance| {
         instance.set_real_input_derivatives(
@@ -199,29 +199,29 @@ c_functions! {
         )
     };
 
-    fmi2DoStep<Model>(start: f64, size: f64, _no_set_fmu_state_prior: Boolean),
+    fmi2DoStep(start: f64, size: f64, _no_set_fmu_state_prior: Boolean),
         |instance| instance.do_step(start, size);
     /// Steps are never pending.
-    fmi2GetStatus<Model>(_kind: Enumeration, value: *mut Enumeration), |instance| status(instance, value, None);
+    fmi2GetStatus(_kind: Enumeration, value: *mut Enumeration), |instance| status(instance, value, None);
     /// The end of the last completed step.
-    fmi2GetRealStatus<Model>(kind: Enumeration, value: *mut f64), |instance| {
+    fmi2GetRealStatus(kind: Enumeration, value: *mut f64), |instance| {
         let time = (kind == status_kind::LAST_SUCCESSFUL_TIME).then(|| instance.last_successful_time());
         status(instance, value, time)
     };
     /// No status is an Integer.
-    fmi2GetIntegerStatus<Model>(_kind: Enumeration, value: *mut Integer),
+    fmi2GetIntegerStatus(_kind: Enumeration, value: *mut Integer),
         |instance| status(instance, value, None);
     /// Whether the model requests the end of the simulation.
-    fmi2GetBooleanStatus<Model>(kind: Enumeration, value: *mut Boolean), |instance| {
+    fmi2GetBooleanStatus(kind: Enumeration, value: *mut Boolean), |instance| {
         let ends = (kind == status_kind::TERMINATED).then(|| Boolean::from(instance.asks_for_end()));
         status(instance, value, ends)
     };
     /// Steps are never pending.
-    fmi2GetStringStatus<Model>(_kind: Enumeration, value: *mut String),
+    fmi2GetStringStatus(_kind: Enumeration, value: *mut String),
         |instance| status(instance, value, None);
 
-    fmi2EnterEventMode<ModelExchange>(), Instance::enter_event_mode;
-    fmi2NewDiscreteStates<ModelExchange>(info: *mut EventInfo), |instance| {
+    fmi2EnterEventMode() if EVENTS, Instance::enter_event_mode;
+    fmi2NewDiscreteStates(info: *mut EventInfo) if EVENTS, |instance| {
         let info = not_null("fmi2eventInfo", info)?;
         let (status, found) = instance.new_discrete_states()?;
         info.write_unaligned(EventInfo {
@@ -234,14 +234,14 @@ c_functions! {
         });
         Ok(status)
     };
-    fmi2EnterContinuousTimeMode<ModelExchange>(),
+    fmi2EnterContinuousTimeMode() if EVENTS,
         Instance::enter_continuous_time_mode;
     /// Does nothing: the description has `completedIntegratorStepNotNeeded`.
-    fmi2CompletedIntegratorStep<ModelExchange>(
+    fmi2CompletedIntegratorStep(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
-    ), |_| c_boundary::completed_integrator_step(event_mode, terminate);
-    fmi2SetTime<ModelExchange>(time: f64), |instance| instance.set_time(time);
-    fmi2SetContinuousStates<ModelExchange>(states: *const f64, count: usize),
+    ) if EVENTS, |_| c_boundary::completed_integrator_step(event_mode, terminate);
+    fmi2SetTime(time: f64) if EVENTS, |instance| instance.set_time(time);
+    fmi2SetContinuousStates(states: *const f64, count: usize) if EVENTS,
         |instance| c_boundary::set_continuous_states(instance, ["x", "nx"], (states, count));
 }
 
@@ -249,7 +249,7 @@ c_functions! {
 macro_rules! arrays {
     ($($name:ident: $get:ident, $arguments:expr, $elements:ident;)*) => {
         c_functions! { $(
-            $name<ModelExchange>(values: *mut f64, count: usize), |instance| {
+            $name(values: *mut f64, count: usize) if EVENTS, |instance| {
                 let expected = M::Variables::$elements.len();
                 c_boundary::get_array($arguments, expected, (values, count), |values| instance.$get(values))
             };
@@ -264,8 +264,9 @@ arrays! {
     fmi2GetNominalsOfContinuousStates: get_nominals_of_continuous_states, ["x_nominal", "nx"], STATE_NOMINALS;
 }
 
-refusals! {
-    fmi2CancelStep(), "not supported by this FMU (canRunAsynchronuously is false)";
+c_functions! {
+    /// An error.
+    fmi2CancelStep(), |_| Err(Error::new("not supported by this FMU (canRunAsynchronuously is false)"));
 }
 
 /// Returns the status of a step. Status information of asynchronous steps is discarded, as section 2.1.3 requires of
@@ -314,23 +315,4 @@ accessors! {
     };
 }
 
-/// The functions of an FMU without Model Exchange.
-pub mod co_simulation {
-    pub use super::*;
-
-    c_functions! {
-        fmi2ExitInitializationMode<Model>(), Instance::exit_initialization_mode;
-    }
-}
-
-/// The functions of an FMU with Model Exchange, whose initialization ends with events.
-pub mod model_exchange {
-    pub use super::*;
-
-    c_functions! {
-        fmi2ExitInitializationMode<ModelExchange>(), Instance::exit_initialization_mode_with_events;
-    }
-}
-
-crate::fmi2_calls!(held, co_simulation, ModelExchange);
-crate::fmi2_calls!(held, model_exchange, ModelExchange);
+crate::fmi2_calls!(held);

@@ -6,40 +6,36 @@
 #[macro_export]
 macro_rules! fmi2_co_simulation {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model: Model, co_simulation, CoSimulation }
+        $crate::fmi2_functions! { $model, CoSimulation }
     };
 }
 
-/// Defines the 35 C functions of FMI 2.0 Model Exchange for a model that implements [`ModelExchange`].
-///
-/// [`ModelExchange`]: crate::ModelExchange
+/// Defines the 35 C functions of FMI 2.0 Model Exchange.
 #[macro_export]
 macro_rules! fmi2_model_exchange {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model: ModelExchange, model_exchange, ModelExchange }
+        $crate::fmi2_functions! { $model, ModelExchange }
     };
 }
 
-/// Defines the 44 C functions of FMI 2.0 with both interfaces for a model that implements [`ModelExchange`].
-///
-/// [`ModelExchange`]: crate::ModelExchange
+/// Defines the 44 C functions of FMI 2.0 with both interfaces.
 #[macro_export]
 macro_rules! fmi2_both {
     ($model:ty) => {
-        $crate::fmi2_functions! { $model: ModelExchange, model_exchange, Both }
+        $crate::fmi2_functions! { $model, Both }
     };
 }
 
-/// Defines the C functions of FMI 2.0 for the offered interfaces, those of a module of `c_api`.
+/// Defines the C functions of FMI 2.0 for the offered interfaces.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! fmi2_functions {
-    ($model:ty: $kind:ident, $module:ident, $offered:ident) => {
+    ($model:ty, $offered:ident) => {
         const _: () = {
-            use $crate::fmi2::c_api::$module as functions;
+            use $crate::fmi2::c_api as functions;
             use $crate::fmi2::c_types::*;
 
-            $crate::exported_model! { $model: $kind }
+            $crate::exported_model! { $model }
             $crate::fmi2_calls!($crate::exports, $offered);
             #[cfg(target_family = "wasm")]
             $crate::wasm_functions! {}

@@ -1,7 +1,6 @@
-//! The functions of FMI 3.0, generic over the model. [`fmi3_co_simulation!`] and its siblings export those of one of the
-//! modules at the end: all 75, whatever the FMU offers.
+//! The functions of FMI 3.0, generic over the model. [`fmi3_functions!`] exports all 75, whatever the FMU offers.
 //!
-//! [`fmi3_co_simulation!`]: crate::fmi3_co_simulation
+//! [`fmi3_functions!`]: crate::fmi3_functions
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
 #![allow(non_snake_case, reason = "the standard's names")]
@@ -23,20 +22,16 @@ use crate::model::Model;
 use crate::variables::Variables;
 
 pub use self::clocks::*;
+pub use self::exchange::*;
 pub use self::instantiation::{fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange};
+pub use self::scheduled_execution::*;
+pub use self::steps::*;
 
 mod clocks;
+mod exchange;
 mod instantiation;
+mod scheduled_execution;
 mod steps;
-mod with_event_mode;
-mod with_model_exchange;
-mod with_scheduled_execution;
-mod without_event_mode;
-mod without_model_exchange;
-mod without_scheduled_execution;
-
-/// Why Event Mode is refused in Co-Simulation.
-const WITHOUT_EVENT_MODE: &str = "not supported by this FMU (hasEventMode is false)";
 
 /// `fmi3GetVersion`.
 #[must_use]
@@ -51,9 +46,10 @@ pub unsafe fn fmi3FreeInstance<M: Model>(instance: c_types::Instance) {
 }
 
 c_functions! {
-    fmi3SetDebugLogging<Model>(on: Boolean, count: usize, categories: *const String),
+    fmi3ExitInitializationMode(), Instance::exit_initialization_mode;
+    fmi3SetDebugLogging(on: Boolean, count: usize, categories: *const String),
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
-    fmi3EnterInitializationMode<Model>(
+    fmi3EnterInitializationMode(
         tolerance_defined: Boolean, tolerance: f64, start_time: f64, stop_time_defined: Boolean,
         stop_time: f64,
     ), |instance| {
@@ -64,13 +60,13 @@ c_functions! {
         })?;
         Ok(status.max(instance.enter_initialization_mode()?))
     };
-    fmi3EnterConfigurationMode<Model>(), Instance::enter_configuration_mode;
-    fmi3ExitConfigurationMode<Model>(), Instance::exit_configuration_mode;
-    fmi3Terminate<Model>(), Instance::terminate;
-    fmi3Reset<Model>(), Instance::reset;
+    fmi3EnterConfigurationMode(), Instance::enter_configuration_mode;
+    fmi3ExitConfigurationMode(), Instance::exit_configuration_mode;
+    fmi3Terminate(), Instance::terminate;
+    fmi3Reset(), Instance::reset;
 
     /// The values stay valid until the next call for this instance.
-    fmi3GetBinary<Model>(
+    fmi3GetBinary(
         references: *const ValueReference, count: usize, sizes: *mut usize, values: *mut Binary,
         value_count: usize,
     ), |instance| {
@@ -84,7 +80,7 @@ c_functions! {
         })
     };
     /// The values are copied.
-    fmi3SetBinary<Model>(
+    fmi3SetBinary(
         references: *const ValueReference, count: usize, sizes: *const usize, values: *const Binary,
         value_count: usize,
     ), |instance| {
@@ -100,21 +96,21 @@ c_functions! {
     };
 
     /// Creates a saved state if `*state` is null, otherwise overwrites that one.
-    fmi3GetFMUState<Model>(state: *mut FmuState),
+    fmi3GetFMUState(state: *mut FmuState),
         |instance| states::get_state(instance, state);
-    fmi3SetFMUState<Model>(state: FmuState), |instance| states::set_state(instance, state);
+    fmi3SetFMUState(state: FmuState), |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    fmi3FreeFMUState<Model>(state: *mut FmuState), |_| states::free_state::<M>(state);
-    fmi3SerializedFMUStateSize<Model>(state: FmuState, size: *mut usize),
+    fmi3FreeFMUState(state: *mut FmuState), |_| states::free_state::<M>(state);
+    fmi3SerializedFMUStateSize(state: FmuState, size: *mut usize),
         |_| states::serialized_size::<M>(state, size);
     /// Writes as many bytes as `fmi3SerializedFMUStateSize` reports.
-    fmi3SerializeFMUState<Model>(state: FmuState, bytes: *mut Byte, size: usize),
+    fmi3SerializeFMUState(state: FmuState, bytes: *mut Byte, size: usize),
         |_| states::serialize::<M>(state, (bytes, size));
     /// Always into a new state.
-    fmi3DeserializeFMUState<Model>(bytes: *const Byte, size: usize, state: *mut FmuState),
+    fmi3DeserializeFMUState(bytes: *const Byte, size: usize, state: *mut FmuState),
         |instance| states::deserialize(instance, (bytes, size), state);
 
-    fmi3GetOutputDerivatives<Model>(
+    fmi3GetOutputDerivatives(
         references: *const ValueReference, count: usize, orders: *const i32, values: *mut f64,
         value_count: usize,
     ), |instance| {
@@ -135,15 +131,15 @@ c_functions! {
 
     /// Does nothing, as section 2.3.5 allows if `providesEvaluateDiscreteStates` is false. Ticks are computed when
     /// values are requested.
-    fmi3EvaluateDiscreteStates<Model>(), |_| Ok(Status::Ok);
-    fmi3GetNumberOfVariableDependencies<Model>(
+    fmi3EvaluateDiscreteStates(), |_| Ok(Status::Ok);
+    fmi3GetNumberOfVariableDependencies(
         dependent: ValueReference, count: *mut usize,
     ), |instance| {
         let dependencies = instance.dependencies(dependent)?;
         not_null("nDependencies", count)?.write_unaligned(dependencies.len());
         Ok(Status::Ok)
     };
-    fmi3GetVariableDependencies<Model>(
+    fmi3GetVariableDependencies(
         dependent: ValueReference, elements: *mut usize, independents: *mut ValueReference,
         elements_of_independents: *mut usize, kinds: *mut Enumeration, count: usize,
     ), |instance| {
@@ -159,11 +155,11 @@ c_functions! {
         copy_to("elementIndicesOfIndependents", elements_of_independents, of_independents, count)?;
         copy_to("dependencyKinds", kinds, found.map(|_| DEPENDENT), count)
     };
-    fmi3GetNumberOfEventIndicators<Model>(count: *mut usize), |_| {
+    fmi3GetNumberOfEventIndicators(count: *mut usize), |_| {
         not_null("nEventIndicators", count)?.write_unaligned(M::Variables::EVENT_INDICATORS.len());
         Ok(Status::Ok)
     };
-    fmi3GetNumberOfContinuousStates<Model>(count: *mut usize), |_| {
+    fmi3GetNumberOfContinuousStates(count: *mut usize), |_| {
         not_null("nContinuousStates", count)?.write_unaligned(M::Variables::STATE_NOMINALS.len());
         Ok(Status::Ok)
     };
@@ -192,7 +188,7 @@ unsafe fn copy_to<T: Copy>(
 macro_rules! derivatives {
     ($($name:ident: $get:ident, $seeds_unknowns:literal;)*) => {
         c_functions! { $(
-            $name<Model>(
+            $name(
                 unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,
                 known_count: usize, seed: *const f64, seed_count: usize, sensitivity: *mut f64,
                 sensitivity_count: usize,
@@ -224,9 +220,10 @@ derivatives! {
 
 /// Defines functions that get or set values.
 macro_rules! accessors {
-    ($($name:ident<$model:ident>, $access:ident($values:ty), $body:expr;)*) => {$(
+    ($($(#[$attribute:meta])* $name:ident, $access:ident($values:ty), $body:expr;)*) => {$(
         #[doc = concat!("`", stringify!($name), "`.")]
-        pub unsafe fn $name<M: $model>(
+        $(#[$attribute])*
+        pub unsafe fn $name<M: Model>(
             instance: c_types::Instance,
             references: *const ValueReference,
             count: usize,
@@ -240,71 +237,48 @@ macro_rules! accessors {
     )*};
 }
 
-use accessors;
-
 accessors! {
-    fmi3GetFloat32<Model>, get_values(*mut f32), Instance::get_float32;
-    fmi3SetFloat32<Model>, set_values(*const f32), Instance::set_float32;
-    fmi3GetInt8<Model>, get_values(*mut i8), Instance::get_wholes;
-    fmi3SetInt8<Model>, set_values(*const i8), Instance::set_wholes;
-    fmi3GetUInt8<Model>, get_values(*mut u8), Instance::get_wholes;
-    fmi3SetUInt8<Model>, set_values(*const u8), Instance::set_wholes;
-    fmi3GetInt16<Model>, get_values(*mut i16), Instance::get_wholes;
-    fmi3SetInt16<Model>, set_values(*const i16), Instance::set_wholes;
-    fmi3GetUInt16<Model>, get_values(*mut u16), Instance::get_wholes;
-    fmi3SetUInt16<Model>, set_values(*const u16), Instance::set_wholes;
-    fmi3GetInt32<Model>, get_values(*mut i32), Instance::get_integers;
-    fmi3SetInt32<Model>, set_values(*const i32), Instance::set_integers;
-    fmi3GetUInt32<Model>, get_values(*mut u32), Instance::get_wholes;
-    fmi3SetUInt32<Model>, set_values(*const u32), Instance::set_wholes;
-    fmi3GetInt64<Model>, get_values(*mut i64), Instance::get_wholes;
-    fmi3SetInt64<Model>, set_values(*const i64), Instance::set_wholes;
-    fmi3GetUInt64<Model>, get_values(*mut u64), Instance::get_wholes;
-    fmi3SetUInt64<Model>, set_values(*const u64), Instance::set_wholes;
-    fmi3GetBoolean<Model>, get_values(*mut Boolean), Instance::get_boolean;
-    fmi3SetBoolean<Model>, set_values(*const Boolean), Instance::set_boolean;
-    fmi3GetString<Model>, get_values(*mut String), c_boundary::get_strings;
-    fmi3SetString<Model>, set_values(*const String), |instance, references, values| {
+    /// In FMI 3.0, event indicators are variables.
+    fmi3GetFloat64, get_values(*mut f64), |instance, references, values| {
+        if const { Instance::<M>::EVENT_MODE.is_made } {
+            instance.check_registered(references)?;
+        }
+        if const { Instance::<M>::EVENTS.is_made } {
+            instance.get_real_with_indicators(references, values)
+        } else {
+            instance.get_real(references, values)
+        }
+    };
+    fmi3SetFloat64, set_values(*const f64), |instance, references, values| {
+        if const { Instance::<M>::EVENT_MODE.is_made } {
+            instance.check_registered(references)?;
+        }
+        instance.set_real(references, values)
+    };
+    fmi3GetFloat32, get_values(*mut f32), Instance::get_float32;
+    fmi3SetFloat32, set_values(*const f32), Instance::set_float32;
+    fmi3GetInt8, get_values(*mut i8), Instance::get_wholes;
+    fmi3SetInt8, set_values(*const i8), Instance::set_wholes;
+    fmi3GetUInt8, get_values(*mut u8), Instance::get_wholes;
+    fmi3SetUInt8, set_values(*const u8), Instance::set_wholes;
+    fmi3GetInt16, get_values(*mut i16), Instance::get_wholes;
+    fmi3SetInt16, set_values(*const i16), Instance::set_wholes;
+    fmi3GetUInt16, get_values(*mut u16), Instance::get_wholes;
+    fmi3SetUInt16, set_values(*const u16), Instance::set_wholes;
+    fmi3GetInt32, get_values(*mut i32), Instance::get_integers;
+    fmi3SetInt32, set_values(*const i32), Instance::set_integers;
+    fmi3GetUInt32, get_values(*mut u32), Instance::get_wholes;
+    fmi3SetUInt32, set_values(*const u32), Instance::set_wholes;
+    fmi3GetInt64, get_values(*mut i64), Instance::get_wholes;
+    fmi3SetInt64, set_values(*const i64), Instance::set_wholes;
+    fmi3GetUInt64, get_values(*mut u64), Instance::get_wholes;
+    fmi3SetUInt64, set_values(*const u64), Instance::set_wholes;
+    fmi3GetBoolean, get_values(*mut Boolean), Instance::get_boolean;
+    fmi3SetBoolean, set_values(*const Boolean), Instance::set_boolean;
+    fmi3GetString, get_values(*mut String), c_boundary::get_strings;
+    fmi3SetString, set_values(*const String), |instance, references, values| {
         c_boundary::set_strings(instance, Function::VALUES, references, values)
     };
 }
 
-/// The functions of an FMU for Co-Simulation without Event Mode.
-pub mod co_simulation {
-    pub use super::without_event_mode::*;
-    pub use super::without_model_exchange::*;
-    pub use super::without_scheduled_execution::*;
-    pub use super::*;
-}
-
-/// The functions of an FMU with Model Exchange, and without Event Mode in Co-Simulation.
-pub mod model_exchange {
-    pub use super::with_model_exchange::*;
-    pub use super::without_event_mode::*;
-    pub use super::without_scheduled_execution::*;
-    pub use super::*;
-}
-
-/// The functions of an FMU with Event Mode in Co-Simulation.
-pub mod event_mode {
-    pub use super::with_event_mode::*;
-    pub use super::with_model_exchange::*;
-    pub use super::without_scheduled_execution::*;
-    pub use super::*;
-
-    // Of both, that with updates.
-    pub use super::with_event_mode::fmi3GetFloat64;
-}
-
-/// The functions of an FMU for Scheduled Execution.
-pub mod scheduled_execution {
-    pub use super::with_scheduled_execution::*;
-    pub use super::without_event_mode::*;
-    pub use super::without_model_exchange::*;
-    pub use super::*;
-}
-
-crate::fmi3_calls!(held, co_simulation, Model);
-crate::fmi3_calls!(held, model_exchange, ModelExchange);
-crate::fmi3_calls!(held, event_mode, EventMode);
-crate::fmi3_calls!(held, scheduled_execution, ScheduledExecution);
+crate::fmi3_calls!(held);

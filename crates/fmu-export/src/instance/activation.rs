@@ -7,11 +7,11 @@ use crate::calling_sequence::Phase;
 use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::display::Shown;
 use crate::error::Error;
-use crate::model::time_rounding;
-use crate::scheduled_execution::ScheduledExecution;
+use crate::model::Model;
+use crate::time::time_rounding;
 use crate::variables::Variables;
 
-impl<M: ScheduledExecution> Instance<M> {
+impl<M: Model> Instance<M> {
     /// Computes a clock's model partition at a time in s.
     pub(crate) fn activate(&mut self, clock: ValueReference, time: f64) -> Answer {
         let (position, description) = Self::clock(clock)?;

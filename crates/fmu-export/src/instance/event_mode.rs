@@ -4,12 +4,12 @@ use super::{Answer, Instance, IntermediateCallback};
 use crate::calling_sequence::{Interface, Phase};
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
-use crate::event_mode::{EventMode, EventsLeft, Stop, Stops};
 use crate::model::Model;
 use crate::status::Status;
+use crate::stops::{EventsLeft, Stop, Stops};
 use crate::variables::Variables;
 
-impl<M: EventMode> Instance<M> {
+impl<M: Model> Instance<M> {
     /// A communication step, which may end at an event, or pause at the end of an internal step for an intermediate
     /// update. Returns whether the importer has an event to handle.
     pub(crate) fn do_step_to_event(&mut self, start: f64, size: f64) -> Result<(Status, bool), Error> {

@@ -11,9 +11,9 @@ use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::events::{Event, MOST_ITERATIONS};
 use crate::floating_point::in_default_environment;
-use crate::model::time_rounding;
-use crate::model_exchange::ModelExchange;
+use crate::model::Model;
 use crate::status::Status;
+use crate::time::time_rounding;
 use crate::variables::Variables;
 
 /// The outcome of an event: `fmi2EventInfo`.
@@ -30,7 +30,7 @@ pub(crate) struct EventInfo {
     pub(crate) next: Option<f64>,
 }
 
-impl<M: ModelExchange> Memory<M> {
+impl<M: Model> Memory<M> {
     /// The states, in the order of the model structure's derivatives.
     fn states(&self) -> impl PartialEq + use<M> {
         let mut states = vec![];
@@ -64,13 +64,12 @@ impl<M: ModelExchange> Memory<M> {
     }
 }
 
-impl<M: ModelExchange> Instance<M> {
-    /// `fmi2ExitInitializationMode` of an FMU with Model Exchange or Event Mode.
-    pub(crate) fn exit_initialization_mode_with_events(&mut self) -> Answer {
-        let status = self.exit_initialization_mode()?;
+impl<M: Model> Instance<M> {
+    pub(crate) fn exit_initialization_mode(&mut self) -> Answer {
+        let status = self.leave_initialization_mode()?;
         let memory = &mut self.memory;
         let event_mode = memory.phase;
-        if memory.interface != Interface::CoSimulation {
+        if const { Self::EVENTS.is_made } && memory.interface != Interface::CoSimulation {
             // It can be repeated after an error.
             memory.phase = Phase::InitializationMode;
             let Memory { model, variables, inputs, time, events, .. } = memory;

@@ -7,8 +7,9 @@ use crate::description::{Capabilities, Version};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::events::Events;
-use crate::model::{InputsOf, Model, Step, time_rounding};
+use crate::model::{InputsOf, Model, Step};
 use crate::status::Status;
+use crate::time::time_rounding;
 
 /// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
 /// sum, or from integer nanoseconds.

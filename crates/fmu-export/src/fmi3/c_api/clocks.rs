@@ -10,20 +10,20 @@ use crate::instance::clocks::seconds;
 use crate::model::Model;
 
 c_functions! {
-    fmi3GetClock<Model>(
+    fmi3GetClock(
         references: *const ValueReference, count: usize, values: *mut Clock,
     ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("values", values, count, |values| instance.get_clock(&references, values))
     };
-    fmi3SetClock<Model>(
+    fmi3SetClock(
         references: *const ValueReference, count: usize, values: *const Clock,
     ), |instance| {
         let references = elements("valueReferences", references, count)?;
         instance.set_clock(&references, &elements("values", values, count)?)
     };
     /// An unknown interval is 0.
-    fmi3GetIntervalDecimal<Model>(
+    fmi3GetIntervalDecimal(
         references: *const ValueReference, count: usize, intervals: *mut f64, qualifiers: *mut Enumeration,
     ), |instance| {
         let references = elements("valueReferences", references, count)?;
@@ -38,7 +38,7 @@ c_functions! {
         })
     };
     /// The simplest fraction equal to the interval.
-    fmi3GetIntervalFraction<Model>(
+    fmi3GetIntervalFraction(
         references: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
         qualifiers: *mut Enumeration,
     ), |instance| {
@@ -56,7 +56,7 @@ c_functions! {
             })
         })
     };
-    fmi3GetShiftDecimal<Model>(
+    fmi3GetShiftDecimal(
         references: *const ValueReference, count: usize, shifts: *mut f64,
     ), |instance| {
         let references = elements("valueReferences", references, count)?;
@@ -68,7 +68,7 @@ c_functions! {
         })
     };
     /// The simplest fraction equal to the shift.
-    fmi3GetShiftFraction<Model>(
+    fmi3GetShiftFraction(
         references: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
     ), |instance| {
         let references = elements("valueReferences", references, count)?;
@@ -97,13 +97,13 @@ fn fraction_of(what: &str, time: f64) -> Result<[u64; 2], Error> {
 macro_rules! set_times {
     ($($decimal:ident, $fraction:ident, $name:literal, $is_interval:literal;)*) => {
         c_functions! { $(
-            $decimal<Model>(
+            $decimal(
                 references: *const ValueReference, count: usize, times: *const f64,
             ), |instance| {
                 let references = elements("valueReferences", references, count)?;
                 instance.set_times(&references, &elements($name, times, count)?, $is_interval, false)
             };
-            $fraction<Model>(
+            $fraction(
                 references: *const ValueReference, count: usize, counters: *const u64,
                 resolutions: *const u64,
             ), |instance| {

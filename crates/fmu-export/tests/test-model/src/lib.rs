@@ -5,7 +5,7 @@ use std::panic::panic_any;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fmu_export::persistence::{Archive, Persistent};
-use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, ModelExchange, Step, Tape, Variables as _};
+use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, Serves, Step, Tape, Variables as _};
 
 mod variables {
     fmu_export::include_variables!("TestModel");
@@ -183,6 +183,7 @@ impl TestModel {
 
 impl Model for TestModel {
     type Variables = Variables;
+    const SERVES: Serves = Serves { model_exchange: true, ..Serves::CO_SIMULATION };
 
     const LONGEST_STEP: f64 = 1e6;
 
@@ -362,9 +363,7 @@ impl Model for TestModel {
             panic!("{error}");
         }
     }
-}
 
-impl ModelExchange for TestModel {
     fn event_indicators(
         &self,
         _time: f64,

@@ -1,21 +1,22 @@
-//! The functions of Scheduled Execution.
+//! The functions of Scheduled Execution, and its locks.
 
 use super::instantiation::{Options, instantiate};
-use crate::c_boundary::{Exported, call, silence_panics};
+use crate::c_boundary::{Exported, call, refuse, silence_panics};
 use crate::calling_sequence::Interface;
+use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
     Status, String, ValueReference,
 };
 use crate::fmi3::calling_sequence::Function;
 use crate::instance::{self, Preemption};
-use crate::scheduled_execution::ScheduledExecution;
+use crate::model::Model;
 #[cfg(target_family = "wasm")]
 use crate::wasm::host;
 
-/// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong.
+/// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong, or the FMU does not offer it.
 #[must_use]
-pub unsafe fn fmi3InstantiateScheduledExecution<M: ScheduledExecution>(
+pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     instance_name: String,
     instantiation_token: String,
     resource_path: String,
@@ -35,12 +36,15 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: ScheduledExecution>(
         lock_preemption.map(|_| host::lock_preemption as PreemptionCallback),
         unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
     );
+    let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
+    let interface =
+        if offer.is_made { Ok(Interface::ScheduledExecution) } else { Err(Error::new(offer.refusal)) };
     let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
     // SAFETY: the strings are the importer's (see the module).
     unsafe {
         instantiate::<M>(
             "fmi3InstantiateScheduledExecution",
-            Ok(Interface::ScheduledExecution),
+            interface,
             strings,
             logging_on,
             Options { preemption, clock_update, ..Options::default() },
@@ -52,7 +56,11 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: ScheduledExecution>(
 
 /// Calls a function between the importer's lock callbacks, so that no task of higher priority calls another function
 /// of the same instance (section 5.1.2).
-pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: impl FnOnce() -> T) -> T {
+pub unsafe fn locked<M: Model, T>(instance: Instance, function: impl FnOnce() -> T) -> T {
+    if const { !instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
+        // Nothing preempts it.
+        return function();
+    }
     // SAFETY: the instance is the importer's (see the module).
     let Some(preemption) = (unsafe { Exported::<M>::preemption(instance) }) else { return function() };
     if let Some(lock) = preemption.lock {
@@ -69,11 +77,16 @@ pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: imp
 
 /// `fmi3ActivateModelPartition`. If the partition ticked a clock or set an interval, the importer is notified; the call
 /// may be preempted meanwhile.
-pub unsafe fn fmi3ActivateModelPartition<M: ScheduledExecution>(
+pub unsafe fn fmi3ActivateModelPartition<M: Model>(
     instance: Instance,
     clock: ValueReference,
     time: f64,
 ) -> Status {
+    let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
+    if !offer.is_made {
+        // SAFETY: the instance is the importer's (see the module).
+        return unsafe { refuse::<M>(instance, Function::fmi3ActivateModelPartition, offer) };
+    }
     let activate = |instance: &mut instance::Instance<M>| instance.activate(clock, time);
     // SAFETY: the instance is the importer's (see the module); the references end before the importer is called.
     let (status, update) = unsafe {

@@ -1,38 +1,6 @@
-//! Event Mode and Intermediate Update Mode of Co-Simulation in FMI 3.0: the trait of models whose events the importer
-//! can handle, and with which it can exchange values between internal steps.
+//! Where a communication step of Co-Simulation stops, in Event Mode and Intermediate Update Mode of FMI 3.0.
 
-use crate::context::Context;
-use crate::error::Error;
-use crate::events::Events;
-use crate::model::{InputsOf, Step, time_rounding};
-use crate::model_exchange::ModelExchange;
-
-/// A model that steps itself from event to event (FMI 3.0.2, section 4.2): models of [`Equations`](crate::Equations)
-/// and
-/// [`Sampled`](crate::Sampled) ones.
-#[diagnostic::on_unimplemented(
-    message = "`{Self}` has no Event Mode, which `event_mode` in its JSON's capabilities declares",
-    note = "models of `Equations` and `Sampled` models have it"
-)]
-pub trait EventMode: ModelExchange {
-    /// Advances over a communication step, or to an earlier stop. Without `events`, the model uses its own.
-    ///
-    /// # Errors
-    /// As [`Model::step`](crate::Model::step).
-    #[doc(hidden)]
-    fn step_to_event(
-        &mut self,
-        variables: &mut Self::Variables,
-        step: &Step<'_, InputsOf<Self>>,
-        events: Option<&mut Events>,
-        stops: Stops,
-        context: &mut Context<'_>,
-    ) -> Result<Option<Stop>, Error>;
-
-    /// The next step begins after an event.
-    #[doc(hidden)]
-    fn enter_step_mode(&mut self) {}
-}
+use crate::time::time_rounding;
 
 /// Where a communication step stops.
 #[doc(hidden)]

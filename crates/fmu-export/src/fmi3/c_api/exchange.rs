@@ -1,29 +1,27 @@
-//! The functions of Model Exchange, and those that differ with it.
+//! The functions of Model Exchange, and of events in Co-Simulation.
 
-use super::accessors;
 use crate::c_boundary::arguments::not_null;
-use crate::c_boundary::{self, c_functions, get_values};
+use crate::c_boundary::{self, c_functions};
 use crate::calling_sequence::Interface;
 use crate::error::Error;
-use crate::fmi3::c_types::{self, Boolean, FALSE, Status, ValueReference};
+use crate::fmi3::c_types::{Boolean, FALSE, Status};
 use crate::fmi3::calling_sequence::Function;
 use crate::instance::Instance;
-use crate::model_exchange::ModelExchange;
+use crate::model::Model;
 use crate::variables::Variables;
 
 c_functions! {
-    fmi3ExitInitializationMode<ModelExchange>(), Instance::exit_initialization_mode_with_events;
     /// An error in co-simulation without Event Mode.
-    fmi3EnterEventMode<ModelExchange>(), |instance| {
-        if instance.interface() == Interface::CoSimulation {
+    fmi3EnterEventMode(), |instance| {
+        if const { !Instance::<M>::EVENTS.is_made } || instance.interface() == Interface::CoSimulation {
             return Err(Error::new("Event Mode is not used (hasEventMode or eventModeUsed is false)"));
         }
         instance.enter_event_mode()
     };
-    fmi3UpdateDiscreteStates<ModelExchange>(
+    fmi3UpdateDiscreteStates(
         again: *mut Boolean, terminate: *mut Boolean, nominals_changed: *mut Boolean,
         values_changed: *mut Boolean, next_event_time_defined: *mut Boolean, next_event_time: *mut f64,
-    ), |instance| {
+    ) if EVENTS, |instance| {
         let again = not_null("discreteStatesNeedUpdate", again)?;
         let terminate = not_null("terminateSimulation", terminate)?;
         let nominals_changed = not_null("nominalsOfContinuousStatesChanged", nominals_changed)?;
@@ -40,14 +38,14 @@ c_functions! {
         Ok(status)
     };
 
-    fmi3EnterContinuousTimeMode<ModelExchange>(),
+    fmi3EnterContinuousTimeMode() if EVENTS,
         Instance::enter_continuous_time_mode;
     /// Does nothing: `needsCompletedIntegratorStep` is false.
-    fmi3CompletedIntegratorStep<ModelExchange>(
+    fmi3CompletedIntegratorStep(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
-    ), |_| c_boundary::completed_integrator_step(event_mode, terminate);
-    fmi3SetTime<ModelExchange>(time: f64), |instance| instance.set_time(time);
-    fmi3SetContinuousStates<ModelExchange>(states: *const f64, count: usize), |instance| {
+    ) if EVENTS, |_| c_boundary::completed_integrator_step(event_mode, terminate);
+    fmi3SetTime(time: f64) if EVENTS, |instance| instance.set_time(time);
+    fmi3SetContinuousStates(states: *const f64, count: usize) if EVENTS, |instance| {
         let names = ["continuousStates", "nContinuousStates"];
         c_boundary::set_continuous_states(instance, names, (states, count))
     };
@@ -57,7 +55,7 @@ c_functions! {
 macro_rules! arrays {
     ($($name:ident: $get:ident, $arguments:expr, $elements:ident;)*) => {
         c_functions! { $(
-            $name<ModelExchange>(values: *mut f64, count: usize), |instance| {
+            $name(values: *mut f64, count: usize) if EVENTS, |instance| {
                 let expected = M::Variables::$elements.len();
                 c_boundary::get_array($arguments, expected, (values, count), |values| instance.$get(values))
             };
@@ -74,8 +72,4 @@ arrays! {
         ["continuousStates", "nContinuousStates"], STATE_NOMINALS;
     fmi3GetNominalsOfContinuousStates: get_nominals_of_continuous_states,
         ["nominals", "nContinuousStates"], STATE_NOMINALS;
-}
-
-accessors! {
-    fmi3GetFloat64<ModelExchange>, get_values(*mut f64), Instance::get_real_with_indicators;
 }
