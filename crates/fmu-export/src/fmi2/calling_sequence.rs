@@ -121,9 +121,19 @@ fmi2_calls! { functions, {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calling_sequence::Function as _;
 
     #[test]
     fn functions_of_an_interface_are_called_in_its_states() {
         crate::calling_sequence::check_interfaces(Function::ALL);
+    }
+
+    #[test]
+    fn the_functions_are_those_of_the_headers() {
+        let of =
+            |interface| Function::ALL.iter().filter(|function| function.interface() == interface).count();
+        let interfaces = [None, Some(Interface::CoSimulation), Some(Interface::ModelExchange)];
+        // GetTypesPlatform, GetVersion, Instantiate and FreeInstance take no part in the calling sequence.
+        assert_eq!(interfaces.map(of), [25 - 4, 9, 10]);
     }
 }

@@ -37,9 +37,7 @@ c_functions! {
         next.write_unaligned(found.next.unwrap_or_default());
         Ok(status)
     };
-
-    fmi3EnterContinuousTimeMode() if EVENTS,
-        Instance::enter_continuous_time_mode;
+    fmi3EnterContinuousTimeMode() if EVENTS, Instance::enter_continuous_time_mode;
     /// Does nothing: `needsCompletedIntegratorStep` is false.
     fmi3CompletedIntegratorStep(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
