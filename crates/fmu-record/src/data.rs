@@ -118,7 +118,8 @@ impl Data {
     fn new(columns: Vec<DataColumn>, lines: Vec<u64>, time_unit: Option<&str>) -> Result<Self> {
         let mut columns = columns.into_iter();
         let time = columns.next().context("it has no columns")?;
-        let mut data = Self { columns: columns.collect(), lines, time: vec![] };
+        let headed = columns.filter(|column| !column.name().is_empty());
+        let mut data = Self { columns: headed.collect(), lines, time: vec![] };
         let mut names = BTreeSet::new();
         if let Some(twin) = data.columns.iter().find(|column| !names.insert(column.name())) {
             bail!("two columns are named {}", twin.name());
@@ -145,7 +146,7 @@ impl Data {
         &self.time
     }
 
-    /// The columns after the time.
+    /// The columns with a heading, after the time.
     #[must_use]
     pub fn columns(&self) -> &[DataColumn] {
         &self.columns
@@ -251,8 +252,10 @@ mod tests {
 
     #[test]
     fn a_cell_means_what_its_reader_takes() {
-        let data = read("# by hand\nt,a,b,note\n#s,,,\n0,1,TRUE,start\n\n# later\n1,0.5,false,\n2,nan,0,\n")
-            .unwrap();
+        let data = read(
+            "# by hand\nt,a,b,note,,\n#s,,,,,\n0,1,TRUE,start,,\n\n# later\n1,0.5,false,,,\n2,nan,0,,,\n",
+        )
+        .unwrap();
         let values = |name: &str, meaning: fn(Cell<'_>) -> Option<f64>| {
             let one = data.only(name).unwrap();
             one.values(&one.columns()[0], meaning, "this").map_err(|error| error.to_string())
