@@ -442,7 +442,7 @@ def test_names_and_units_are_free(identify: Identify, benches: dict[str, Table],
     }
     names = [others[name][0] for name in table.names]
     rows = table.rows * [others[name][2] for name in table.names]
-    roles = {"time": "t", "duty": "duty", "supply_voltage": "U", "pump": "pump"}
+    roles = {"duty": "duty", "supply_voltage": "U", "pump": "pump"}
     roles |= {"tank_pressure": "p_tank", "actuator_pressure": "p_act", "position": "lift"}
     arguments = [f"--column={role}={name}" for role, name in roles.items()]
     arguments += ["--unit=time=ms", "--unit=actuator_pressure=mbar"]

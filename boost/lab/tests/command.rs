@@ -409,6 +409,39 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
     }
 }
 
+/// The rule of docs/simulate.md: any heading of the time, a jump, and a column that is no input.
+#[test]
+fn measured_data_drive_an_input_by_one_rule() {
+    let bench = Bench::new();
+    bench.write("jump.csv", "t (ms),inptu,input,note\n0,1,0,start\n500,1,0,up\n500,1,4,up\n2000,1,4,end\n");
+    let alone = ["simulate", "careless.fmu", "--step", "0.125", "--stop-time", "1", "--input", "jump.csv"];
+    let output = bench.run(&[&alone[..], &["--out", "one.csv"]].concat());
+    let warnings = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(
+        warnings,
+        "warning: --input jump.csv: no FMU has an input inptu; did you mean input?\n\
+         warning: --input jump.csv: no FMU has an input note\n"
+    );
+    // Half a second at 4.
+    assert_eq!(last(&bench.read("one.csv")).to_bits(), 2.0_f64.to_bits());
+    bench.scenario(1.0, "[inputs]\ninput = { csv = \"jump.csv\", column = \"input\" }");
+    bench.succeeds(&["simulate", "scenario.toml", "--out", "other.csv"]);
+    assert_eq!(bench.read("other.csv"), bench.read("one.csv"));
+    for (text, reason) in [
+        ("time,input\n0,1\n1,x\n", "cannot read jump.csv: line 3, input: expected a number, found \"x\""),
+        ("time,input\n1,1\n0,1\n", "cannot read jump.csv: line 3, time: the time decreases from 1 s to 0 s"),
+    ] {
+        bench.write("jump.csv", text);
+        for (arguments, place) in [
+            (&alone[..], "error: --input: "),
+            (&["simulate", "scenario.toml"], "error: scenario.toml, line 7, inputs.input"),
+        ] {
+            let message = bench.refusal(arguments);
+            assert!(message.starts_with(place) && message.ends_with(&format!("{reason}\n")), "{message}");
+        }
+    }
+}
+
 fn parameter_set(name: &str, data_type: &str, value: &str) -> String {
     format!(
         "<ssv:ParameterSet xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" version=\"1.0\" \
@@ -656,15 +689,15 @@ fn records_are_compared_as_numbers_and_in_a_plot() {
         (&["one.csv", "two.csv", "--plot", "one.csv"], "one.csv: a plot file must end with"),
         (&["one.csv", "scenario.toml"], "scenario.toml: a record is a file that ends with .csv or .parquet"),
         (&["one.csv", "later.csv"], "later.csv has none of the times of one.csv"),
-        (&["empty.csv", "one.csv"], "empty.csv has no rows"),
-        (&["one.csv", "hours.csv"], "cannot read hours.csv: its time is in h, not in s"),
+        (&["empty.csv", "one.csv"], "cannot read empty.csv: it has no rows"),
+        (&["one.csv", "volts.csv"], "cannot read volts.csv: its time is in V, which is no unit of time"),
         (&["one.csv", "vast.csv", "--plot", "x.svg"], "input, vast.csv: 1e308 is beyond 1e300"),
         (&["one.csv", "vast.csv", "--plot", "x.png"], "input, vast.csv: 1e308 is beyond 1e300"),
     ] {
         for (name, table) in [
             ("later.csv", "time,level\n2,1\n3,1\n"),
             ("empty.csv", "time,level\n"),
-            ("hours.csv", "time (h),level\n0,1\n"),
+            ("volts.csv", "time (V),level\n0,1\n"),
             ("vast.csv", "time,input\n0,1\n1,1e308\n"),
         ] {
             bench.write(name, table);

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use fmu_terms::per_second;
 use serde_json::Value;
 
 use crate::check::variable;
@@ -12,7 +13,6 @@ use crate::declaration::{
 use crate::error::{Refusal, Refusals, nearest};
 use crate::model::{Field, Part, Place, Scalar, derivative_description};
 use crate::names::snake_case;
-use crate::units::notation::per_second;
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();

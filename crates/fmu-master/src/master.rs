@@ -160,10 +160,14 @@ impl<'a> Master<'a> {
                     }
                 }
             }
+            let fit = |&(name, input, conversion): &(&str, &Input, Linear)| {
+                input.location.locate(input.course.fit(fmu.variable(name)?, fmu.description(), conversion))
+            };
+            let signals = inputs.iter().map(fit).collect::<Result<_>>()?;
             let driven = Driven {
                 selection: fmu.select(inputs.iter().map(|(name, ..)| *name))?,
                 values: vec![f64::NAN; inputs.len()],
-                signals: inputs.iter().map(|(_, input, _)| input.signal.clone()).collect(),
+                signals,
                 conversions: inputs.iter().map(|(.., conversion)| *conversion).collect(),
             };
             let mut instance = member.location.locate(fmu.instantiate(&member.name))?;

@@ -56,7 +56,7 @@ impl Recorder {
             }
         } else {
             for input in &scenario.inputs {
-                add(&input.name, Found::Signal(input.signal.clone()));
+                add(&input.name, Found::Signal(scenario.signal(input, fmus)?));
             }
             let signals = scenario.inputs.iter().map(|input| input.name.as_str());
             let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
@@ -130,8 +130,8 @@ enum Found {
 
 /// Resolves a name in `record`: a signal, else an output, else any variable. An FMU's name and a colon may precede it.
 fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
-    if let Some(signal) = scenario.input(name) {
-        return Ok(Found::Signal(signal.clone()));
+    if let Some(input) = scenario.inputs.iter().find(|input| input.name == name) {
+        return scenario.signal(input, fmus).map(Found::Signal);
     }
     if let Some((member, name)) = name.split_once(':') {
         let index = scenario.fmus.iter().position(|known| known.name == member);
@@ -145,7 +145,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     // The signal for an FMU whose replacement does not have this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
-        return Ok(Found::Signal(input.signal.clone()));
+        return input.location.locate(input.course.plain()).map(Found::Signal);
     }
     let member = member.with_context(|| {
         let all = fmus.iter().flat_map(|fmu| &fmu.description().variables);

@@ -204,6 +204,6 @@ fn take_start(
     };
     let location = Location::argument(&format!("the system's {name}"));
     scenario.inputs.retain(|input| input.name != name);
-    scenario.inputs.push(Input { name: name.to_owned(), signal: Signal::Constant(number), location });
+    scenario.inputs.push(Input { name: name.to_owned(), course: Signal::Constant(number).into(), location });
     Ok(())
 }

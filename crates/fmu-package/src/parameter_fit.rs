@@ -4,7 +4,7 @@ use std::io;
 
 use fmu_io::reading::broken;
 use fmu_io::terminal;
-use fmu_terms::{Linear, Unit, like};
+use fmu_terms::{Linear, Unit, UnitTable, like, spelled};
 
 use crate::model_description::FmuDescription;
 use crate::parameter_set::{Parameter, ParameterSet, Value};
@@ -43,9 +43,9 @@ impl ParameterSet {
 const FAR: f64 = 100.0;
 
 impl Value {
-    /// The value converted to the type and unit of an FMU's variable. Units are the FMU's, and others given with the
-    /// value. Integers are accepted as Reals; an enumeration's item is a name, even as a String, or its number. The
-    /// range is not checked.
+    /// The value converted to the type and unit of an FMU's variable. Units are those given with the value, else the
+    /// FMU's, else those of the [table](UnitTable). Integers are accepted as Reals; an enumeration's item is a name, even
+    /// as a String, or its number. The range is not checked.
     ///
     /// # Errors
     /// When type or unit do not fit; the message names variable, value, and what was expected.
@@ -161,6 +161,20 @@ fn units_of(variable: &FmuVariable, fmu: &FmuDescription) -> impl Iterator<Item 
     unit.map(|unit| unit.with_display_units().collect::<Vec<_>>()).into_iter().flatten()
 }
 
+impl FmuVariable {
+    /// The conversion from a unit to the variable's; none if there is no unit to convert from or to. The unit is one of
+    /// the FMU's, or of the [table](UnitTable).
+    ///
+    /// # Errors
+    /// When the unit is not known, or does not convert.
+    pub fn conversion_from(&self, unit: &str, fmu: &FmuDescription) -> Result<Linear, String> {
+        if unit.is_empty() || self.unit.is_empty() || unit == self.unit {
+            return Ok(Linear::IDENTITY);
+        }
+        conversion(unit, self, &[], fmu)
+    }
+}
+
 /// The conversion from a unit to the variable's.
 fn conversion(
     unit: &str,
@@ -168,17 +182,13 @@ fn conversion(
     units: &[Unit],
     fmu: &FmuDescription,
 ) -> Result<Linear, String> {
-    let own = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
-    let own = own.ok_or_else(|| {
-        let known: Vec<_> = units_of(variable, fmu).map(|unit| unit.name).collect();
-        match known.join(", ") {
-            known if known.is_empty() => format!("the unit {unit} is not defined"),
-            known => format!("the unit {unit} is not defined; there are {known}"),
-        }
-    })?;
+    let known = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
+    let base = match known {
+        Some(known) => known.base,
+        None => UnitTable::default().base(&spelled(unit))?,
+    };
     let wanted = fmu.unit(&variable.unit).and_then(|unit| unit.base);
-    own.base
-        .zip(wanted)
+    base.zip(wanted)
         .and_then(|(own, wanted)| own.to(&wanted))
         .ok_or_else(|| format!("the unit {unit} does not convert to {}", variable.unit))
 }
@@ -204,7 +214,7 @@ mod tests {
         let base = base.map(|base| super::super::BaseUnit { factor: 100.0, ..base });
         let set = ParameterSet {
             parameters: vec![Parameter { name: name.to_owned(), description: String::new(), value }],
-            units: vec![Unit { name: "hPa".to_owned(), base, display_units: vec![] }],
+            units: vec![Unit { name: "atm".to_owned(), base, display_units: vec![] }],
             ..ParameterSet::default()
         };
         let fitted = set.fit(&FmuDescription::parse(FMU).unwrap()).map_err(|error| error.to_string())?;
@@ -219,8 +229,9 @@ mod tests {
     fn values_become_those_of_the_variable() {
         let pascal = |value| Ok(Value::Real(value, Some("Pa".to_owned())));
         assert_eq!(pressure(1.5, "kPa"), pascal(1500.0));
-        // A unit defined in the set.
-        assert_eq!(pressure(1.5, "hPa"), pascal(150.0));
+        // A unit that the set defines, and one of the table.
+        assert_eq!(pressure(1.5, "atm"), pascal(150.0));
+        assert_eq!(pressure(1.5, "bar"), pascal(150_000.0));
         assert_eq!(fit("pressure", Value::Integer(7)), pascal(7.0));
         assert_eq!(fit("count", Value::Integer(4)), Ok(Value::Integer(4)));
         for value in [Value::Enumeration("on".into()), Value::String("on".into()), Value::Integer(5)] {
@@ -245,7 +256,11 @@ mod tests {
         let refusal = |name: &str, value| fit(name, value).unwrap_err();
         assert_eq!(
             pressure(1.0, "N").unwrap_err(),
-            "the value 1 N of pressure cannot be used: the unit N is not defined; there are Pa, kPa"
+            "the value 1 N of pressure cannot be used: the unit N does not convert to Pa"
+        );
+        assert_eq!(
+            pressure(1.0, "psy").unwrap_err(),
+            "the value 1 psy of pressure cannot be used: the unit 'psy' is not known"
         );
         assert_eq!(
             pressure(201.0, "kPa").unwrap_err(),

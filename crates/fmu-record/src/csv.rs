@@ -5,9 +5,10 @@
 
 use std::io::{self, Write};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use csv::{ReaderBuilder, StringRecord, Trim};
 
+use crate::data::DataColumn;
 use crate::table::{Column, Table};
 
 /// What begins a comment.
@@ -19,10 +20,7 @@ fn reader(text: &str) -> csv::Reader<&[u8]> {
 
 /// The names and units in the header of a file; a missing unit is empty. Units are in a commented row below the names,
 /// or beside them: `name (unit)` or `name [unit]`.
-///
-/// # Errors
-/// When the header is not UTF-8.
-pub fn headings(text: &str) -> Result<Vec<(String, String)>> {
+pub(crate) fn headings(text: &str) -> Result<Vec<(String, String)>> {
     let header = reader(text).headers()?.clone();
     let units = units(text).filter(|units| units.len() == header.len());
     let heading = |(index, name): (usize, &str)| {
@@ -35,10 +33,14 @@ pub fn headings(text: &str) -> Result<Vec<(String, String)>> {
     Ok(header.iter().enumerate().map(heading).collect())
 }
 
+/// Whether a line is a comment or empty.
+fn is_skipped(line: &&str) -> bool {
+    line.starts_with(COMMENT) || line.trim().is_empty()
+}
+
 /// The comment directly below the header, as a row.
 fn units(text: &str) -> Option<StringRecord> {
-    let is_before_header = |line: &&str| line.starts_with(COMMENT) || line.trim().is_empty();
-    let row = text.lines().skip_while(is_before_header).nth(1)?.strip_prefix(COMMENT)?;
+    let row = text.lines().skip_while(is_skipped).nth(1)?.strip_prefix(COMMENT)?;
     let mut reader = ReaderBuilder::new().trim(Trim::All).has_headers(false).from_reader(row.as_bytes());
     reader.records().next()?.ok()
 }
@@ -57,20 +59,23 @@ fn with_unit(cell: &str) -> (&str, &str) {
     (cell, "")
 }
 
-/// The columns of a file's text.
-pub(crate) fn read(text: &str) -> Result<Vec<Column>> {
-    let mut columns: Vec<_> = headings(text)?.into_iter().map(Column::from).collect();
+/// The columns of a file's text, and the line of each row.
+pub(crate) fn read(text: &str) -> Result<(Vec<DataColumn>, Vec<u64>)> {
+    let text = text.trim_start_matches('\u{feff}');
+    let columns = headings(text)?.into_iter().map(|heading| DataColumn::from(Column::from(heading)));
+    let (mut columns, mut lines): (Vec<_>, _) = (columns.collect(), vec![]);
     for row in reader(text).records() {
         let row = row?;
-        for (column, text) in columns.iter_mut().zip(&row) {
-            let line = row.position().map_or(0, csv::Position::line);
-            let value = text.parse().with_context(|| {
-                format!("line {line}, {}: expected a number, found \"{text}\"", column.name)
-            })?;
-            column.values.push(value);
-        }
+        lines.push(row.position().map_or(0, |position| line(text, position)));
+        columns.iter_mut().zip(&row).for_each(|(column, text)| column.push(text));
     }
-    Ok(columns)
+    Ok((columns, lines))
+}
+
+/// The line of a row, whose position is that of the comments before it.
+fn line(text: &str, position: &csv::Position) -> u64 {
+    let rest = usize::try_from(position.byte()).ok().and_then(|start| text.get(start..));
+    position.line() + rest.unwrap_or_default().lines().take_while(is_skipped).count() as u64
 }
 
 pub(crate) fn write(table: &Table<'_>, writer: impl Write) -> io::Result<()> {

@@ -5,11 +5,12 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::table::{Column, Table};
+use crate::data::DataColumn;
+use crate::table::Table;
 
 const REASON: &str = "this program is compiled without Parquet; use a file that ends with .csv";
 
-pub(crate) fn read(_path: &Path) -> Result<Vec<Column>> {
+pub(crate) fn read(_path: &Path) -> Result<Vec<DataColumn>> {
     bail!(REASON)
 }
 

@@ -17,8 +17,10 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
+use parquet::record::Field;
 use parquet::schema::types::Type;
 
+use crate::data::DataColumn;
 use crate::table::{Cells, Column, Table};
 
 /// The metadata key of a Parquet file for the units of the columns, a JSON object.
@@ -27,7 +29,7 @@ const UNITS: &str = "units";
 const DISPLAY_UNITS: &str = "display_units";
 
 /// The columns of a file.
-pub(crate) fn read(path: &Path) -> Result<Vec<Column>> {
+pub(crate) fn read(path: &Path) -> Result<Vec<DataColumn>> {
     without_panic(|| parquet_columns(path))
 }
 
@@ -40,7 +42,7 @@ fn without_panic<T>(read: impl FnOnce() -> Result<T> + panic::UnwindSafe) -> Res
     read.unwrap_or_else(|_| bail!("it is damaged"))
 }
 
-fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
+fn parquet_columns(path: &Path) -> Result<Vec<DataColumn>> {
     let reader = SerializedFileReader::new(File::open(path)?)?;
     let metadata = reader.metadata().file_metadata();
     let text = |key: &str| {
@@ -53,23 +55,43 @@ fn parquet_columns(path: &Path) -> Result<Vec<Column>> {
     let mut display_units: BTreeMap<String, (String, f64, f64)> =
         serde_json::from_str(text(DISPLAY_UNITS)).with_context(|| broken(DISPLAY_UNITS))?;
     let schema = metadata.schema_descr();
+    if schema.root_schema().get_fields().len() != schema.num_columns() {
+        bail!("it has columns within columns");
+    }
     let mut columns = vec![];
+    let mut others = vec![];
     for (index, description) in schema.columns().iter().enumerate() {
         let name = description.name().to_owned();
-        if description.physical_type() != PhysicalType::DOUBLE || description.max_def_level() > 0 {
-            bail!("{name} is not a column of numbers without gaps");
-        }
         let mut values = vec![];
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group)?;
-            let rows = usize::try_from(group.metadata().num_rows())?;
-            let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
-            column.read_records(rows, None, None, &mut values)?;
+        if description.physical_type() == PhysicalType::DOUBLE && description.max_def_level() == 0 {
+            for group in 0..reader.num_row_groups() {
+                let group = reader.get_row_group(group)?;
+                let rows = usize::try_from(group.metadata().num_rows())?;
+                let mut column = get_typed_column_reader::<DoubleType>(group.get_column_reader(index)?);
+                column.read_records(rows, None, None, &mut values)?;
+            }
+        } else {
+            others.push(index);
         }
         let unit = units.remove(&name).unwrap_or_default();
         let display_unit = display_units.remove(&name);
         let display_unit = display_unit.map(|(name, factor, offset)| DisplayUnit { name, factor, offset });
-        columns.push(Column { display_unit, values, ..Column::from((name, unit)) });
+        columns.push(DataColumn::from(Column { display_unit, values, ..Column::from((name, unit)) }));
+    }
+    if !others.is_empty() {
+        for row in reader.get_row_iter(None)? {
+            let row = row?;
+            for (index, (_, field)) in
+                row.get_column_iter().enumerate().filter(|(index, _)| others.contains(index))
+            {
+                match field {
+                    Field::Double(number) => columns[index].push_number(*number),
+                    Field::Null => columns[index].push(""),
+                    Field::Str(text) => columns[index].push(text),
+                    other => columns[index].push(&other.to_string()),
+                }
+            }
+        }
     }
     Ok(columns)
 }

@@ -1,14 +1,12 @@
 //! Recorded variables over time.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
-use fmu_io::reading;
+use anyhow::{Context, Result};
 
+use crate::data::Data;
 use crate::format::TableFormat;
-use crate::table::{Cells, Column, Table, TableColumn, expect_seconds};
-use crate::{csv, parquet};
+use crate::table::{Cells, Column, Table, TableColumn};
 
 /// The name of the first column.
 const TIME: &str = "time";
@@ -67,44 +65,15 @@ impl Record {
         Table([time].into_iter().chain(columns).collect())
     }
 
-    /// Reads a `.csv` or `.parquet` file whose first column is `time`. A CSV file's units are in a row below the header
-    /// that begins with `#`, or with the names, as in `name (unit)`; other lines that begin with `#` are comments.
+    /// Reads a `.csv` or `.parquet` file as [`Data::read`] does; all its cells are numbers.
     ///
     /// # Errors
-    /// When the file cannot be read, is Parquet while the feature `parquet` is off, or is not a record: its first
-    /// column is not `time` in s, a time is not finite or decreases, a cell is not a number, or two columns have the
-    /// same name.
+    /// Those of [`Data::read`], or when the file's name ends otherwise or a cell is not a number.
     pub fn read(path: &Path) -> Result<Self> {
-        let columns = match TableFormat::of(path)? {
-            TableFormat::Csv => csv::read(&reading::text(path)?),
-            TableFormat::Parquet => parquet::read(path),
-        };
-        columns.and_then(Self::of_columns).with_context(|| format!("cannot read {}", path.display()))
-    }
-
-    fn of_columns(columns: Vec<Column>) -> Result<Self> {
-        let mut columns = columns.into_iter();
-        let Some(time) = columns.next().filter(|column| column.name == TIME) else {
-            bail!("the first column of a record is {TIME}");
-        };
-        expect_seconds(&time.unit)?;
-        if !time.values.iter().all(|time| time.is_finite()) {
-            bail!("a time is not a finite number");
-        }
-        if !time.values.is_sorted() {
-            bail!("the time decreases");
-        }
-        let mut names = BTreeSet::new();
-        let columns: Vec<_> = columns.collect();
-        for column in &columns {
-            if !names.insert(&column.name) {
-                bail!("two columns are named {}", column.name);
-            }
-            if column.values.len() != time.values.len() {
-                bail!("{} has {} rows, the time {}", column.name, column.values.len(), time.values.len());
-            }
-        }
-        Ok(Self { time: time.values, columns })
+        TableFormat::of(path)?;
+        let numbers = Data::read(path, None)?.into_numbers();
+        let (time, columns) = numbers.with_context(|| format!("cannot read {}", path.display()))?;
+        Ok(Self { time, columns })
     }
 }
 
@@ -168,7 +137,7 @@ mod tests {
             ("time,p[2]\n# a, b, c\n0,1\n", [("time", ""), ("p[2]", "")]),
             ("time,\"p[2,7]\"\n0,1\n", [("time", ""), ("p[2,7]", "")]),
         ] {
-            let headings = crate::headings(text).unwrap();
+            let headings = crate::csv::headings(text).unwrap();
             assert_eq!(headings, expected.map(|(name, unit)| (name.to_owned(), unit.to_owned())), "{text}");
         }
     }
@@ -188,11 +157,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for (name, content, reason) in [
             ("a.csv", "time,b\n0,1\n1,x\n", "a.csv: line 3, b: expected a number, found \"x\""),
-            ("b.csv", "b,time\n0,1\n", "b.csv: the first column of a record is time"),
-            ("c.csv", "time,b\n1,1\n0,1\n", "c.csv: the time decreases"),
-            ("f.csv", "time (h),b\n0,1\n", "f.csv: its time is in h, not in s"),
-            ("g.csv", "time,b\ninf,1\n", "g.csv: a time is not a finite number"),
-            ("h.csv", "time,b,b (Pa)\n0,1,2\n", "h.csv: two columns are named b"),
             ("d.parquet", "no", "cannot read "),
             ("e.txt", "time\n0\n", "e.txt: a record is a file that ends with .csv or .parquet"),
         ] {

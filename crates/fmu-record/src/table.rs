@@ -1,12 +1,11 @@
 //! Tables of columns with names and units.
 
-use anyhow::{Result, bail};
 use fmu_terms::{DisplayUnit, Linear};
 
 use crate::numbers::{self, number, quantity};
 
 /// A recorded variable.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
     /// The name in the CSV header.
     pub name: String,
@@ -73,17 +72,6 @@ impl Column {
             (None, Some((unit, display))) => format!("{}\u{202f}{unit}", number(display.apply(value))),
             (None, None) => quantity(value, &self.unit),
         }
-    }
-}
-
-/// Refuses the unit of a time that is not in s.
-///
-/// # Errors
-/// When the unit is neither `s` nor empty.
-pub fn expect_seconds(unit: &str) -> Result<()> {
-    match unit {
-        "" | "s" => Ok(()),
-        other => bail!("its time is in {other}, not in s"),
     }
 }
 

@@ -1,5 +1,12 @@
 //! Units as defined by FMI 2.0 (section 2.2.2) and SSP 1.0 (section 4.4.4), and conversions between them.
 
+mod notation;
+mod symbols;
+mod table;
+
+pub use self::notation::{per_second, spelled};
+pub use self::table::UnitTable;
+
 /// The SI base units and rad, in the order of [`BaseUnit::exponents`].
 pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 

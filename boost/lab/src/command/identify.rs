@@ -15,7 +15,7 @@ const SET: &str = "identified.ssv";
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Measured data: a CSV file with a header; a row's duty and supply hold until the next row
+    /// Measured data, CSV or Parquet: the time, then other columns; a row's duty and supply hold until the next row
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
     /// The plant, whose values are taken as known or as starting points of the fits

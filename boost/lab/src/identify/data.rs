@@ -1,111 +1,95 @@
-//! Measured data from a CSV file, in SI units.
+//! Measured data for the actuator, in SI units.
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
-use fmu_io::reading;
+use anyhow::{Context, Error, Result, anyhow, bail};
 use fmu_io::terminal::number as shown;
-use fmu_record::headings;
+use fmu_record::{DataColumn, as_number, as_truth};
+use fmu_terms::{BaseUnit, UnitTable, spelled};
 
 /// A quantity that a column of the data can hold.
+#[derive(Clone, Copy)]
 struct Quantity {
     name: &'static str,
     /// The description in messages.
     meaning: &'static str,
     /// The columns' default names.
     columns: &'static [&'static str],
-    /// Units, each with its factor and offset; columns without a unit are in the first one.
-    units: &'static [(&'static str, f64, f64)],
-    /// The plausible range, in the first unit; values outside are probably in another unit.
+    /// The unit of the values here, and of columns without a unit.
+    unit: &'static str,
+    /// The plausible range in this unit; values outside are probably in another unit.
     range: (f64, f64),
-    is_required: bool,
 }
 
 /// An absolute pressure, from a good vacuum to ten times ambient pressure.
-const PRESSURE: Quantity = Quantity {
-    name: "",
-    meaning: "",
-    columns: &[],
-    units: &[
-        ("Pa", 1.0, 0.0),
-        ("hPa", 1e2, 0.0),
-        ("mbar", 1e2, 0.0),
-        ("kPa", 1e3, 0.0),
-        ("bar", 1e5, 0.0),
-        ("MPa", 1e6, 0.0),
-    ],
-    range: (1e3, 1e6),
-    is_required: true,
+const PRESSURE: Quantity = Quantity { name: "", meaning: "", columns: &[], unit: "Pa", range: (1e3, 1e6) };
+
+/// The name of the time, for its unit; it is the first column.
+const TIME: &str = "time";
+
+const DUTY: Quantity = Quantity {
+    name: "duty",
+    meaning: "the duty of the valve's PWM",
+    columns: &["hp_wastegate_pwm"],
+    unit: "%",
+    range: (-1.0, 101.0),
+};
+const SUPPLY_VOLTAGE: Quantity = Quantity {
+    name: "supply_voltage",
+    meaning: "the supply voltage",
+    columns: &["supply_voltage", "supply_voltage_measured"],
+    unit: "V",
+    range: (0.0, 50.0),
+};
+const TANK_PRESSURE: Quantity = Quantity {
+    name: "tank_pressure",
+    meaning: "the absolute vacuum tank pressure",
+    columns: &["tank_pressure"],
+    ..PRESSURE
+};
+const ACTUATOR_PRESSURE: Quantity = Quantity {
+    name: "actuator_pressure",
+    meaning: "the absolute actuator chamber pressure",
+    columns: &["actuator_pressure"],
+    ..PRESSURE
+};
+const POSITION: Quantity = Quantity {
+    name: "position",
+    meaning: "the actuator rod position",
+    columns: &["actuator.position", "hp_wastegate_position"],
+    unit: "m",
+    range: (-0.5, 1.5),
+};
+const PUMP: Quantity = Quantity {
+    name: "pump",
+    meaning: "whether the vacuum pump runs, 1 or 0",
+    columns: &["vacuum_pump"],
+    unit: "1",
+    range: (0.0, 1.0),
+};
+const AMBIENT_PRESSURE: Quantity = Quantity {
+    name: "ambient_pressure",
+    meaning: "the ambient pressure",
+    columns: &["ambient_pressure"],
+    ..PRESSURE
+};
+const AMBIENT_TEMPERATURE: Quantity = Quantity {
+    name: "ambient_temperature",
+    meaning: "the ambient temperature",
+    columns: &["ambient_temperature"],
+    unit: "K",
+    range: (200.0, 350.0),
 };
 
-const QUANTITIES: [Quantity; 9] = [
-    Quantity {
-        name: "time",
-        meaning: "the time",
-        columns: &["time"],
-        units: &[("s", 1.0, 0.0), ("ms", 1e-3, 0.0)],
-        range: (f64::NEG_INFINITY, f64::INFINITY),
-        is_required: true,
-    },
-    Quantity {
-        name: "duty",
-        meaning: "the duty of the valve's PWM",
-        columns: &["hp_wastegate_pwm"],
-        units: &[("%", 1.0, 0.0), ("1", 1e2, 0.0)],
-        range: (-1.0, 101.0),
-        is_required: true,
-    },
-    Quantity {
-        name: "supply_voltage",
-        meaning: "the supply voltage",
-        columns: &["supply_voltage", "supply_voltage_measured"],
-        units: &[("V", 1.0, 0.0), ("mV", 1e-3, 0.0)],
-        range: (0.0, 50.0),
-        is_required: true,
-    },
-    Quantity {
-        name: "tank_pressure",
-        meaning: "the absolute vacuum tank pressure",
-        columns: &["tank_pressure"],
-        ..PRESSURE
-    },
-    Quantity {
-        name: "actuator_pressure",
-        meaning: "the absolute actuator chamber pressure",
-        columns: &["actuator_pressure"],
-        ..PRESSURE
-    },
-    Quantity {
-        name: "position",
-        meaning: "the actuator rod position",
-        columns: &["actuator.position", "hp_wastegate_position"],
-        units: &[("m", 1.0, 0.0), ("mm", 1e-3, 0.0), ("1", 1.0, 0.0), ("%", 1e-2, 0.0)],
-        range: (-0.5, 1.5),
-        is_required: true,
-    },
-    Quantity {
-        name: "pump",
-        meaning: "whether the vacuum pump runs, 1 or 0",
-        columns: &["vacuum_pump"],
-        units: &[("1", 1.0, 0.0)],
-        range: (0.0, 1.0),
-        is_required: false,
-    },
-    Quantity {
-        name: "ambient_pressure",
-        meaning: "the ambient pressure",
-        columns: &["ambient_pressure"],
-        is_required: false,
-        ..PRESSURE
-    },
-    Quantity {
-        name: "ambient_temperature",
-        meaning: "the ambient temperature",
-        columns: &["ambient_temperature"],
-        units: &[("K", 1.0, 0.0), ("degC", 1.0, 273.15), ("\u{b0}C", 1.0, 273.15)],
-        range: (200.0, 350.0),
-        is_required: false,
-    },
+const QUANTITIES: [&Quantity; 8] = [
+    &DUTY,
+    &SUPPLY_VOLTAGE,
+    &TANK_PRESSURE,
+    &ACTUATOR_PRESSURE,
+    &POSITION,
+    &PUMP,
+    &AMBIENT_PRESSURE,
+    &AMBIENT_TEMPERATURE,
 ];
 
 /// The names of the quantities, for the command's help.
@@ -118,8 +102,14 @@ pub fn quantities() -> String {
 pub struct Naming {
     /// Column names, by quantity.
     pub columns: Vec<(String, String)>,
-    /// Units by quantity; they override those of the header.
+    /// Units by quantity, the time among them; they override those of the header.
     pub units: Vec<(String, String)>,
+}
+
+impl Naming {
+    fn unit(&self, quantity: &str) -> Option<&str> {
+        self.units.iter().find(|(name, _)| name == quantity).map(|(_, unit)| unit.as_str())
+    }
 }
 
 /// Measured data in SI units, the duty in percent.
@@ -141,129 +131,129 @@ pub struct Data {
 }
 
 impl Data {
-    /// Reads a CSV file, with units below its header or in it: `tank_pressure (kPa)`.
+    /// Reads measured data; of two rows of one time, the second counts.
     pub fn read(path: &Path, naming: &Naming) -> Result<Self> {
-        Self::parse(&reading::text(path)?, naming).with_context(|| path.display().to_string())
-    }
-
-    fn parse(text: &str, naming: &Naming) -> Result<Self> {
-        for (quantity, _) in naming.columns.iter().chain(&naming.units) {
+        let named = naming.columns.iter().map(|(name, _)| name);
+        let in_unit = naming.units.iter().map(|(name, _)| name).filter(|name| *name != TIME);
+        for quantity in named.chain(in_unit) {
             if QUANTITIES.iter().all(|known| known.name != quantity) {
                 bail!("unknown quantity {quantity}: there are {}", quantities());
             }
         }
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-        let header = headings(text)?;
-        let found: Vec<_> =
-            QUANTITIES.iter().map(|quantity| find(quantity, &header, naming)).collect::<Result<_>>()?;
-        let mut values: Vec<Vec<f64>> = vec![vec![]; QUANTITIES.len()];
-        let mut last_line = 1;
-        for row in reader.records() {
-            let row = row?;
-            let line = row.position().map_or(0, csv::Position::line);
-            last_line = line;
-            for ((values, column), quantity) in values.iter_mut().zip(&found).zip(&QUANTITIES) {
-                let Some(DataColumn { index, factor, offset, is_relative }) = column else { continue };
-                let text = row.get(*index).unwrap_or_default();
-                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-                let number = number.with_context(|| {
-                    format!("line {line}, {}: expected a number, found \"{text}\"", header[*index].0)
-                })?;
-                let value = factor * number + offset;
-                let (least, most) = quantity.range;
-                if !(least..=most).contains(&value) {
-                    let unit = if *is_relative { "" } else { quantity.units[0].0 };
-                    let [least, most, value] = [least, most, value].map(shown);
-                    bail!(
-                        "line {line}, {}: expected {least} to {most} {unit}, found {value} {unit}; give another unit in \
-                         the header's brackets or with --unit {}=UNIT",
-                        header[*index].0,
-                        quantity.name
-                    );
-                }
-                values.push(value);
-            }
-            if let [.., before, now] = values[0][..]
-                && now <= before
-            {
-                bail!(
-                    "line {line}, {}: expected a time after {} s, found {} s",
-                    column_name(&found, &header),
-                    shown(before),
-                    shown(now)
-                );
-            }
-        }
-        if values[0].is_empty() {
-            bail!("line 2: expected rows of numbers, found none");
-        }
-        let position_is_relative = found[5].as_ref().is_some_and(|column| column.is_relative);
-        let has = |index: usize, values: Vec<f64>| found[index].is_some().then_some(values);
-        let values: [Vec<f64>; QUANTITIES.len()] = values.try_into().unwrap_or_default();
-        let [time, duty, voltage, tank, chamber, position, pump, pressure, temperature] = values;
-        Ok(Self {
-            time,
-            duty,
-            voltage,
-            tank,
-            chamber,
-            position,
-            position_is_relative,
-            pump: has(6, pump),
-            ambient_pressure: has(7, pressure),
-            ambient_temperature: has(8, temperature),
-            last_line,
-        })
+        let source = Source { data: fmu_record::Data::read(path, naming.unit(TIME))?, naming };
+        source.in_si_units().with_context(|| path.display().to_string())
     }
 }
 
-/// The column of a quantity, and its conversion.
-struct DataColumn {
-    index: usize,
-    factor: f64,
-    offset: f64,
-    is_relative: bool,
+/// The columns of a file.
+struct Source<'a> {
+    data: fmu_record::Data,
+    naming: &'a Naming,
 }
 
-fn column_name<'a>(found: &[Option<DataColumn>], header: &'a [(String, String)]) -> &'a str {
-    found[0].as_ref().map_or("", |column| &header[column.index].0)
-}
+impl Source<'_> {
+    fn in_si_units(&self) -> Result<Data> {
+        let position = self.required(&POSITION)?;
+        let position_is_relative = base(self.unit(&POSITION, position))?.exponents == base("1")?.exponents;
+        let position_in = Quantity { unit: if position_is_relative { "1" } else { "m" }, ..POSITION };
+        let values = |quantity| self.values(quantity, self.required(quantity)?);
+        let optional =
+            |quantity| self.find(quantity)?.map(|column| self.values(quantity, column)).transpose();
+        Ok(Data {
+            time: self.kept(self.data.time()),
+            duty: values(&DUTY)?,
+            voltage: values(&SUPPLY_VOLTAGE)?,
+            tank: values(&TANK_PRESSURE)?,
+            chamber: values(&ACTUATOR_PRESSURE)?,
+            position: self.values(&position_in, position)?,
+            position_is_relative,
+            pump: optional(&PUMP)?,
+            ambient_pressure: optional(&AMBIENT_PRESSURE)?,
+            ambient_temperature: optional(&AMBIENT_TEMPERATURE)?,
+            last_line: self.data.line(self.data.time().len() - 1),
+        })
+    }
 
-fn find(quantity: &Quantity, header: &[(String, String)], naming: &Naming) -> Result<Option<DataColumn>> {
-    let named = naming.columns.iter().find(|(name, _)| name == quantity.name);
-    let candidates = named.map_or_else(|| quantity.columns.to_vec(), |(_, column)| vec![column.as_str()]);
-    let position = |name: &&str| header.iter().position(|(heading, _)| heading == name);
-    let Some(index) = candidates.iter().find_map(position) else {
-        if !quantity.is_required && named.is_none() {
-            return Ok(None);
+    /// The values of the rows that are not followed by another of their time.
+    fn kept(&self, values: &[f64]) -> Vec<f64> {
+        let time = self.data.time();
+        let is_last = |row: &usize| time.get(row + 1).is_none_or(|next| *next > time[*row]);
+        (0..time.len()).filter(is_last).map(|row| values[row]).collect()
+    }
+
+    /// The column of a quantity, if the data have it.
+    fn find(&self, quantity: &Quantity) -> Result<Option<&DataColumn>> {
+        let column = |name: &str| self.data.columns().iter().find(|column| column.name() == name);
+        match self.naming.columns.iter().find(|(name, _)| name == quantity.name) {
+            Some((_, given)) => column(given).map(Some).ok_or_else(|| self.missing(quantity, given)),
+            None => Ok(quantity.columns.iter().find_map(|name| column(name))),
         }
-        let names: Vec<_> = header.iter().map(|(heading, _)| heading.as_str()).collect();
-        bail!(
-            "line 1: expected a column {} ({}), found {}; name another with --column {}=NAME",
-            candidates.join(" or "),
+    }
+
+    fn required(&self, quantity: &Quantity) -> Result<&DataColumn> {
+        self.find(quantity)?.ok_or_else(|| self.missing(quantity, &quantity.columns.join(" or ")))
+    }
+
+    fn missing(&self, quantity: &Quantity, wanted: &str) -> Error {
+        let names: Vec<_> = self.data.columns().iter().map(DataColumn::name).collect();
+        anyhow!(
+            "line 1: expected a column {wanted} ({}), found {}; name another with --column {}=NAME",
             quantity.meaning,
             names.join(", "),
             quantity.name
-        );
-    };
-    let (heading, of_header) = &header[index];
-    let given = naming.units.iter().find(|(name, _)| name == quantity.name).map(|(_, unit)| unit);
-    let unit = given.unwrap_or(of_header);
-    let known = match unit.as_str() {
-        "" if heading == "hp_wastegate_position" => Some(("1", 1.0, 0.0)),
-        "" => Some(quantity.units[0]),
-        unit => quantity.units.iter().find(|(name, ..)| *name == unit).copied(),
-    };
-    let Some((name, factor, offset)) = known else {
-        let names: Vec<_> = quantity.units.iter().map(|(name, ..)| *name).collect();
-        bail!("line 1, {heading}: expected one of the units {}, found {unit}", names.join(", "));
-    };
-    Ok(Some(DataColumn { index, factor, offset, is_relative: matches!(name, "1" | "%") }))
+        )
+    }
+
+    /// The unit of a quantity's column.
+    fn unit<'a>(&'a self, quantity: &Quantity, column: &'a DataColumn) -> &'a str {
+        match self.naming.unit(quantity.name).unwrap_or(column.unit()) {
+            "" if column.name() == "hp_wastegate_position" => "1",
+            "" => quantity.unit,
+            unit => unit,
+        }
+    }
+
+    /// The values of a column in the quantity's unit.
+    fn values(&self, quantity: &Quantity, column: &DataColumn) -> Result<Vec<f64>> {
+        let &Quantity { name, unit, range: (least, most), .. } = quantity;
+        let own = self.unit(quantity, column);
+        let conversion = base(own)
+            .and_then(|own_base| {
+                let conversion = own_base.to(&base(unit)?);
+                conversion.with_context(|| format!("the unit {own} does not convert to {unit}"))
+            })
+            .with_context(|| format!("line 1, {}", column.name()))?;
+        let numbers = match name {
+            "pump" => self.data.values(column, as_truth, "0, 1, true or false"),
+            _ => self.data.values(column, as_number, "a number"),
+        };
+        let mut values = numbers?;
+        for (row, value) in values.iter_mut().enumerate() {
+            *value = conversion.apply(*value);
+            if !(least..=most).contains(value) {
+                let [least, most, value] = [least, most, *value].map(shown);
+                bail!(
+                    "{}, {}: expected {least} to {most} {unit}, found {value} {unit}; give another unit in the \
+                     header's brackets or with --unit {name}=UNIT",
+                    self.data.place(row),
+                    column.name(),
+                );
+            }
+        }
+        Ok(self.kept(&values))
+    }
+}
+
+/// A unit in SI base units.
+fn base(unit: &str) -> Result<BaseUnit> {
+    let base = UnitTable::default().base(&spelled(unit)).map_err(Error::msg)?;
+    base.with_context(|| format!("the unit {unit} has fractional powers"))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const HEADER: &str = "time (ms),hp_wastegate_pwm,U [mV],tank_pressure (kPa),actuator_pressure,x (mm)\n";
@@ -276,28 +266,47 @@ mod tests {
         }
     }
 
-    fn error(text: &str, naming: &Naming) -> String {
-        Data::parse(text, naming).map_or_else(|error| format!("{error:#}"), |_| "no error".to_owned())
+    fn read(text: &str, naming: &Naming) -> Result<Data, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data.csv");
+        fs::write(&path, text).unwrap();
+        Data::read(&path, naming).map_err(|error| format!("{error:#}"))
     }
 
     #[test]
-    fn units_become_those_of_si() -> Result<()> {
+    fn units_become_those_of_si() {
         let text = format!("{HEADER}0,40,12000,32.5,8e4,5\n12.5,41,12100,32,7e4,6\n");
-        let data = Data::parse(&text, &naming())?;
+        let data = read(&text, &naming()).unwrap();
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-12 * expected;
         assert!(close(data.time[1], 0.0125) && close(data.voltage[1], 12.1) && close(data.tank[0], 32.5e3));
         assert!(close(data.chamber[1], 7e4) && close(data.position[1], 6e-3) && close(data.duty[1], 41.0));
         assert!(data.pump.is_none() && !data.position_is_relative);
-        Ok(())
     }
 
     #[test]
-    fn a_position_may_be_a_fraction_of_the_stroke() -> Result<()> {
+    fn a_position_may_be_a_fraction_of_the_stroke() {
         let mut naming = naming();
         naming.units.push(("position".to_owned(), "%".to_owned()));
-        let data = Data::parse(&format!("{HEADER}0,40,12000,32.5,8e4,50\n"), &naming)?;
+        let data = read(&format!("{HEADER}0,40,12000,32.5,8e4,50\n"), &naming).unwrap();
         assert!(data.position_is_relative && (data.position[0] - 0.5).abs() < 1e-15);
-        Ok(())
+    }
+
+    #[test]
+    fn of_two_rows_of_one_time_the_second_counts() {
+        let text = format!("{HEADER}0,40,12000,32.5,8e4,5\n1,40,12000,33,8e4,5\n1,50,12000,34,8e4,5\n");
+        let data = read(&text, &naming()).unwrap();
+        assert_eq!(
+            (data.time, data.duty, data.tank),
+            (vec![0.0, 1e-3], vec![40.0, 50.0], vec![32.5e3, 34e3])
+        );
+    }
+
+    #[test]
+    fn a_pump_is_a_boolean() {
+        let text = format!("{}0,40,12000,32.5,8e4,5,TRUE\n", HEADER.replace('\n', ",vacuum_pump\n"));
+        assert_eq!(read(&text, &naming()).unwrap().pump, Some(vec![1.0]));
+        let refusal = read(&text.replace("TRUE", "2"), &naming()).unwrap_err();
+        assert!(refusal.ends_with("line 2, vacuum_pump: expected 0, 1, true or false, found 2"), "{refusal}");
     }
 
     #[test]
@@ -312,25 +321,25 @@ mod tests {
                 format!("{rows}12.5,40,12000,off,8e4,5\n"),
                 "line 3, tank_pressure: expected a number, found \"off\"",
             ),
-            (format!("{rows}0,40,12000,32.5,8e4,5\n"), "line 3, time: expected a time after 0 s, found 0 s"),
             (format!("{rows}12.5,40\n"), "line: 3"),
-            (HEADER.to_owned(), "line 2: expected rows of numbers, found none"),
+            (HEADER.to_owned(), "it has no rows"),
+            (rows.replace("(kPa)", "(psi)"), "line 1, tank_pressure: the unit 'psi' is not known"),
+            (rows.replace("(kPa)", "(V)"), "line 1, tank_pressure: the unit V does not convert to Pa"),
             (
-                rows.replace("(kPa)", "(psi)"),
-                "line 1, tank_pressure: expected one of the units Pa, hPa, mbar",
+                rows.replace("32.5", "325000"),
+                "line 2, tank_pressure: expected 1000 to 1000000 Pa, found 325000000 Pa; give another unit",
             ),
             (
                 rows.replace("hp_wastegate_pwm", "pwm"),
-                "line 1: expected a column hp_wastegate_pwm (the duty of the valve's PWM), found time, pwm, U,",
+                "line 1: expected a column hp_wastegate_pwm (the duty of the valve's PWM), found pwm, U,",
             ),
         ] {
-            let error = error(&text, &naming());
+            let error = read(&text, &naming()).unwrap_err();
             assert!(error.contains(message), "{error}");
         }
         let mut wrong = naming();
         wrong.columns.push(("speed".to_owned(), "x".to_owned()));
-        assert!(
-            error(&rows, &wrong).contains("unknown quantity speed: there are time, duty, supply_voltage")
-        );
+        let error = read(&rows, &wrong).unwrap_err();
+        assert!(error.contains("unknown quantity speed: there are duty, supply_voltage"), "{error}");
     }
 }

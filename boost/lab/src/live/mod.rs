@@ -16,7 +16,7 @@ use serde_json::{Value as Json, json};
 use wasmparser::{Parser, Payload};
 
 use crate::reproduce::{CLAIMS_STYLE, PaperFigure, Reproduced, Run, claims_table, count, shipped};
-use fmu_master::scenario::{Assignment, Input, Member, Scenario, Signal};
+use fmu_master::scenario::{Assignment, Course, Input, Member, Scenario, Signal};
 use fmu_plot::{Figure, Report, escaped};
 
 /// The closed loop with which the page starts; the user changes its constant inputs.
@@ -160,7 +160,11 @@ fn value_json(value: &Value) -> Json {
 }
 
 fn inputs_json(inputs: &[Input]) -> Json {
-    inputs.iter().map(|input| json!([input.name, signal_json(&input.signal)])).collect()
+    let course = |input: &Input| match &input.course {
+        Course::Signal(signal) => signal_json(signal),
+        Course::Measured(_) => unreachable!("the paper's experiments have no measured data"),
+    };
+    inputs.iter().map(|input| json!([input.name, course(input)])).collect()
 }
 
 fn signal_json(signal: &Signal) -> Json {

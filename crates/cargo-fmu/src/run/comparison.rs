@@ -40,13 +40,10 @@ struct Difference {
 }
 
 impl<'a> Comparison<'a> {
-    /// Compares named records in all variables or in some.
+    /// Compares named records in all variables or in some. A record has at least one row.
     pub fn new(records: &'a [(String, Record)], wanted: Option<&[String]>) -> Result<Self> {
         let [(first_name, first), others @ ..] = records else { bail!("no record to compare") };
         let mut notes = vec![];
-        if let Some((name, _)) = records.iter().find(|(_, record)| record.time().is_empty()) {
-            bail!("{name} has no rows");
-        }
         for (name, record) in others {
             let times = record.time();
             let mut place = 0;
@@ -327,8 +324,6 @@ mod tests {
             "b has none of the times of a: it covers 2 s to 3.5 s, a 0 s to 1 s"
         );
         assert!(refusal(&rows, &[(0.25, 1.0), (0.75, 1.0)]).starts_with("b has none of the times of a"));
-        assert_eq!(refusal(&rows, &[]), "b has no rows");
-        assert_eq!(refusal(&[], &rows), "a has no rows");
         // One row of two.
         let records = [record("a", "m", &rows), record("b", "m", &[(1.0, 1.0), (2.0, 1.0)])];
         let notes = Comparison::new(&records, None).unwrap().notes;

@@ -11,10 +11,11 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::complain;
 use fmu_io::writing;
-use fmu_master::scenario::{Assignment, Input, Location, Member, Scenario, Signal, read_signals};
+use fmu_master::scenario::{Assignment, Course, Input, Location, Measured, Member, Scenario, Signal};
 use fmu_master::system::{self, Times};
 use fmu_master::{Interface, LoadedFmus};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
+use fmu_record::Data;
 use fmu_terms::like;
 
 /// What runs, and with which values.
@@ -44,8 +45,7 @@ pub struct Experiment {
     /// FMU offers it]
     #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
     interface: Option<Interface>,
-    /// Inputs over time: a column of time (s), then a column per input, headed by its name; interpolated linearly, or
-    /// held if discrete
+    /// Measured inputs over time, CSV or Parquet: the time, then a column per input, headed by its name
     #[arg(long, value_name = "FILE.csv")]
     input: Option<PathBuf>,
 }
@@ -102,8 +102,7 @@ impl Experiment {
     fn with_values(&self, mut scenario: Scenario, loaded: &mut LoadedFmus) -> Result<Scenario> {
         scenario.tolerance = self.tolerance;
         if let Some(path) = &self.input {
-            let location = Location::argument(&format!("--input {}", path.display()));
-            take_inputs(&mut scenario, loaded, path, &location)?;
+            take_inputs(&mut scenario, loaded, path)?;
         }
         for (name, value) in &self.values {
             let location = Location::argument(&format!("--set {name}={value}"));
@@ -171,30 +170,21 @@ fn model_of_this_folder() -> Result<PathBuf> {
     bail!("this folder has several models; name one: {}", names.join(", "))
 }
 
-/// Drives inputs by the columns of a file.
-fn take_inputs(
-    scenario: &mut Scenario,
-    loaded: &mut LoadedFmus,
-    path: &Path,
-    location: &Location,
-) -> Result<()> {
-    for (name, points) in location.locate(read_signals(path))? {
-        let mut known = vec![];
-        let mut signal = None;
-        for member in &scenario.fmus {
-            let fmu = loaded.get(member)?;
-            let inputs = || fmu.description().of_causality("input");
-            if let Some(variable) = inputs().find(|variable| variable.name == name) {
-                let kind = if variable.is_discrete() { Signal::Steps } else { Signal::Lines };
-                signal = Some(kind(points.clone()));
-            }
-            known.extend(inputs().map(|variable| variable.name.clone()));
+/// Drives inputs by the columns of measured data.
+fn take_inputs(scenario: &mut Scenario, loaded: &mut LoadedFmus, path: &Path) -> Result<()> {
+    let location = Location::argument("--input");
+    let data = location.locate(Data::read(path, None))?;
+    let fmus = scenario.fmus.iter().map(|member| loaded.get(member)).collect::<Result<Vec<_>>>()?;
+    let known = scenario.signals_of(&fmus);
+    for column in data.columns() {
+        let name = column.name();
+        if !known.iter().any(|known| known == name) {
+            let like = like(name, known.iter().map(String::as_str));
+            complain(&format!("warning: --input {}: no FMU has an input {name}{like}", path.display()));
+            continue;
         }
-        let Some(signal) = signal else {
-            let like = like(&name, known.iter().map(String::as_str));
-            return Err(location.error(format!("no FMU has an input {name}{like}")));
-        };
-        drive(&mut scenario.inputs, &name, signal, location);
+        let measured = location.locate(Measured::new(path, &data, name, false))?;
+        drive(&mut scenario.inputs, name, Course::Measured(measured), &location);
     }
     Ok(())
 }
@@ -242,7 +232,7 @@ fn set(
         for member in &mut scenario.fmus {
             member.inputs.retain(|input| input.name != name);
         }
-        drive(&mut scenario.inputs, name, signal, location);
+        drive(&mut scenario.inputs, name, signal.into(), location);
         return Ok(());
     }
     if !others.is_empty() {
@@ -251,7 +241,7 @@ fn set(
     }
     let member = &mut scenario.fmus[*index];
     if let (true, Some(number)) = (variable.causality == "input", number) {
-        drive(&mut member.inputs, &variable.name, Signal::Constant(number), location);
+        drive(&mut member.inputs, &variable.name, Signal::Constant(number).into(), location);
         return Ok(());
     }
     let mut in_run_in = member.run_in.iter().flat_map(|run_in| run_in.during.iter().chain(&run_in.after));
@@ -266,10 +256,10 @@ fn set(
     Ok(())
 }
 
-/// Drives an input by a signal, which replaces its present source.
-fn drive(inputs: &mut Vec<Input>, name: &str, signal: Signal, location: &Location) {
+/// Gives an input a course, which replaces its present one.
+fn drive(inputs: &mut Vec<Input>, name: &str, course: Course, location: &Location) {
     inputs.retain(|input| input.name != name);
-    inputs.push(Input { name: name.to_owned(), signal, location: location.clone() });
+    inputs.push(Input { name: name.to_owned(), course, location: location.clone() });
 }
 
 fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result<String> {
@@ -298,7 +288,7 @@ fn value(variable: &FmuVariable, text: &str) -> Result<Value> {
             None => Value::Real(number(text).context("expected a number")?, None),
         },
         ValueType::Integer => Value::Integer(text.parse().ok().context("expected a whole number")?),
-        ValueType::Boolean => match text {
+        ValueType::Boolean => match text.to_ascii_lowercase().as_str() {
             "true" | "1" => Value::Boolean(true),
             "false" | "0" => Value::Boolean(false),
             _ => bail!("expected true or false"),

@@ -1,5 +1,6 @@
 //! A file of units, as written.
 
+use fmu_terms::BaseUnit;
 use serde::Deserialize;
 
 /// A unit of the units file (FMI 2.0.5, section 2.2.2).
@@ -16,6 +17,14 @@ pub(crate) struct UnitDeclaration {
     pub(crate) offset: f64,
     #[serde(default)]
     pub(crate) display_units: Vec<DisplayUnitDeclaration>,
+}
+
+impl UnitDeclaration {
+    /// The unit in SI base units, if the file defines it.
+    pub(crate) fn in_base_units(&self) -> Option<BaseUnit> {
+        let base = self.base.as_ref()?;
+        Some(BaseUnit { exponents: base.exponents(), factor: self.factor, offset: self.offset })
+    }
 }
 
 /// A display unit: the name of a known unit, or a new one.
@@ -58,7 +67,7 @@ pub(crate) struct Base {
 
 impl Base {
     /// In the order of [`fmu_terms::BASE_UNITS`].
-    pub(crate) fn exponents(&self) -> [i32; 8] {
+    fn exponents(&self) -> [i32; 8] {
         [self.kg, self.m, self.s, self.A, self.K, self.mol, self.cd, self.rad]
     }
 }

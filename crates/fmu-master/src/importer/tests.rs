@@ -110,7 +110,7 @@ fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     );
     assert_eq!(
         refusal("level", Value::Real(1.0, Some("furlong".to_owned()))),
-        "the value 1 furlong of level cannot be used: the unit furlong is not defined; there are Pa, kPa"
+        "the value 1 furlong of level cannot be used: the unit 'furlong' is not known"
     );
     let texts = fmu.select(["note"]).err().expect("a text is not a number").to_string();
     assert_eq!(texts, "note is of the type String, which is not a number");

@@ -30,6 +30,7 @@
 //! # Ok::<(), anyhow::Error>(())
 //! ```
 
+mod course;
 pub mod document;
 mod signal;
 
@@ -40,14 +41,16 @@ use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 use fmu_io::terminal::number;
 use fmu_package::{Linear, ParameterSet, Value};
+use fmu_record::Data;
 use toml::de::DeValue;
 
 use crate::importer::{Fmu, Interface};
 use crate::name_map::{NameMap, ReadMap};
 
+pub use self::course::{Course, Measured};
 pub use self::document::Location;
 use self::document::{Document, Node, TomlTable};
-pub use self::signal::{Signal, read_signals};
+pub use self::signal::Signal;
 
 /// An experiment with coupled FMUs. Its methods keep dependent fields consistent, such as `stop_time` and `steps`.
 #[derive(Clone, Debug, Default)]
@@ -145,13 +148,13 @@ pub struct Assignment {
     pub location: Location,
 }
 
-/// A signal that drives an input.
+/// An input, and what drives it.
 #[derive(Clone, Debug)]
 pub struct Input {
     /// The input's name.
     pub name: String,
-    /// Its values over time, in the unit that the FMU declares.
-    pub signal: Signal,
+    /// Its values over time.
+    pub course: Course,
     /// Where the scenario gives it.
     pub location: Location,
 }
@@ -279,10 +282,13 @@ impl Scenario {
         self.panels.as_ref().map(|panels| panels.iter().map(names).collect())
     }
 
-    /// The signal that drives an input of every FMU that has it.
+    /// The signal that drives an input of every FMU that has it, if that is not measured data.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&Signal> {
-        self.inputs.iter().find(|input| input.name == name).map(|input| &input.signal)
+        match &self.inputs.iter().find(|input| input.name == name)?.course {
+            Course::Signal(signal) => Some(signal),
+            Course::Measured(_) => None,
+        }
     }
 
     /// The inputs of an FMU that a signal of the scenario drives, each with the conversion from the signal's value.
@@ -302,6 +308,39 @@ impl Scenario {
                 driven.map(|connection| (connection.input.as_str(), connection.conversion)).collect()
             }
         }
+    }
+
+    /// The names by which a signal can drive inputs of the FMUs.
+    #[must_use]
+    pub fn signals_of(&self, fmus: &[Arc<Fmu>]) -> Vec<String> {
+        match &self.connections {
+            None => fmus.iter().flat_map(|fmu| fmu.names("input")).map(str::to_owned).collect(),
+            Some(connections) => {
+                let outside = connections.iter().filter(|connection| connection.source.is_none());
+                outside.map(|connection| connection.output.clone()).collect()
+            }
+        }
+    }
+
+    /// The signal of an input that every FMU with it takes, by the first of them that declares a unit, if any does.
+    ///
+    /// # Errors
+    /// When measured data do not fit.
+    pub(crate) fn signal(&self, input: &Input, fmus: &[Arc<Fmu>]) -> Result<Signal> {
+        let members = self.fmus.iter().zip(fmus);
+        let takers: Vec<_> = members
+            .flat_map(|(member, fmu)| {
+                let taken = self.inputs_of(member, fmu, &input.name);
+                taken.into_iter().filter_map(|(name, conversion)| {
+                    Some((fmu.description().variable(name)?, fmu.description(), conversion))
+                })
+            })
+            .collect();
+        let with_unit = takers.iter().find(|(variable, ..)| !variable.unit.is_empty());
+        input.location.locate(match with_unit.or(takers.first()) {
+            Some((variable, fmu, conversion)) => input.course.fit(variable, fmu, *conversion),
+            None => input.course.plain(),
+        })
     }
 
     /// Lets the scenario end at another time (s).
@@ -336,7 +375,7 @@ impl Scenario {
     /// When the scenario has no signal for it.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
-        input.with_context(|| format!("the scenario has no signal for {name}"))?.signal = signal;
+        input.with_context(|| format!("the scenario has no signal for {name}"))?.course = signal.into();
         Ok(())
     }
 
@@ -348,7 +387,7 @@ impl Scenario {
         let member = self.member_mut(fmu)?;
         member.inputs.retain(|input| input.name != name);
         let location = member.location.clone();
-        member.inputs.push(Input { name: name.to_owned(), signal, location });
+        member.inputs.push(Input { name: name.to_owned(), course: signal.into(), location });
         Ok(())
     }
 
@@ -472,10 +511,40 @@ fn read_run_in(node: &Node<'_>, step: f64) -> Result<RunIn> {
 fn read_inputs(node: &Node<'_>, folder: &Path) -> Result<Vec<Input>> {
     let table = node.table("a table of signals by the names of inputs")?;
     let read = |(name, node): (&str, Node<'_>)| {
-        let signal = Signal::read(&node, folder)?;
-        Ok(Input { name: name.to_owned(), signal, location: node.location().clone() })
+        let course = read_course(&node, folder)?;
+        Ok(Input { name: name.to_owned(), course, location: node.location().clone() })
     };
     table.entries().map(read).collect()
+}
+
+/// Reads what drives an input; paths of data are relative to `folder`.
+fn read_course(node: &Node<'_>, folder: &Path) -> Result<Course> {
+    const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
+    if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
+        return Ok(Signal::Constant(node.number(EXPECTED)?).into());
+    }
+    let table = node.table(EXPECTED)?;
+    let course = if let Some(signal) = Signal::read(&table)? {
+        signal.into()
+    } else if let Some(file) = table.optional("csv") {
+        Course::Measured(read_measured(&table, &file, folder)?)
+    } else {
+        return Err(node.unexpected(EXPECTED));
+    };
+    table.finish()?;
+    Ok(course)
+}
+
+fn read_measured(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Measured> {
+    let column = table.required("column", "the name of the column")?.string("the name of the column")?;
+    let hold = table.optional("hold").map_or(Ok(false), |node| {
+        node.value().as_bool().ok_or_else(|| {
+            node.unexpected("true where values hold until the next row, false where lines lead there")
+        })
+    })?;
+    let path = file.path("the path of a CSV file", folder)?;
+    let data = file.location().locate(Data::read(&path, None))?;
+    file.location().locate(Measured::new(&path, &data, column, hold))
 }
 
 fn read_noise(node: &Node<'_>) -> Result<Vec<Noise>> {

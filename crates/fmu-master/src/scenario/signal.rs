@@ -1,20 +1,17 @@
 //! Signals: inputs over time.
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
-use anyhow::{Context, Result, bail};
-use fmu_io::reading;
+use anyhow::Result;
 use fmu_io::terminal::number as shown;
-use toml::de::DeValue;
 
 use super::document::{Node, TomlTable};
-use fmu_record::{Record, expect_seconds, headings};
 
 /// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING: f64 = 1e-9;
 
-/// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one.
+/// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one. Two points of
+/// one time are a jump.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
     /// The same value at any time.
@@ -50,13 +47,16 @@ impl Signal {
                 points[begun.saturating_sub(1)].1
             }
             Self::Lines(points) => {
-                let after = points.partition_point(|&(instant, _)| instant <= time);
+                let reached = |time: f64| points.partition_point(|&(instant, _)| instant <= time);
+                let (after, begun) = (reached(time), reached(time + ROUNDING));
+                // Both points of a jump that rounding put just after the time.
+                let after = if begun > after + 1 { begun } else { after };
                 let (Some(&(t0, y0)), Some(&(t1, y1))) =
                     (points.get(after.wrapping_sub(1)), points.get(after))
                 else {
                     return points[after.saturating_sub(1)].1;
                 };
-                (y1 - y0) / (t1 - t0) * (time - t0) + y0
+                (y1 - y0) / (t1 - t0) * (time.max(t0) - t0) + y0
             }
             Self::Sine { mean, amplitude, frequency, phase } => {
                 mean + amplitude * (TAU * (frequency * time + phase / 360.0)).sin()
@@ -73,39 +73,30 @@ impl Signal {
         }
     }
 
-    /// Reads a signal; CSV paths are relative to `folder`.
-    pub(super) fn read(node: &Node<'_>, folder: &Path) -> Result<Self> {
-        const EXPECTED: &str = "a number, or a table with one of steps, points, ramp, sine and csv";
-        if matches!(node.value(), DeValue::Integer(_) | DeValue::Float(_)) {
-            return node.number(EXPECTED).map(Self::Constant);
-        }
-        let table = node.table(EXPECTED)?;
-        let signal = if let Some(points) = table.optional("steps") {
-            Self::Steps(read_points(&points, |before, after| before < after)?)
+    /// Reads a signal other than measured data; none if it is of no known kind.
+    pub(super) fn read(table: &TomlTable<'_>) -> Result<Option<Self>> {
+        Ok(Some(if let Some(points) = table.optional("steps") {
+            Self::Steps(read_points(&points)?)
         } else if let Some(points) = table.optional("points") {
-            Self::Lines(read_points(&points, |before, after| before < after)?)
+            Self::Lines(read_points(&points)?)
         } else if let Some(ramp) = table.optional("ramp") {
             read_ramp(&ramp)?
         } else if let Some(sine) = table.optional("sine") {
             read_sine(&sine)?
-        } else if let Some(file) = table.optional("csv") {
-            read_csv(&table, &file, folder)?
         } else {
-            return Err(node.unexpected(EXPECTED));
-        };
-        table.finish()?;
-        Ok(signal)
+            return Ok(None);
+        }))
     }
 }
 
-fn read_points(node: &Node<'_>, is_in_order: impl Fn(f64, f64) -> bool) -> Result<Vec<(f64, f64)>> {
+fn read_points(node: &Node<'_>) -> Result<Vec<(f64, f64)>> {
     const PAIR: &str = "a pair [time in s, value] of numbers";
     let mut points: Vec<(f64, f64)> = vec![];
     for pair in node.list("a list of pairs [time in s, value]")? {
         let [time, value] = pair.list(PAIR)?.try_into().map_err(|_| pair.unexpected(PAIR))?;
         let point = (time.number(PAIR)?, value.number(PAIR)?);
         if let Some(&(before, _)) = points.last()
-            && !is_in_order(before, point.0)
+            && point.0 <= before
         {
             return Err(pair.unexpected(&format!("a time after the one before, {} s", shown(before))));
         }
@@ -150,79 +141,6 @@ fn read_sine(node: &Node<'_>) -> Result<Signal> {
     Ok(signal)
 }
 
-fn read_csv(table: &TomlTable<'_>, file: &Node<'_>, folder: &Path) -> Result<Signal> {
-    let column = table.required("column", "the name of the column")?;
-    let name = column.string("the name of the column")?;
-    let hold = match table.optional("hold") {
-        None => false,
-        Some(node) => node.value().as_bool().ok_or_else(|| {
-            node.unexpected("true where values hold until the next row, false where lines lead there")
-        })?,
-    };
-    let path = file.path("the path of a CSV file", folder)?;
-    let text = file.location().locate(reading::text(&path).map_err(anyhow::Error::from))?;
-    let points = csv_column(&text, name).with_context(|| format!("cannot read {}", path.display()));
-    let points = file.location().locate(points)?;
-    Ok(if hold { Signal::Steps(points) } else { Signal::Lines(points) })
-}
-
-/// Points in time (s), each with its value.
-pub type Points = Vec<(f64, f64)>;
-
-/// The columns of a CSV file after its first one, the time (s), each over that. Two rows of one time are a jump.
-///
-/// # Errors
-/// If it cannot be read, or has values that are not numbers.
-pub fn read_signals(path: &Path) -> Result<Vec<(String, Points)>> {
-    let record = Record::read(path)?;
-    let columns = record.columns().iter().map(|column| {
-        let points = record.time().iter().copied().zip(column.values.iter().copied());
-        (column.name.clone(), points.collect())
-    });
-    Ok(columns.collect())
-}
-
-/// A column over the first one, which is the time (s).
-fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-    let header = headings(text)?;
-    expect_seconds(header.first().map_or("", |(_, unit)| unit))?;
-    let Some(column) = header.iter().skip(1).position(|(known, _)| known == name) else {
-        let names: Vec<_> = header.iter().skip(1).map(|(name, _)| name.as_str()).collect();
-        bail!("its header has no column {name}: there are {}", names.join(", "));
-    };
-    let column = column + 1;
-    let mut points: Vec<(f64, f64)> = vec![];
-    for row in reader.records() {
-        let row = row?;
-        let line = row.position().map_or(0, csv::Position::line);
-        let number = |index: usize| -> Result<f64> {
-            let text = row.get(index).unwrap_or_default();
-            let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-            number.with_context(|| {
-                format!("line {line}, {}: expected a number, found \"{text}\"", header[index].0)
-            })
-        };
-        let point = (number(0)?, number(column)?);
-        if let Some(&(before, _)) = points.last()
-            && point.0 <= before
-        {
-            bail!(
-                "line {line}, {}: expected a time after {} s, found {} s",
-                header[0].0,
-                shown(before),
-                shown(point.0)
-            );
-        }
-        points.push(point);
-    }
-    if points.is_empty() {
-        bail!("it has no rows");
-    }
-    Ok(points)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,6 +158,14 @@ mod tests {
         let signal = Signal::Lines(vec![(0.0, 1.0), (2.0, 5.0), (4.0, 5.0)]);
         let values = [-1.0, 0.0, 0.5, 2.0, 3.0, 4.0, 9.0].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [1.0_f64, 1.0, 2.0, 5.0, 5.0, 5.0, 5.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn two_points_of_one_time_are_a_jump() {
+        let signal = Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0), (2.0, 8.0), (4.0, 10.0)]);
+        // Of the last times, one is slightly below 2 s, like a sum of steps.
+        let values = [1.0, 1.5, 2.0, 3.0, 2.0 - 4e-16].map(|time| signal.at(time));
+        assert_eq!(values.map(f64::to_bits), [2.0_f64, 2.5, 8.0, 9.0, 8.0].map(f64::to_bits));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 use std::fs;
 
+use fmu_package::FmuDescription;
+
 use super::*;
 
 fn no_maps(path: &Path) -> Result<Arc<dyn NameMap>> {
@@ -60,15 +62,15 @@ fn everything_is_read() {
     )
     .unwrap();
     assert_eq!(scenario.stepping, Stepping::AtOnce);
-    let signals: Vec<_> = scenario.inputs.iter().map(|input| &input.signal).collect();
+    let signals: Vec<_> = scenario.inputs.iter().map(|input| input.course.plain().unwrap()).collect();
     assert_eq!(
         signals,
         [
-            &Signal::Constant(1.0),
-            &Signal::Steps(vec![(0.0, 1.0), (2.5, 3.0)]),
-            &Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0)]),
-            &Signal::Lines(vec![(3.0, 1.0), (4.0, 2.0)]),
-            &Signal::Sine { mean: 1.0, amplitude: 2.0, frequency: 3.0, phase: 90.0 },
+            Signal::Constant(1.0),
+            Signal::Steps(vec![(0.0, 1.0), (2.5, 3.0)]),
+            Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0)]),
+            Signal::Lines(vec![(3.0, 1.0), (4.0, 2.0)]),
+            Signal::Sine { mean: 1.0, amplitude: 2.0, frequency: 3.0, phase: 90.0 },
         ]
     );
     let values: Vec<_> =
@@ -194,27 +196,74 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
 }
 
 #[test]
-fn a_csv_file_is_a_signal_and_its_errors_name_line_and_column() {
+fn a_column_of_a_file_is_what_its_input_makes_of_it() {
     let folder = tempfile::tempdir().unwrap();
-    let read = |content: &str, more: &str| {
-        fs::write(folder.path().join("a.csv"), content).unwrap();
-        let text = with(&format!("[inputs]\na = {{ csv = \"a.csv\", column = \"b\"{more} }}"));
+    fs::write(
+        folder.path().join("a.csv"),
+        "Zeit (ms), note, b (bar), on, mode, count\n\
+         0, start, 1, TRUE, idle, 1\n500, up, 2, 0, 7, 2\n500, end, 3, false, boost, 2.5\n",
+    )
+    .unwrap();
+    let read = |column: &str, more: &str| {
+        let text = with(&format!("[inputs]\na = {{ csv = \"a.csv\", column = \"{column}\"{more} }}"));
         let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""), no_maps);
-        scenario.map(|scenario| scenario.inputs[0].signal.clone()).map_err(|error| format!("{error:#}"))
+        scenario.map(|scenario| scenario.inputs[0].course.clone()).map_err(|error| format!("{error:#}"))
     };
-    let good = "# measured\ntime, a, b\n0, 9, 1\n1.5, 9, -2e3\n";
-    assert_eq!(read(good, ""), Ok(Signal::Lines(vec![(0.0, 1.0), (1.5, -2e3)])));
-    assert_eq!(read(good, ", hold = true"), Ok(Signal::Steps(vec![(0.0, 1.0), (1.5, -2e3)])));
-    for (content, expected) in [
-        ("time,a\n0,1\n", "its header has no column b: there are a"),
-        ("time,b\n0,1\n1,x\n", "line 3, b: expected a number, found \"x\""),
-        ("time,b\n0,1\n0,2\n", "line 3, time: expected a time after 0 s, found 0 s"),
-        ("time,b\n", "it has no rows"),
+    let fmu = FmuDescription::parse(
+        r#"<fmiModelDescription fmiVersion="2.0"><UnitDefinitions>
+             <Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/></Unit><Unit name="V"><BaseUnit kg="1" m="2" s="-3" A="-1"/></Unit>
+           </UnitDefinitions><TypeDefinitions><SimpleType name="Mode"><Enumeration>
+             <Item name="idle" value="3"/><Item name="boost" value="7"/></Enumeration></SimpleType></TypeDefinitions>
+           <ModelVariables>
+             <ScalarVariable name="plain"><Real/></ScalarVariable>
+             <ScalarVariable name="pressure"><Real unit="Pa"/></ScalarVariable>
+             <ScalarVariable name="voltage"><Real unit="V"/></ScalarVariable>
+             <ScalarVariable name="held" variability="discrete"><Real/></ScalarVariable>
+             <ScalarVariable name="on"><Boolean/></ScalarVariable>
+             <ScalarVariable name="mode"><Enumeration declaredType="Mode"/></ScalarVariable>
+             <ScalarVariable name="count"><Integer/></ScalarVariable>
+             <ScalarVariable name="text"><String/></ScalarVariable>
+           </ModelVariables></fmiModelDescription>"#,
+    )
+    .unwrap();
+    let fit = |column: &str, more: &str, input: &str| {
+        let input = fmu.variable(input).unwrap();
+        let double = Linear { factor: 2.0, offset: 0.0 };
+        let [own, doubled] = [Linear::IDENTITY, double].map(|conversion| {
+            read(column, more)?.fit(input, &fmu, conversion).map_err(|error| format!("{error:#}"))
+        });
+        own.map(|own| (own, doubled.unwrap()))
+    };
+    let points = |values: [f64; 3]| vec![(0.0, values[0]), (0.5, values[1]), (0.5, values[2])];
+    let lines = |values| Signal::Lines(points(values));
+    let steps = |values| Signal::Steps(points(values));
+    for (column, more, input, expected) in [
+        ("b", "", "pressure", (lines([1e5, 2e5, 3e5]), lines([0.5e5, 1e5, 1.5e5]))),
+        // A variable without a unit takes values unchanged.
+        ("b", "", "plain", (lines([1.0, 2.0, 3.0]), lines([0.5, 1.0, 1.5]))),
+        ("b", ", hold = true", "pressure", (steps([1e5, 2e5, 3e5]), steps([0.5e5, 1e5, 1.5e5]))),
+        // A column without a unit has that of the connection's signal.
+        ("count", "", "held", (steps([1.0, 2.0, 2.5]), steps([1.0, 2.0, 2.5]))),
+        ("on", "", "on", (steps([1.0, 0.0, 0.0]), steps([1.0, 0.0, 0.0]))),
+        ("mode", "", "mode", (steps([3.0, 7.0, 7.0]), steps([3.0, 7.0, 7.0]))),
     ] {
-        let refusal = read(content, "").unwrap_err();
-        assert!(refusal.starts_with("test.toml, line 7, inputs.a.csv: cannot read "), "{refusal}");
-        assert!(refusal.ends_with(expected), "{refusal}");
+        assert_eq!(fit(column, more, input), Ok(expected), "{column} {input}");
     }
+    for (column, input, expected) in [
+        ("note", "plain", "line 2, note: expected a number, found \"start\""),
+        ("note", "mode", "line 2, note: expected one of idle (3), boost (7), found \"start\""),
+        ("count", "mode", "line 2, count: expected one of idle (3), boost (7), found 1"),
+        ("count", "count", "line 4, count: expected a whole number, found 2.5"),
+        ("count", "on", "line 3, count: expected 0, 1, true or false, found 2"),
+        ("b", "voltage", "b: the unit bar does not convert to V"),
+        ("b", "text", "line 2, b: expected no column, as it is a String, found 1"),
+        ("nott", "plain", "it has no column nott; did you mean note?; there are note, b, on, mode, count"),
+    ] {
+        let refusal = fit(column, "", input).unwrap_err();
+        let place = format!("cannot read {}: ", folder.path().join("a.csv").display());
+        assert!(refusal.ends_with(&format!("{place}{expected}")), "{refusal}");
+    }
+    assert!(read("nott", "").unwrap_err().starts_with("test.toml, line 7, inputs.a.csv: cannot read "));
 }
 
 /// The parser takes much memory for brackets.
@@ -224,15 +273,4 @@ fn a_file_of_a_mebibyte_is_read_and_no_larger_one() {
     assert!(Document::parse("a.toml", &text(1 << 20)).is_ok());
     let refusal = Document::parse("a.toml", &"[".repeat((1 << 20) + 1)).err().unwrap().to_string();
     assert!(refusal.starts_with("a.toml is larger than 1048576 bytes"), "{refusal}");
-}
-
-#[test]
-fn a_csv_signal_has_its_time_in_seconds() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.csv"), "time (min),a\n0,1\n").unwrap();
-    let text = "stop_time = 1\nstep = 0.5\nfmu = [{ name = \"a\", file = \"a\" }]\n\
-                inputs.a = { csv = \"a.csv\", column = \"a\" }";
-    let refusal =
-        Scenario::parse("a.toml", text, folder.path(), folder.path(), no_maps).unwrap_err().to_string();
-    assert!(refusal.ends_with("a.csv: its time is in min, not in s"), "{refusal}");
 }

@@ -234,11 +234,11 @@ impl Loaded {
                 }
             }
             for input in &member.inputs {
-                set(format!("{name}'s inputs.{}", input.name), format!("{:?}", input.signal));
+                set(format!("{name}'s inputs.{}", input.name), format!("{:?}", input.course));
             }
         }
         for input in &scenario.inputs {
-            set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.signal));
+            set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.course));
         }
         let noises = [("noise", &scenario.noise), ("measurement_noise", &scenario.measurement_noise)];
         for (key, noises) in noises {

@@ -1,6 +1,6 @@
 //! The symbols of units, and their meaning in SI base units.
 
-use fmu_terms::BaseUnit;
+use super::BaseUnit;
 
 /// The prefixes that a symbol allows.
 #[derive(Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 //! exponents after the symbol.
 
 /// Letters and signs of other notations, and their spelling here.
-pub(super) const WRITTEN: [(&str, &str); 12] = [
+const WRITTEN: [(&str, &str); 12] = [
     ("°C", "degC"),
     ("℃", "degC"),
     ("°", "deg"),
@@ -16,6 +16,12 @@ pub(super) const WRITTEN: [(&str, &str); 12] = [
     ("³", "3"),
     ("^", ""),
 ];
+
+/// A unit's name in the notation here: `°C` becomes `degC`, `m/s²` becomes `m/s2`.
+#[must_use]
+pub fn spelled(name: &str) -> String {
+    WRITTEN.iter().fold(name.to_owned(), |text, (from, to)| text.replace(from, to))
+}
 
 /// A symbol to a power.
 pub(super) type Factor<'a> = (&'a str, f64);
@@ -64,7 +70,8 @@ fn product(text: &str) -> Option<Vec<Factor<'_>>> {
 }
 
 /// The unit of a time derivative, in the shortest notation: `m/s` becomes `m/s2`, `1` becomes `1/s`.
-pub(crate) fn per_second(name: &str) -> String {
+#[must_use]
+pub fn per_second(name: &str) -> String {
     let Ok([mut above, mut below]) = factors(name) else { return format!("{name}/s") };
     if let Some((_, exponent)) = above.iter_mut().find(|(symbol, _)| *symbol == "s") {
         *exponent -= 1.0;
