@@ -41,6 +41,9 @@ pub struct Report {
     contents: String,
     sections: usize,
     body: String,
+    /// The page's own script, and what its policy allows it.
+    script: Option<String>,
+    script_sources: &'static [&'static str],
 }
 
 /// A table of a report.
@@ -127,9 +130,18 @@ impl Report {
         self.body += &other.body;
     }
 
+    /// Sets a script that runs after the figures' own, and what the page's content security policy allows it, such as
+    /// `'wasm-unsafe-eval'`.
+    pub fn script(&mut self, source: &str, sources: &'static [&'static str]) {
+        self.script = Some(source.to_owned());
+        self.script_sources = sources;
+    }
+
     /// The page, with rules in addition to the style sheet.
     #[must_use]
     pub fn page(&self, style: &str) -> String {
+        let drawing = figure::scripts();
+        let scripts: Vec<_> = drawing.iter().chain(&self.script).map(String::as_str).collect();
         let main = "<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n\n";
         Document {
             title: &self.title,
@@ -137,7 +149,10 @@ impl Report {
             header: &format!("<h1>{}</h1>", escaped(&self.title)),
             contents: &self.contents,
             main: &(main.to_owned() + &self.body),
-            scripts: &figure::script(),
+            scripts: &scripts,
+            script_sources: self.script_sources,
+            // By which plotly.js saves a figure as PNG.
+            picture_sources: &["blob:"],
         }
         .html()
     }
