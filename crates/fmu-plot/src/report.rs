@@ -89,7 +89,7 @@ impl Report {
         self.html(&format!("<p>{}</p>\n", escaped(text)));
     }
 
-    /// Appends whether something holds.
+    /// Appends a verdict, highlighted if it is negative.
     pub fn verdict(&mut self, text: &str, holds: bool) {
         self.html(&format!("<p>{}</p>\n", verdict(text, holds)));
     }
@@ -203,10 +203,10 @@ impl Cell {
         Self { html: escaped(text), is_number: true }
     }
 
-    /// A text, and after it whether something holds.
+    /// A text, and whether it meets a requirement.
     #[must_use]
-    pub fn verdict(text: &str, holds: bool) -> Self {
-        Self::html(&format!("{} {}", escaped(text), verdict(if holds { "holds" } else { "fails" }, holds)))
+    pub fn verdict(text: &str, met: bool) -> Self {
+        Self::html(&format!("{} {}", escaped(text), verdict(if met { "met" } else { "not met" }, met)))
     }
 
     /// Markup.
@@ -244,7 +244,7 @@ mod tests {
             "<h2 id=\"one\">1 &amp; 2</h2>\n<p>&lt;b&gt;</p>\n\
              <div class=\"wide\">\n<table class=\"own\">\n<caption>1 &lt; 2</caption>\n\
              <thead><tr><th><i>T</i> (s)</th><th>&quot;</th></tr></thead>\n\
-             <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">fails</span></td></tr>\n\
+             <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">not met</span></td></tr>\n\
              </table>\n</div>\n<details><summary>S &lt;</summary><pre>x &lt; y</pre></details>\n"
         );
     }
