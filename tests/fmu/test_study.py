@@ -32,7 +32,7 @@ def median(values: list[float]) -> float:
 def test_the_controller_beside_its_strategy_by_speed(lab: Run, exported: Path, tmp_path: Path) -> None:
     done = study(lab, exported, tmp_path, "--beside", "by_speed")
     report = json.loads((tmp_path / "report.json").read_text())
-    judged = [[criterion["holds"] for criterion in found["criteria"]] for found in report["strategies"]]
+    judged = [[criterion["met"] for criterion in found["criteria"]] for found in report["strategies"]]
     assert done.returncode == (0 if all(judged[0]) else 1), done.stdout + done.stderr
     all_rows = rows(tmp_path)
     of = {name: [row for row in all_rows if row["strategy"] == name] for name in ["", "by_speed"]}
@@ -51,7 +51,7 @@ def test_a_controller_that_fails_sets_the_exit_status_and_is_explained(
 ) -> None:
     done = study(lab, exported, tmp_path, "--strategy", "by_speed")
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "FAILS" in done.stdout
+    assert "NOT MET" in done.stdout
     outside = json.loads((tmp_path / "report.json").read_text())["outside"]
     assert {case["case"] for case in outside} == {
         int(row["case"]) for row in rows(tmp_path) if row["verdict"] != "pass"

@@ -56,15 +56,15 @@ pub(crate) fn write(
         escape(&model.identifier),
         escape(model.description.as_deref().unwrap_or_default()),
     );
-    let scripts = format!("<script>\n{}</script>\n", include_str!("page/filter.js"));
     let contents = page.contents(fragment);
     Document {
         title: &title,
-        style: "",
         header: &header,
         contents: &contents,
         main: &main,
-        scripts: &scripts,
+        scripts: &[include_str!("page/filter.js")],
+        picture_sources: &["data:"],
+        ..Document::default()
     }
     .html()
 }

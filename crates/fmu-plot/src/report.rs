@@ -41,6 +41,9 @@ pub struct Report {
     contents: String,
     sections: usize,
     body: String,
+    /// The page's own script, and what its policy allows it.
+    script: Option<String>,
+    script_sources: &'static [&'static str],
 }
 
 /// A table of a report.
@@ -86,7 +89,7 @@ impl Report {
         self.html(&format!("<p>{}</p>\n", escaped(text)));
     }
 
-    /// Appends whether something holds.
+    /// Appends a verdict, highlighted if it is negative.
     pub fn verdict(&mut self, text: &str, holds: bool) {
         self.html(&format!("<p>{}</p>\n", verdict(text, holds)));
     }
@@ -127,9 +130,18 @@ impl Report {
         self.body += &other.body;
     }
 
+    /// Sets a script that runs after the figures' own, and what the page's content security policy allows it, such as
+    /// `'wasm-unsafe-eval'`.
+    pub fn script(&mut self, source: &str, sources: &'static [&'static str]) {
+        self.script = Some(source.to_owned());
+        self.script_sources = sources;
+    }
+
     /// The page, with rules in addition to the style sheet.
     #[must_use]
     pub fn page(&self, style: &str) -> String {
+        let drawing = figure::scripts();
+        let scripts: Vec<_> = drawing.iter().chain(&self.script).map(String::as_str).collect();
         let main = "<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n\n";
         Document {
             title: &self.title,
@@ -137,7 +149,10 @@ impl Report {
             header: &format!("<h1>{}</h1>", escaped(&self.title)),
             contents: &self.contents,
             main: &(main.to_owned() + &self.body),
-            scripts: &figure::script(),
+            scripts: &scripts,
+            script_sources: self.script_sources,
+            // By which plotly.js saves a figure as PNG.
+            picture_sources: &["blob:"],
         }
         .html()
     }
@@ -188,10 +203,10 @@ impl Cell {
         Self { html: escaped(text), is_number: true }
     }
 
-    /// A text, and after it whether something holds.
+    /// A text, and whether it meets a requirement.
     #[must_use]
-    pub fn verdict(text: &str, holds: bool) -> Self {
-        Self::html(&format!("{} {}", escaped(text), verdict(if holds { "holds" } else { "fails" }, holds)))
+    pub fn verdict(text: &str, met: bool) -> Self {
+        Self::html(&format!("{} {}", escaped(text), verdict(if met { "met" } else { "not met" }, met)))
     }
 
     /// Markup.
@@ -229,7 +244,7 @@ mod tests {
             "<h2 id=\"one\">1 &amp; 2</h2>\n<p>&lt;b&gt;</p>\n\
              <div class=\"wide\">\n<table class=\"own\">\n<caption>1 &lt; 2</caption>\n\
              <thead><tr><th><i>T</i> (s)</th><th>&quot;</th></tr></thead>\n\
-             <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">fails</span></td></tr>\n\
+             <tr><td class=\"number\">&lt;5</td><td>a &amp; b <span class=\"fails\">not met</span></td></tr>\n\
              </table>\n</div>\n<details><summary>S &lt;</summary><pre>x &lt; y</pre></details>\n"
         );
     }

@@ -1,12 +1,17 @@
 //! The look of pages for people, shared with a project's other documents: style sheet, and frame with a table of
 //! contents that folds on phones and marks the current section.
 
+mod sha256;
+
 use quick_xml::escape::escape;
 
 /// The pages' style sheet, light and dark. Its colours are properties of `:root`, light ones first.
 pub const STYLE: &str = include_str!("page/style.css");
 
-/// A self-contained page.
+/// Unfolds the contents and marks the current section.
+const NAVIGATION: &str = include_str!("page/navigation.js");
+
+/// A self-contained page. Its content security policy lets a browser run these scripts only, and load nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Document<'a> {
     /// The title, as text.
@@ -19,27 +24,44 @@ pub struct Document<'a> {
     pub contents: &'a str,
     /// The markup of the sections.
     pub main: &'a str,
-    /// The markup of scripts, at the page's end.
-    pub scripts: &'a str,
+    /// The scripts at the page's end.
+    pub scripts: &'a [&'a str],
+    /// What the policy allows the scripts, such as `'wasm-unsafe-eval'`.
+    pub script_sources: &'a [&'a str],
+    /// Where the policy allows pictures from, such as `data:`.
+    pub picture_sources: &'a [&'a str],
 }
 
 impl Document<'_> {
     /// The page in HTML; also valid XML if its parts are.
     #[must_use]
     pub fn html(&self) -> String {
-        let navigation = format!(
-            include_str!("page/navigation.html"),
-            contents = self.contents,
-            script = include_str!("page/navigation.js"),
-        );
+        let navigation =
+            format!(include_str!("page/navigation.html"), contents = self.contents, script = NAVIGATION);
+        let scripts = self.scripts.iter().map(|script| format!("<script>{script}</script>\n"));
         format!(
             include_str!("page/document.html"),
+            policy = self.policy(),
             title = escape(self.title),
             style = STYLE.to_owned() + self.style,
             header = self.header,
             navigation = if self.contents.is_empty() { "" } else { &navigation },
             main = self.main,
-            scripts = self.scripts,
+            scripts = scripts.collect::<String>(),
+        )
+    }
+
+    /// The content security policy: only these scripts run, known by their hashes, and nothing is loaded from elsewhere.
+    fn policy(&self) -> String {
+        let navigation = Some(NAVIGATION).filter(|_| !self.contents.is_empty());
+        let scripts = navigation.iter().chain(self.scripts);
+        let hashes = scripts.map(|script| format!("'sha256-{}'", sha256::base64(script)));
+        let script_sources = hashes.chain(self.script_sources.iter().map(ToString::to_string));
+        format!(
+            "default-src 'none'; script-src {}; style-src 'unsafe-inline'; img-src {}; base-uri 'none'; \
+             form-action 'none'",
+            script_sources.collect::<Vec<_>>().join(" "),
+            self.picture_sources.join(" "),
         )
     }
 }
@@ -91,6 +113,22 @@ pub fn breakable(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The hashes are those of `printf 'alert(1)' | openssl dgst -sha256 -binary | base64`.
+    #[test]
+    fn the_policy_follows_the_charset_and_knows_each_script() {
+        let page = Document {
+            scripts: &["alert(1)", "alert(\"2\")\n"],
+            script_sources: &["'wasm-unsafe-eval'"],
+            picture_sources: &["data:", "blob:"],
+            ..Document::default()
+        };
+        let policy = "<head>\n<meta charset=\"utf-8\"/>\n<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; \
+             script-src 'sha256-bhHHL3z2vDgxUt0W3dWQOrprscmda2Y5pLsLg4GF+pI=' \
+             'sha256-TjayyNBTgBq8L87v5fEvQyf3DY/BrXf2bm/K1ZgFsJ0=' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; \
+             img-src data: blob:; base-uri 'none'; form-action 'none'\"/>\n";
+        assert!(page.html().contains(policy), "{}", page.html());
+    }
 
     #[test]
     fn exponents_of_units_are_raised() {

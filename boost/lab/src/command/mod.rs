@@ -25,8 +25,8 @@ const JOURNAL: &str = "journal.jsonl";
 
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    success; `reproduce`: no claim fails, known differences aside; `study`: all criteria hold
-  1    `reproduce`: a claim fails; `study`: a criterion fails
+  0    success; `reproduce`: no claim fails except known differences; `study`: all criteria are met
+  1    `reproduce`: a claim fails; `study`: a criterion is not met
   2    failure or wrong command line; see standard error
   130  interrupted
 
@@ -50,7 +50,7 @@ enum Command {
     Linearize(WithMaps<Box<run::Linearize>>),
     /// Reproduce the paper's figures and check its claims against the FMUs
     ///
-    /// Exits with 0 if no claim fails, known differences aside, 1 if one fails, and 2 if an experiment cannot be run.
+    /// Exits with 0 if no claim fails except known differences, 1 if one does, and 2 if an experiment cannot be run.
     Reproduce {
         /// Figure numbers [default: all]
         figures: Vec<u32>,
@@ -69,7 +69,7 @@ enum Command {
     Sweep(WithMaps<run::Sweep>),
     /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
-    /// Exits with 0 if all criteria hold, and 1 if one fails.
+    /// Exits with 0 if all criteria are met, and 1 if not.
     Study(study::Arguments),
     /// Identify plant parameters from measured data
     Identify {
@@ -116,7 +116,7 @@ enum Identify {
     Actuator(identify::Arguments),
 }
 
-/// Runs the command. Returns false if a claim of `reproduce` or a criterion of `study` fails.
+/// Runs the command. Returns false if a claim of `reproduce` fails or a criterion of `study` is not met.
 pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),

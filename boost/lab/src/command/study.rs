@@ -51,7 +51,7 @@ pub struct Arguments {
     out: PathBuf,
 }
 
-/// Runs or resumes the study. Returns whether the criteria hold.
+/// Runs or resumes the study. Returns whether all criteria are met.
 pub fn run(arguments: &Arguments) -> Result<bool> {
     let out = &arguments.out;
     let outputs = [CSV, HTML, JSON, JOURNAL].map(|name| out.join(name));

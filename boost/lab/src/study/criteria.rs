@@ -18,11 +18,11 @@ pub const FARTHEST: f64 = 7e3;
 pub const FAST_AT_REST: f64 = 212e3;
 pub const FASTEST_AT_REST: f64 = 214e3;
 
-/// What at most a share of the cases may do.
+/// What only a share of the cases may do.
 struct Bound {
     name: &'static str,
     share: f64,
-    /// Whether a case does; none if the FMUs do not tell.
+    /// Whether a case does; none if the FMUs lack the variable.
     is_beyond: fn(&Measures) -> Option<bool>,
 }
 
@@ -59,24 +59,23 @@ const BOUNDS: [Bound; 6] = [
 #[derive(Clone, Debug, Serialize)]
 pub struct Criterion {
     pub name: &'static str,
-    /// What is required.
-    pub asked: String,
-    /// What was found; none if the FMUs do not provide it.
+    pub required: String,
+    /// None if the FMUs lack the variable.
     pub found: Option<String>,
-    pub holds: bool,
+    pub met: bool,
 }
 
 impl Bound {
     fn judge(&self, cases: &[&Measures]) -> Criterion {
         let known: Vec<_> = cases.iter().filter_map(|measures| (self.is_beyond)(measures)).collect();
         let beyond = known.iter().filter(|is_beyond| **is_beyond).count();
-        let asked =
+        let required =
             if self.share > 0.0 { format!("at most {} %", 100.0 * self.share) } else { "none".to_owned() };
         Criterion {
             name: self.name,
-            asked,
+            required,
             found: (!known.is_empty()).then(|| format!("{beyond} of {}", known.len())),
-            holds: beyond as f64 <= self.share * known.len() as f64,
+            met: beyond as f64 <= self.share * known.len() as f64,
         }
     }
 }
@@ -91,19 +90,15 @@ pub fn judge(cases: &[Option<&Measures>]) -> Vec<Criterion> {
     let mut criteria = vec![
         Criterion {
             name: "cases that ran",
-            asked: "all".to_owned(),
+            required: "all".to_owned(),
             found: Some(format!("{} of {}", run.len(), cases.len())),
-            holds: run.len() == cases.len(),
+            met: run.len() == cases.len(),
         },
         Criterion {
             name: "cases within 2 kPa of the reachable reference",
-            asked: format!("at least {:.0} %", 100.0 * SHARE_NEAR),
-            found: Some(format!(
-                "{:.1} %; the worst deviates by {:.2} kPa",
-                100.0 * share_near,
-                1e-3 * worst
-            )),
-            holds: share_near >= SHARE_NEAR,
+            required: format!("at least {:.0} %", 100.0 * SHARE_NEAR),
+            found: Some(format!("{:.1} %; worst deviation {:.2} kPa", 100.0 * share_near, 1e-3 * worst)),
+            met: share_near >= SHARE_NEAR,
         },
     ];
     criteria.extend(BOUNDS.iter().map(|bound| bound.judge(&run)));
@@ -141,12 +136,12 @@ mod tests {
         }
     }
 
-    /// The indices of the criteria that fail.
+    /// The indices of the criteria that are not met.
     fn broken(cases: &[Option<&Measures>]) -> Vec<usize> {
         judge(cases)
             .iter()
             .enumerate()
-            .filter(|(_, criterion)| !criterion.holds)
+            .filter(|(_, criterion)| !criterion.met)
             .map(|(index, _)| index)
             .collect()
     }

@@ -82,7 +82,7 @@ fn quantiles(ascending: &[f64]) -> [String; QUANTILES.len()] {
 
 impl StudyReport<'_> {
     fn strategy_name(&self, index: usize) -> String {
-        self.study.strategies[index].clone().unwrap_or_else(|| "the controller's default strategy".to_owned())
+        self.study.strategies[index].clone().unwrap_or_else(|| "default strategy".to_owned())
     }
 
     fn measures(&self, strategy: usize) -> Vec<Option<&Measures>> {
@@ -95,7 +95,7 @@ impl StudyReport<'_> {
 
     /// Whether the judged strategy meets all criteria.
     pub fn passes(&self) -> bool {
-        self.criteria(0).iter().all(|criterion| criterion.holds)
+        self.criteria(0).iter().all(|criterion| criterion.met)
     }
 
     /// A strategy's values of a measure, ascending, in the unit of [`DISTRIBUTIONS`].
@@ -113,14 +113,15 @@ impl StudyReport<'_> {
         for strategy in 0..self.study.strategies.len() {
             text += &format!("{}\n", self.strategy_name(strategy));
             for criterion in self.criteria(strategy) {
-                let word = if criterion.holds { "holds" } else { "FAILS" };
+                let word = if criterion.met { "met:" } else { "NOT MET:" };
                 let found = criterion.found.as_deref().unwrap_or("not available");
-                text += &format!("  {word}  {:48} {:14} {found}\n", criterion.name, criterion.asked);
+                text +=
+                    &format!("  {word:8} {}: {found} (required: {})\n", criterion.name, criterion.required);
             }
             for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    text += &format!("         {name} ({unit}): {}\n", quantiles(&values).join(", "));
+                    text += &format!("           {name} ({unit}): {}\n", quantiles(&values).join(", "));
                 }
             }
         }
@@ -179,22 +180,22 @@ impl StudyReport<'_> {
     fn introduction(&self, report: &mut Report) {
         let passes = self.passes();
         let bound = if self.study.rig.saves_states {
-            "The benchmark is a control that knows the plant: it is tried on the plant itself, from its state at each \
-             step and at the start of each ramp, and no control has to do better."
+            "In transients, the benchmark is a control that knows the plant, tried on the plant itself from its state at \
+             each step and at the start of each ramp; no control has to do better."
         } else {
             "The plant cannot save its state, so its fastest possible response is not considered."
         };
         let verdict =
-            if passes { "Passed: all criteria hold." } else { "Failed: a criterion does not hold." };
+            if passes { "Passed: all criteria are met." } else { "Failed: a criterion is not met." };
         report.verdict(verdict, passes);
         report.html(&format!(
             "<p>Plant: {}. The cases are a Latin hypercube (seed {}) of plant parameters between the FMU's values and \
              those of each set, ambient pressure and temperature, supply voltage, measurement noise, and a manoeuvre \
              of engine speed and boost reference; results.csv has every drawn value. A case is judged by its largest \
-             deviation from the <em>reachable</em> reference, limited to what the plant holds at rest with its \
-             wastegates shut or its shaft at 205 krpm, and to no less than it has with all valves open. {bound} \
-             Between two references the pressure may be anywhere between them until 1.5 s after the fastest plant has \
-             arrived.</p>\n",
+             deviation from the <em>reachable</em> reference, the reference clipped to what the plant can hold at rest: \
+             from above with its wastegates shut or its shaft at 205 krpm, from below with all valves open. {bound} \
+             After a reference step, any pressure between the old and the new reference is accepted until 1.5 s after \
+             boost could have reached the new one.</p>\n",
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
         ));
@@ -211,10 +212,10 @@ impl StudyReport<'_> {
         let mut table = Table::new(["", "required"].into_iter().chain(names.iter().map(String::as_str)));
         for (index, criterion) in all[0].iter().enumerate() {
             let found = all.iter().map(|criteria| {
-                let Criterion { found, holds, .. } = &criteria[index];
-                Cell::verdict(found.as_deref().unwrap_or("not available"), *holds)
+                let Criterion { found, met, .. } = &criteria[index];
+                Cell::verdict(found.as_deref().unwrap_or("not available"), *met)
             });
-            table.row([criterion.name.into(), (&criterion.asked).into()].into_iter().chain(found));
+            table.row([criterion.name.into(), (&criterion.required).into()].into_iter().chain(found));
         }
         report.table(&table);
         report.section("Quantiles");

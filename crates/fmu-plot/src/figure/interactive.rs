@@ -26,12 +26,13 @@ const TOP: usize = 28;
 /// Tick labels, and the axis' label.
 const BOTTOM: [usize; 2] = [24, 44];
 
-/// The scripts that draw the figures of a page.
-pub fn script() -> String {
-    // The second script is MathJax, which no figure needs.
+/// The scripts that draw the figures of a page: plotly.js, and our own.
+pub fn scripts() -> [String; 2] {
+    // Elements, of which the second is MathJax, which no figure needs.
     let sources = Plot::offline_js_sources();
-    let library = sources.split_inclusive("</script>").next().unwrap_or_default();
-    format!("{library}\n<script>{OWN_SCRIPT}</script>\n")
+    let (_, library) = sources.split_once('>').unwrap_or_default();
+    let (library, _) = library.split_once("</script>").unwrap_or_default();
+    [library.to_owned(), OWN_SCRIPT.to_owned()]
 }
 
 impl Figure {
