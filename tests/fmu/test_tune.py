@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import signal
-import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -252,34 +249,25 @@ def test_loop_is_tuned_to_another_plant(
         assert max(ahead.up) > 900
 
 
-def test_an_interrupted_tuning_is_resumed(
-    laboratory: Path, lab: Run, exported: Path, tuned: Path, tmp_path: Path
-) -> None:
-    """Killed and started again: the same bytes, and no finished part is repeated."""
-    plant, journal = exported / "BoostPlant.fmu", tmp_path / "journal.jsonl"
-    line = ["tune", "--plant", plant, "--out", tmp_path]
-    process = subprocess.Popen([laboratory, *line], stdout=subprocess.DEVNULL)
+def test_an_interrupted_tuning_is_resumed(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
+    """From the journal of an end within a line: the same bytes, and no finished part is repeated."""
+    line = ["tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path]
+    journal = tmp_path / "journal.jsonl"
     # The settings, 12 sweeps and some points.
-    while not journal.exists() or journal.read_bytes().count(b"\n") < 1 + 12 + 5:
-        assert process.poll() is None, "it ended before it could be interrupted"
-        time.sleep(0.001)
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
-    assert not (tmp_path / "schedule.ssv").exists()
-    interrupted = journal.read_bytes()
-    interrupted = interrupted[: interrupted.rindex(b"\n") + 1]
+    lines = (tuned / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    interrupted = b"".join(lines[: 1 + 12 + 5])
+    journal.write_bytes(interrupted + lines[1 + 12 + 5][:20])
 
     done = lab(*line)
     assert (done.returncode, done.stderr) == (0, "")
     (taken,) = re.findall(
         r"^resuming with 12 sweeps and (\d+) points from the journal", done.stdout, re.MULTILINE
     )
-    assert int(taken) == interrupted.count(b"\n") - 1 - 12
+    assert taken == "5"
     assert (tmp_path / "schedule.ssv").read_bytes() == (tuned / "schedule.ssv").read_bytes()
     whole = journal.read_bytes()
     assert whole.startswith(interrupted)
     assert whole.count(b"\n") == (tuned / "journal.jsonl").read_bytes().count(b"\n")
-    assert whole.count(b"\n") > interrupted.count(b"\n")
 
 
 def test_another_journal_is_refused(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
