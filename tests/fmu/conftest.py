@@ -13,21 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from master import Fmu, Instance, Instance3
+
+from fmu import ROOT, TARGET, Run
+from fmu.master import Fmu, Instance, Instance3, Make
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
-
-ROOT = Path(__file__).resolve().parents[2]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-"""The folder of cargo's builds and the exported FMUs."""
-
-Make = Callable[[], Instance]
-
-
-def csv_lines(path: Path) -> list[str]:
-    """A CSV file's lines without the row of units."""
-    return [line for line in path.read_text().splitlines(keepends=True) if not line.startswith("#")]
 
 
 @pytest.fixture(scope="session")
@@ -45,7 +36,7 @@ def exported() -> Path:
 
 
 @pytest.fixture(scope="session")
-def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
+def boost_fmu() -> Run:
     """Runs the command that exported the FMUs, in a folder."""
     command = TARGET / "debug" / "boost-fmu"
 
@@ -54,9 +45,6 @@ def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
 
     return run
-
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
@@ -162,11 +150,6 @@ def plant(make: Callable[[Fmu], Instance], plant_fmu: Fmu) -> Make:
 def controller(make: Callable[[Fmu], Instance], controller_fmu: Fmu) -> Make:
     """Makes an instance of the controller."""
     return lambda: make(controller_fmu)
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """An exception in a logger written in Python fails the test."""
-    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture(scope="session")

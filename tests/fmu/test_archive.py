@@ -12,7 +12,10 @@ import pytest
 from fmpy import __file__ as fmpy_file
 from fmpy.validation import validate_fmu
 from lxml import etree
-from master import Fmu
+
+from fmu.master import Fmu
+
+pytestmark = pytest.mark.quick
 
 NAMES = ["BoostPlant", "BoostController"]
 
@@ -31,7 +34,7 @@ def test_the_terminals_connect_plant_and_controller(fmus: dict[str, Fmu]) -> Non
     schema = etree.XMLSchema(etree.parse(file))
     members = {}
     for name, fmu in fmus.items():
-        document = etree.parse(Path(fmu.folder) / "terminalsAndIcons" / "terminalsAndIcons.xml")
+        document = etree.parse(fmu.folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
         schema.assertValid(document)
         (terminal,) = document.iter("Terminal")
         assert (terminal.get("name"), terminal.get("matchingRule")) == ("boost", "bus")
@@ -44,7 +47,7 @@ def test_the_terminals_connect_plant_and_controller(fmus: dict[str, Fmu]) -> Non
 
 @pytest.mark.parametrize("name", NAMES)
 def test_library_defines_the_standards_functions_only(fmus: dict[str, Fmu], name: str) -> None:
-    library = Path(fmus[name].folder) / "binaries" / "linux64" / f"{name}.so"
+    library = fmus[name].folder / "binaries" / "linux64" / f"{name}.so"
     command = ["nm", "-D", "--defined-only", str(library)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     header = (Path(fmpy_file).parent / "c-code" / "fmi2Functions.h").read_text()

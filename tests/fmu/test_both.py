@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from ctypes import c_double, c_int, c_uint32
+from ctypes import c_double, c_int
 
 import numpy as np
 import pytest
-from conftest import Make
 from fmpy.fmi1 import FMICallException
-from master import ERROR, Fmu, Instance, Reals
+
+from fmu.master import ERROR, Fmu, Instance, Make, Reals
+
+pytestmark = pytest.mark.quick
 
 STEP = 1 / 80
 
@@ -92,7 +94,7 @@ def test_derivatives(plant: Make, controller: Make) -> None:
     assert simulation[controller].maxOutputDerivativeOrder == 0
 
     def derivative(instance: Instance, output: str) -> float:
-        result, reference = (c_double * 1)(), (c_uint32 * 1)(*instance.references([output]))
+        result, reference = (c_double * 1)(), instance.fmu.references(output)
         slave = instance.slave
         slave.fmi2GetRealOutputDerivatives(slave.component, reference, 1, (c_int * 1)(1), result)
         return result[0]

@@ -1,6 +1,6 @@
 """The interface of plant and controller, on which users rely who replace one of them.
 
-`PYTHONPATH=tests/fmu python tests/fmu/quick/test_interface.py` writes promised.txt after an intended change,
+`PYTHONPATH=tests python -m fmu.test_interface` writes promised.txt after an intended change,
 such as a new variable.
 """
 
@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 from fmpy.model_description import ScalarVariable
-from master import Fmu
+
+from fmu.master import Fmu
+
+pytestmark = pytest.mark.quick
 
 PROMISED = Path(__file__).with_name("promised.txt")
 

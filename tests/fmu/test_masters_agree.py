@@ -7,11 +7,15 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
-from c_loop import FLAGS, SOURCE, run_loop
-from conftest import TARGET, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+import pytest
 from fmpy import platform
-from master import Fmu
+
+from fmu import TARGET
+from fmu.c_loop import FLAGS, SOURCE, run_loop
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+from fmu.master import Fmu, Make
+
+pytestmark = pytest.mark.quick
 
 
 def test_every_number_is_the_models(

@@ -20,8 +20,10 @@ from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssv
 from fmpy.validation import validate_fmu
 
-REPOSITORY = Path(__file__).parents[3]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
+from fmu import ROOT, TARGET
+
+pytestmark = pytest.mark.release
+
 # Where cargo finds `cargo fmu`, and the shell `fmpy`.
 PROGRAMS = [TARGET / "debug", Path(sys.executable).parent]
 
@@ -289,7 +291,7 @@ def make_workspace(folder, templates):
 
 def test_the_templates_are_formatted(folder):
     """As rustfmt does by default; `tests/run rest` lints, tests and exports them."""
-    sources = (REPOSITORY / "crates/cargo-fmu/templates").iterdir()
+    sources = (ROOT / "crates/cargo-fmu/templates").iterdir()
     templates = [source.name for source in sources if source.is_dir()]
     assert len(templates) >= 10
     make_workspace(folder / "templates", {template.replace("_", "-"): template for template in templates})
@@ -353,8 +355,8 @@ def is_of_registry(dependency):
 
 
 def test_the_registry_accepts_the_packages():
-    packages = [package for package in metadata(REPOSITORY) if package["publish"] is None]
-    (exporter,) = re.findall(r"^exporter=\(([^)]*)\)$", (REPOSITORY / "tests/run").read_text(), re.MULTILINE)
+    packages = [package for package in metadata(ROOT) if package["publish"] is None]
+    (exporter,) = re.findall(r"^exporter=\(([^)]*)\)$", (ROOT / "tests/run").read_text(), re.MULTILINE)
     assert sorted(package["name"] for package in packages) == sorted(exporter.split())
     assert {package["name"]: refused(package) for package in packages if refused(package)} == {}
 
@@ -399,7 +401,7 @@ def test_what_the_registry_refuses_is_found(folder):
 
 
 def test_all_pages_install_the_command_alike():
-    pages = [*REPOSITORY.glob("*.md"), *REPOSITORY.glob("docs/*.md"), *REPOSITORY.glob("crates/*/README.md")]
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("crates/*/README.md")]
     lines = {
         line.partition("#")[0].strip()
         for page in pages

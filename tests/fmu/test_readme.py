@@ -9,12 +9,12 @@ import sys
 import tomllib
 from pathlib import Path
 
-import documents
 import pytest
-from conftest import ROOT
-from documents import run
 from fmpy.util import read_csv
-from master import Fmu
+
+from fmu import ROOT, documents
+from fmu.documents import run
+from fmu.master import Fmu
 
 README = (ROOT / "README.md").read_text()
 MASTERS = (ROOT / "docs" / "masters.md").read_text()
@@ -69,6 +69,7 @@ def test_walk_knows_every_line() -> None:
     assert sum(line.startswith("not run") for line in walked) == 6
 
 
+@pytest.mark.release
 def test_export(clone: Path, exported: Path) -> None:
     """The line with another folder, since other tests read this one.
 

@@ -9,12 +9,15 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from conftest import TARGET, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, SAMPLE_TIME, couple, staircase
 from fmpy import extract, read_model_description
 from fmpy.fmi3 import FMU3ScheduledExecution
 from fmpy.model_description import ModelDescription
-from master import Fmu, Instance, Reals, Record
+
+from fmu import TARGET
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, SAMPLE_TIME, couple, staircase
+from fmu.master import Fmu, Instance, Make, Reals, Record
+
+pytestmark = pytest.mark.quick
 
 REFERENCE = staircase(*BOOST_STEPS)
 

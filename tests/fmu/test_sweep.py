@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
-from broken import copy_with
-from conftest import ROOT, Run, csv_lines
 from dask.distributed import Client, LocalCluster, Worker, WorkerPlugin
+
+from fmu import ROOT, Run, csv_lines
+from fmu.broken import copy_with
 
 SCENARIO = """
 step = 0.0125

@@ -8,14 +8,15 @@ import shutil
 from pathlib import Path
 
 import pytest
-from broken import copy_with
-from conftest import ROOT, Make, Run
 from dcmReader.dcm_reader import DcmReader
-from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmpy.ssp.ssd import ns, read_ssv, validate_tree
 from lxml import etree
-from master import Fmu, Value
-from report import Report
+
+from fmu import ROOT, Run
+from fmu.broken import copy_with
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
+from fmu.master import Fmu, Make, Value
+from fmu.report import Report
 
 FITTED_DUTY = (29.0, 72.0)
 """The range of feedforward (%) in which the controller's maps were identified."""

@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
-from importer import Fmu, Instance, Library
 
-ROOT = Path(__file__).resolve().parents[4]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+from fmu import TARGET
+from fmu.exporter.importer import Instance, Library
+from fmu.master import Fmu
 
 
 @pytest.fixture(scope="session")
@@ -54,9 +52,3 @@ def make(fmu: Fmu, library: Library, capfd: pytest.CaptureFixture[str]) -> Itera
     for instance in made:
         instance.free()
     assert capfd.readouterr() == ("", "")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """An exception in a logger written in Python fails the test."""
-    config.addinivalue_line("markers", "native: what compiled sources do differently, and why")
-    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from ctypes import (
     CDLL,
     CFUNCTYPE,
@@ -35,6 +35,8 @@ from fmpy.fmi2 import fmi2CoSimulation
 from fmpy.fmi2 import fmi2EventInfo as EventInfo
 from fmpy.fmi3 import fmi3LogMessageCallback as LOGGER
 from fmpy.model_description import ScalarVariable
+
+from fmu.master import Fmu
 
 STEP = 0.125
 """Exact in binary, so that the model's level is computed without rounding."""
@@ -143,31 +145,6 @@ class Library:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.handle, name)
-
-
-class Fmu:
-    """An extracted FMU."""
-
-    def __init__(self, path: Path, folder: Path) -> None:
-        self.path = path
-        self.description = fmpy.read_model_description(path)
-        self.guid = self.description.guid
-        self.folder = Path(fmpy.extract(path, folder))
-        of = self.description
-        interface = of.coSimulation or of.modelExchange or of.scheduledExecution
-        platform = fmpy.platform if of.fmiVersion == "2.0" else fmpy.platform_tuple
-        self.library = (
-            self.folder / "binaries" / platform / (interface.modelIdentifier + fmpy.sharedLibraryExtension)
-        )
-        self.variables: dict[str, ScalarVariable] = {v.name: v for v in of.modelVariables}
-
-    def references(self, *names: str) -> Any:
-        """The value references of variables, as an array."""
-        return array(c_uint32, *(self.variables[name].valueReference for name in names))
-
-    def named(self, condition: Callable[[ScalarVariable], bool]) -> list[str]:
-        """The names of the variables that a condition holds for."""
-        return [name for name, variable in self.variables.items() if condition(variable)]
 
 
 def array(of: Any, *values: Any) -> Any:
@@ -400,7 +377,7 @@ class Instance(AnyInstance):
 
     def outputs(self) -> list[Any]:
         """The values of all outputs."""
-        return [self.get(name) for name in self.fmu.named(lambda v: v.causality == "output")]
+        return [self.get(name) for name in self.fmu.named("output")]
 
     def set_derivative(self, name: str, order: int, value: float) -> Status:
         """`fmi2SetRealInputDerivatives` of one input."""

@@ -11,7 +11,11 @@ from ctypes import byref, c_int
 from typing import Any
 
 import pytest
-from importer import STEP, Fmu, Instance, Status, integers, numbers_in, reals, strings
+
+from fmu.exporter.importer import STEP, Instance, Status, integers, numbers_in, reals, strings
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 
@@ -172,8 +176,7 @@ def test_the_model_has_one_of_everything(fmu: Fmu) -> None:
     """So that tests of all variables test each kind."""
     types = {"Real", "Integer", "Boolean", "String", "Enumeration"}
     for causality in ("input", "output", "parameter"):
-        names = fmu.named(lambda v, causality=causality: v.causality == causality)
-        assert {fmu.variables[name].type for name in names} == types, causality
+        assert {fmu.variables[name].type for name in fmu.named(causality)} == types, causality
     assert {(v.causality, v.variability) for v in fmu.variables.values()} == {
         ("independent", "continuous"),
         ("parameter", "fixed"),

@@ -19,7 +19,8 @@ from typing import Any
 
 import pytest
 from fmpy.fmi3 import fmi3ClockUpdateCallback, fmi3LockPreemptionCallback, fmi3UnlockPreemptionCallback
-from importer import (
+
+from fmu.exporter.importer import (
     CO_SIMULATION,
     EVENT_MODE,
     MODEL_EXCHANGE,
@@ -28,7 +29,9 @@ from importer import (
     Status,
     array,
 )
-from test_fmi3 import CLOCKED, CLOCKED_SCHEDULED, libraries, make
+from fmu.exporter.test_fmi3 import CLOCKED, CLOCKED_SCHEDULED, libraries, make
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 __all__ = ["libraries", "make"]
 

@@ -7,7 +7,10 @@ from collections.abc import Callable
 
 import pytest
 from fmpy.model_description import ScalarVariable
-from importer import STEP, Instance, Status, integers, reals
+
+from fmu.exporter.importer import STEP, Instance, Status, integers, reals
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 
@@ -30,7 +33,7 @@ def unknowns(instance: Instance, initializing: bool = False) -> list[str]:
     def is_unknown(v: ScalarVariable) -> bool:
         return v.type == "Real" and (v.causality == "output" or (not initializing and "der(" in v.name))
 
-    return instance.fmu.named(is_unknown)
+    return [name for name, variable in instance.fmu.variables.items() if is_unknown(variable)]
 
 
 def in_motion(make: Make) -> Instance:

@@ -11,7 +11,6 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from conftest import TARGET
 from fmpy.fmi3 import (
     fmi3IntermediateUpdateCallback,
     fmi3LockPreemptionCallback,
@@ -19,7 +18,9 @@ from fmpy.fmi3 import (
 )
 from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
-from importer import (
+
+from fmu import TARGET
+from fmu.exporter.importer import (
     CO_SIMULATION,
     DECLARED,
     EVENT_MODE,
@@ -30,6 +31,8 @@ from importer import (
     Library,
     Status,
 )
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 KINDS = ["Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"]
 KINDS += ["Boolean", "String", "Binary"]

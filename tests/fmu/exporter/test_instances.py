@@ -14,19 +14,22 @@ from math import nan
 
 import pytest
 from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
-from importer import (
+
+from fmu.exporter.importer import (
     COMMON,
     DECLARED,
     OF_CO_SIMULATION,
     OF_MODEL_EXCHANGE,
     STEP,
     CallbackFunctions,
-    Fmu,
     Instance,
     Library,
     Status,
     strings,
 )
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 LONG = 65536
 

@@ -7,7 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from importer import Fmu
+
+from fmu import ROOT
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 BEGIN = """
 import resource
@@ -15,11 +19,11 @@ import sys
 from ctypes import byref, c_void_p
 from pathlib import Path
 
-sys.path.insert(0, sys.argv[1])
 from fmpy.fmi2 import fmi2CoSimulation
-from importer import Fmu, Instance, Library, Status
+from fmu.exporter.importer import Instance, Library, Status
+from fmu.master import Fmu
 
-fmu = Fmu(Path(sys.argv[2]), Path(sys.argv[3]))
+fmu = Fmu(Path(sys.argv[1]), Path(sys.argv[2]))
 instance = Instance(fmu, Library(fmu.library))
 
 
@@ -58,7 +62,8 @@ print("goes on")
 @pytest.mark.parametrize("use_up", [TEXT, INSTANCES], ids=["text", "instances"])
 def test_no_memory_is_an_error(fmu: Fmu, tmp_path: Path, use_up: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", BEGIN + use_up + END, Path(__file__).parent, fmu.path, tmp_path],
+        [sys.executable, "-c", BEGIN + use_up + END, fmu.path, tmp_path],
+        cwd=ROOT / "tests",
         capture_output=True,
         text=True,
         check=False,

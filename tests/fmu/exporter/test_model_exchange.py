@@ -10,8 +10,12 @@ from typing import Any
 
 import pytest
 from fmpy.fmi2 import fmi2ModelExchange
-from importer import STEP, EventInfo, Fmu, Instance, Status, reals
-from test_panics import NOT_FINITE
+
+from fmu.exporter.importer import STEP, EventInfo, Instance, Status, reals
+from fmu.exporter.test_panics import NOT_FINITE
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 

@@ -13,11 +13,16 @@ from ctypes import byref, c_double, c_size_t, c_void_p
 from pathlib import Path
 
 import pytest
-from importer import STEP, Fmu, Instance, Library, Status
+
+from fmu import ROOT
+from fmu.exporter.importer import STEP, Instance, Library, Status
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 
-SOURCE = Path(__file__).parents[1] / "test-model" / "src" / "lib.rs"
+SOURCE = ROOT / "crates" / "fmu-export" / "tests" / "test-model" / "src" / "lib.rs"
 
 NOT_FINITE = {"not_a_number": "NaN", "infinity": "inf"}
 
@@ -51,14 +56,14 @@ def survives(fmu: Fmu, folder: Path, *statements: str) -> None:
     """Runs statements on an `instance` in another process, which may abort: a panic during unwinding is not
     caught."""
     code = [
-        "import sys, pathlib, test_panics as t",
+        "import sys, pathlib, fmu.exporter.test_panics as t",
         "path = pathlib.Path(sys.argv[1])",
         "fmu = t.Fmu(path, pathlib.Path(sys.argv[2]))",
         "instance = t.Instance(fmu, t.Library(fmu.library))",
         *statements,
     ]
     command = [sys.executable, "-c", "\n".join(code), str(fmu.path), str(folder)]
-    child = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, check=False)
+    child = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, check=False)
     assert (child.returncode, child.stdout, child.stderr) == (0, b"", b"")
 
 

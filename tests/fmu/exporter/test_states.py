@@ -14,7 +14,13 @@ from collections.abc import Callable
 from ctypes import byref, c_void_p
 from pathlib import Path
 
-from importer import STEP, Fmu, Instance, Library, Status, buffer
+import pytest
+
+from fmu import ROOT
+from fmu.exporter.importer import STEP, Instance, Library, Status, buffer
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 
@@ -51,8 +57,8 @@ def refusal(instance: Instance, data: bytes) -> str:
 def test_another_process_goes_on_identically(make: Make, fmu: Fmu, tmp_path: Path) -> None:
     first = prepare(make())
     (tmp_path / "state").write_bytes(first.snapshot())
-    command = [sys.executable, __file__, fmu.path, tmp_path]
-    done = subprocess.run(command, check=True, timeout=60, capture_output=True, text=True)
+    command = [sys.executable, "-m", "fmu.exporter.test_states", fmu.path, tmp_path]
+    done = subprocess.run(command, cwd=ROOT / "tests", check=True, timeout=60, capture_output=True, text=True)
     assert done.stdout.strip() == repr(drive(first, 20, 50))
 
 

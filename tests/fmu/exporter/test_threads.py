@@ -16,7 +16,11 @@ from math import nan
 from pathlib import Path
 
 import pytest
-from importer import STEP, Fmu, Instance, Library, Status, buffer
+
+from fmu.exporter.importer import STEP, Instance, Library, Status, buffer
+from fmu.master import Fmu
+
+pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 THREADS = 8
 STEPS = 120

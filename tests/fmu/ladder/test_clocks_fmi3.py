@@ -11,7 +11,6 @@ from zipfile import ZipFile
 
 import fmpy
 import pytest
-from conftest import FMUS
 from fmpy.fmi3 import (
     FMU3Model,
     FMU3ScheduledExecution,
@@ -23,6 +22,8 @@ from fmpy.fmi3 import (
     printLogMessage,
 )
 from fmpy.validation import validate_fmu
+
+from fmu.ladder import FMUS
 
 REFERENCE = Path(__file__).parent / "reference"
 FOLDER = FMUS.parents[1] / "ladder-fmi3"

@@ -12,10 +12,11 @@ from zipfile import ZipFile
 import fmpy
 import numpy as np
 import pytest
-from conftest import FMUS, exported
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
+
+from fmu.ladder import FMUS, exported
 
 REFERENCE = Path(__file__).parent / "reference"
 FMI3 = FMUS.parents[1] / "ladder-fmi3" / "fmu" / "fmi3"
@@ -264,6 +265,7 @@ def test_the_rod_is_at_most_forty_lines_of_rust() -> None:
     assert len(source.read_text().splitlines()) <= 40
 
 
+@pytest.mark.compiled
 def test_cells_read_their_neighbors(make: Callable[..., FMU3Slave]) -> None:
     by_name, fmu = references("Diffusion"), make("Diffusion", FMU3Model)
     assert list(by_name) == ["time", "n", "length", "diffusivity", "left", "right", "T", "der(T)"]
@@ -299,6 +301,7 @@ def dependencies(fmu: FMU3Slave, dependent: int) -> list[tuple[int, int, int]]:
     return list(zip(elements, independents, of_independents, strict=True))
 
 
+@pytest.mark.compiled
 def test_each_cell_depends_on_its_neighbors_alone(make: Callable[..., FMU3Slave]) -> None:
     by_name, fmu = references("Diffusion"), make("Diffusion", FMU3Slave)
     others = [(by_name[name], 1) for name in ("length", "diffusivity", "left", "right")]

@@ -1,5 +1,5 @@
-"""The ladder's FMUs in FMPy, and in the importer of the exporter's tests: against closed forms, against
-solutions that SciPy computes without them, and against the results of Reference-FMUs (reference/)."""
+"""The ladder's FMUs in FMPy, and called directly: against closed forms, against solutions that SciPy computes
+without them, and against the results of Reference-FMUs (reference/)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import FMUS
-from exchange import DOP853, Radau
 from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
 from fmpy.validation import validate_fmu
-from importer import Status
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+
+from fmu.exporter.importer import Status
+from fmu.ladder import FMUS
+
+pytestmark = pytest.mark.quick
 
 REFERENCE = Path(__file__).parent / "reference"
 LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
@@ -123,18 +125,6 @@ def test_decay_is_exponential(fmu, interface, k):
     assert np.abs(result["x"] - np.exp(-k * result["time"])).max() < DECAY_TOLERANCE
 
 
-@pytest.mark.parametrize("method", [Radau, DOP853])
-def test_decay_is_exponential_in_another_importer(instance, method):
-    fmu, times, found = instance("Dahlquist", fmi2ModelExchange), np.arange(101) * 0.1, []
-    assert fmu.exchange(times, lambda _: found.append(fmu.get("x")), method, TOLERANCE) == times[-1]
-    assert np.abs(found - np.exp(-times)).max() < max(100, fmu.steps) * TOLERANCE
-    fmu, found = instance("Dahlquist", fmi2CoSimulation, tolerance=TOLERANCE), [1.0]
-    for time in times[:-1]:
-        assert fmu.step(time, 0.1) == Status.OK
-        found.append(fmu.get("x"))
-    assert np.abs(found - np.exp(-times)).max() < DECAY_TOLERANCE
-
-
 def test_euler_gives_the_reference_results_of_dahlquist(fmu):
     result = simulate(fmu("Dahlquist"), "Euler", stop_time=10, output_interval=0.1)
     theirs = reference("Dahlquist")
@@ -185,19 +175,6 @@ def test_van_der_pol_follows_the_solution(fmu, interface):
     # An error of the tolerance in each of the 2000 intervals, relative to 1 and a state of up to 2.7
     # together.
     assert off([result["x0"], result["x1"]]) < 2000 * 3.7 * TOLERANCE * stretch()
-
-
-@pytest.mark.parametrize("method", [Radau, DOP853])
-def test_van_der_pol_follows_the_solution_in_another_importer(instance, method):
-    fmu, found = instance("VanDerPol", fmi2ModelExchange), []
-    fmu.exchange(TIMES, lambda _: found.append([fmu.get("x0"), fmu.get("x1")]), method, TOLERANCE)
-    # SciPy's tolerance is in each step one of 1 and a state of up to 2.7 together.
-    assert off(np.transpose(found)) < fmu.steps * 3.7 * TOLERANCE * stretch()
-    fmu, found = instance("VanDerPol", fmi2CoSimulation, tolerance=TOLERANCE), [[2.0, 0.0]]
-    for time in TIMES[:-1]:
-        assert fmu.step(time, 0.01) == Status.OK
-        found.append([fmu.get("x0"), fmu.get("x1")])
-    assert off(np.transpose(found)) < 2000 * 3.7 * TOLERANCE * stretch()
 
 
 def test_euler_gives_the_reference_results_of_van_der_pol(fmu):
@@ -261,28 +238,6 @@ def test_the_ball_bounces_at_the_right_times_under_cvode(fmu, e):
     # An error of the time is one of the velocity, which is off by the tolerance relative to 1 and 4.4 m/s
     # together.
     assert np.abs(result["v"][before + 1] - ball.after).max() < GRAVITY * off.max() + 5.4 * TOLERANCE
-
-
-@pytest.mark.parametrize("method", [Radau, DOP853])
-@pytest.mark.parametrize("e", [0.7, 0.5])
-def test_the_ball_bounces_at_the_right_times_in_another_importer(instance, method, e):
-    ball, fmu, bounces = Ball(e), instance("BouncingBall", fmi2ModelExchange, start_values={"e": e}), []
-    fmu.exchange(
-        [0.0, 3.0],
-        lambda _: None,
-        method,
-        TOLERANCE,
-        at_event=lambda time: bounces.append((time, fmu.get("h"), fmu.get("v"))),
-    )
-    # The first event is that at the start. Both methods are exact for parabolas: what remains is the
-    # hysteresis, and the rounding of the states, of up to 1 m.
-    times, heights, velocities = np.transpose(bounces[1:])
-    assert len(times) == len(ball.times)
-    off = np.abs(times - ball.times).max()
-    assert off < lateness(ball, e, HYSTERESIS + 4 * EPSILON)
-    assert (heights == 0.0).all()
-    assert np.abs(velocities - ball.after).max() < GRAVITY * off
-    assert (fmu.get("h"), fmu.get("v")) == (0.0, 0.0)
 
 
 def test_the_ball_follows_its_parabolas_in_co_simulation(fmu, instance):
@@ -396,16 +351,17 @@ def test_the_stair_ends_model_exchange(fmu, interface):
 @pytest.mark.parametrize(
     ("start_time", "counter", "end"), [(0.0, 1, 9.0), (-0.5, 4, 5.0), (1e6, 9, 1000001.0)]
 )
-def test_the_stair_has_its_events_at_whole_seconds(instance, start_time, counter, end):
-    stair = instance("Stair", fmi2ModelExchange, start_time=start_time, start_values={"counter": counter})
-    events, times = [], start_time + np.arange(51) * 0.2
-    reached = stair.exchange(
-        times, lambda _: None, at_event=lambda time: events.append((time, stair.get("counter")))
-    )
-    assert reached == end
+def test_the_stair_has_its_events_at_whole_seconds(exchange, start_time, counter, end):
+    stair = exchange("Stair", {"counter": counter}, start_time)
+    events = [(start_time, stair.get("counter"))]
+    while not stair.terminates:
+        stair.advance(stair.next_event)
+        stair.event()
+        events.append((stair.time, stair.get("counter")))
     first = math.floor(start_time) + 1
     later = [(first + number, counter + 1 + number) for number in range(10 - counter)]
     assert events == [(start_time, counter), *later]
+    assert later[-1][0] == end
 
 
 def test_the_counter_starts_where_the_importer_says(instance):
@@ -506,6 +462,7 @@ def test_a_step_to_no_time(instance):
 # Resource
 
 
+@pytest.mark.compiled
 @ALL
 def test_the_number_is_read_from_the_file(fmu, interface, tmp_path):
     result = simulate(fmu("Resource"), interface, output_interval=1)
@@ -524,6 +481,7 @@ def test_the_number_is_read_from_the_file(fmu, interface, tmp_path):
         simulate(missing, interface)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("kind", [fmi2CoSimulation, fmi2ModelExchange])
 def test_a_file_that_cannot_be_read_is_named(instance, tmp_path, kind):
     unread = r"the resource y\.txt cannot be read: "
@@ -574,17 +532,20 @@ def test_a_file_of_another_size_is_refused(fmu2, tmp_path):
 
 
 @pytest.mark.parametrize("grid", [0.1, 0.07, 1.0])
-def test_samples_are_at_their_times_exactly(instance, grid):
+def test_samples_are_at_their_times_exactly(exchange, grid):
+    """Whatever times an importer stops at between them."""
     period, start = 0.0125, 0.3
-    times, events = start + np.arange(math.floor(2 / grid) + 1) * grid, []
-    start_values = {"sample_time": period}
-    controller = instance("PiController", fmi2ModelExchange, start_time=start, start_values=start_values)
-    controller.exchange(
-        times, lambda _: None, at_event=lambda time: events.append((time, controller.get("command")))
-    )
+    controller = exchange("PiController", {"sample_time": period}, start)
+    events = [(start, controller.get("command"))]
+    for end in start + np.arange(1, math.floor(2 / grid) + 1) * grid:
+        while controller.next_event <= end:
+            controller.advance(controller.next_event)
+            controller.event()
+            events.append((controller.time, controller.get("command")))
+        controller.advance(end)
     expected = [start + number * period for number in range(len(events))]
     assert [time for time, _ in events] == expected
-    assert expected[-1] + period > times[-1]
+    assert expected[-1] + period > end
     commands = [0.5 + 0.5 * period * number for number in range(len(events))]
     assert [command for _, command in events] == pytest.approx(commands, rel=1e-12)
 

@@ -11,11 +11,12 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from conftest import FMUS
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
-from test_fmi3 import FMI3
-from test_simulate import COMMAND, run
+
+from fmu.ladder import FMUS
+from fmu.ladder.test_fmi3 import FMI3
+from fmu.ladder.test_simulate import COMMAND, run
 
 A = [[-1.0, 4.0, 0.0], [-4.0, -0.5, 0.25], [0.0, 0.0, -20.0]]
 B = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.5, 3.0]]

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import FMUS, ROOT
 from fmpy import read_model_description, simulate_fmu
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
-from test_clocks_fmi3 import FOLDER as FMUS_OF_FMI3
-from test_clocks_fmi3 import PATHS as CLOCKS
-from test_clocks_fmi3 import theirs
+
+from fmu import ROOT
+from fmu.ladder import FMUS
+from fmu.ladder.test_clocks_fmi3 import FOLDER as FMUS_OF_FMI3
+from fmu.ladder.test_clocks_fmi3 import PATHS as CLOCKS
+from fmu.ladder.test_clocks_fmi3 import theirs
 
 COMMAND = FMUS.parents[1] / "debug" / "cargo-fmu"
 TEMPLATES = ["Dahlquist", "VanDerPol", "BouncingBall", "StickSlip", "PiController"]

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Run
 from playwright.sync_api import Browser, Page
-from visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, REPORTS, Visit
+
+from fmu import ROOT, Run
+from fmu.pages.visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, REPORTS, Visit
 
 SWEEP = """
 scenario = "{scenario}"

@@ -8,10 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT, TARGET, Run
-from picture import take
 from playwright.sync_api import Browser, Page
-from report import Report
+
+from fmu import ROOT, TARGET, Run
+from fmu.pages.picture import take
+from fmu.report import Report
+
+pytestmark = pytest.mark.browser
 
 SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
 

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
-from visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
 
-pytest_plugins = ["opening"]
+from fmu.pages.visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
+
+pytestmark = pytest.mark.browser
+
+pytest_plugins = ["fmu.pages.opening"]
 
 WIDTHS = [360, 390, 1100, 1366, 1536, 1920, 2560]
 """Of telephones and screens, in CSS pixels."""

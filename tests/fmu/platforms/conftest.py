@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-import struct
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,21 +12,10 @@ from typing import NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).absolute()
-# The tests of the exported FMUs, and of the exporter.
-sys.path += [str(ROOT / "tests" / "fmu"), str(ROOT / "crates" / "fmu-export" / "tests" / "fmu")]
-
-from c_loop import FLAGS, SOURCE  # noqa: E402
-from master import Fmu  # noqa: E402
-
-NAMES = ["BoostController", "BoostPlant"]
-
-BUILT = [
-    ("BoostPlant", 2),
-    *(("BoostController", int(version)) for version in os.environ.get("FMI_VERSIONS", "2").split(",")),
-]
-"""The FMUs for all platforms that `tests/platforms/run` builds, and their version of FMI."""
+from fmu import TARGET
+from fmu.c_loop import FLAGS, SOURCE
+from fmu.master import Fmu
+from fmu.platforms import NAMES
 
 WINE = {"wine64": "/usr/lib/wine/wine64", "wineserver": "/usr/lib/wine/wineserver64"}
 """Debian's folder for them, which is not in the PATH."""
@@ -40,11 +27,6 @@ def exported() -> Path:
     folder = TARGET / "platforms"
     assert folder.is_dir(), "build first: bash release/build"
     return folder
-
-
-def file_of(exported: Path, name: str, version: int) -> Path:
-    """Where `release/build` writes an FMU."""
-    return (exported if version == 2 else exported / "fmi3") / f"{name}.fmu"
 
 
 @pytest.fixture(scope="session")
@@ -84,15 +66,6 @@ def wine(folder: Path) -> Iterator[Path]:
     # Ends remaining processes, if any, and waits for them.
     subprocess.run([programs / "wineserver", "--kill"], check=False)
     subprocess.run([programs / "wineserver", "--wait"], check=True)
-
-
-def thin(universal: bytes) -> list[bytes]:
-    """The libraries in a universal one of macOS: its header has processor, kind, place, size and alignment of
-    each."""
-    magic, count = struct.unpack_from(">II", universal)
-    assert magic == 0xCAFEBABE
-    entries = [struct.unpack_from(">5I", universal, 8 + 20 * index) for index in range(count)]
-    return [universal[offset : offset + size] for _, _, offset, size, _ in entries]
 
 
 class Runner(NamedTuple):

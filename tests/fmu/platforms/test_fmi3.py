@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from conftest import file_of
+import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
+
+from fmu.platforms import file_of
+
+pytestmark = pytest.mark.platforms
 
 
 def test_it_is_valid_and_gives_the_outputs_of_fmi_2(exported: Path) -> None:

@@ -10,8 +10,11 @@ from pathlib import Path
 
 import lief
 import pytest
-from conftest import BUILT, file_of, thin
-from importer import COMMON, DECLARED, OF_CO_SIMULATION
+
+from fmu.exporter.importer import COMMON, DECLARED, OF_CO_SIMULATION
+from fmu.platforms import BUILT, file_of, thin
+
+pytestmark = pytest.mark.platforms
 
 FUNCTIONS = {2: COMMON + OF_CO_SIMULATION, 3: [*DECLARED[3]]}
 """Those of an FMU for co-simulation alone, which are all in FMI 3.0."""

@@ -6,10 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from c_loop import run_loop
-from conftest import NAMES
-from experiments import BOOST_STEPS, ON_TOLERANCE
-from master import Fmu
+
+from fmu.c_loop import run_loop
+from fmu.experiments import BOOST_STEPS, ON_TOLERANCE
+from fmu.master import Fmu
+from fmu.platforms import NAMES
+
+pytestmark = pytest.mark.platforms
 
 
 @pytest.fixture(scope="session")

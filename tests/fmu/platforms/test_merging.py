@@ -7,7 +7,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import NAMES, ROOT, TARGET, thin
+
+from fmu import ROOT, TARGET
+from fmu.platforms import NAMES, thin
+
+pytestmark = pytest.mark.platforms
 
 COMMAND = TARGET / "release" / "boost-fmu"
 

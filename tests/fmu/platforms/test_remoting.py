@@ -11,10 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import NAMES
-from experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
 from fmpy.util import add_remoting
-from master import Fmu, Instance, Record
+
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+from fmu.master import Fmu, Instance, Record
+from fmu.platforms import NAMES
+
+pytestmark = pytest.mark.platforms
 
 
 def run(fmus: dict[str, Fmu]) -> Record:
@@ -48,7 +51,7 @@ def test_fmpy_gets_the_same_numbers_from_windows(
     monkeypatch.setenv("PATH", f"{wine}:{os.environ['PATH']}")
     fmu = Fmu(exported / f"{remote}.fmu", folder / f"{remote}-remote")
     # FMPy uses the server only without a library for the host.
-    shutil.rmtree(Path(fmu.folder) / "binaries" / "linux64")
+    shutil.rmtree(fmu.folder / "binaries" / "linux64")
     add_remoting(fmu.folder, "linux64", "win64")
     expected = run_apart(fmus)
     record = run_apart({**fmus, remote: fmu})

@@ -8,10 +8,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import TARGET
 from fmpy import read_model_description
 
-PROGRAM = Path(__file__).with_name("sources.c")
+from fmu import ROOT, TARGET
+
+PROGRAM = ROOT / "tests" / "platforms" / "sources.c"
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
 
@@ -37,6 +38,13 @@ COMPILERS = {
     # A compiler of C99 without extensions.
     "tcc": ["tcc", *STRICT, "-DACQUIRE=", "-DRELEASE="],
 }
+
+HERE = ["gcc -O0, little memory", "tcc"]
+"""What the second tier takes of them: it needs no other processor, and no further compiler."""
+
+EACH = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in HERE else pytest.mark.platforms) for name in COMPILERS]
+)
 
 EMULATORS = {
     "gcc, riscv64": ["qemu-riscv64"],
@@ -84,7 +92,7 @@ def native(fmu: Path, folder: Path) -> list[str]:
     return lines
 
 
-@pytest.mark.parametrize("name", COMPILERS)
+@EACH
 def test_sources(
     fmu: Path, folder: Path, native: list[str], request: pytest.FixtureRequest, name: str
 ) -> None:
@@ -96,7 +104,7 @@ def test_sources(
     assert numbers(fmu, to, COMPILERS[name], emulator, sorted((fmu / "sources").glob("*.c"))) == native
 
 
-@pytest.mark.parametrize("name", COMPILERS)
+@EACH
 def test_the_functions_of_fmi_3(tmp_path: Path, name: str) -> None:
     """They compile, too; what is beneath is the same."""
     path = TARGET / "test-model" / "cs,me" / "fmi3" / "TestModel.fmu"
@@ -106,6 +114,7 @@ def test_the_functions_of_fmi_3(tmp_path: Path, name: str) -> None:
     subprocess.run([*COMPILERS[name], "-c", source, "-o", tmp_path / "fmi3.o"], check=True)
 
 
+@pytest.mark.platforms
 @pytest.mark.parametrize("compiler", [["i686-linux-gnu-gcc"], ["i386-tcc", "-I/usr/i686-linux-gnu/include"]])
 def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path, compiler: list[str]) -> None:
     command = [*compiler, "-std=c99", "-c", fmu / "sources" / "model.c", "-o", tmp_path / "model.o"]
@@ -114,6 +123,7 @@ def test_the_x87_unit_is_refused(fmu: Path, tmp_path: Path, compiler: list[str])
     assert "compile with -msse2 -mfpmath=sse" in done.stderr
 
 
+@pytest.mark.platforms
 def test_processors_with_numbers_of_16_bits_are_not_refused(fmu: Path, tmp_path: Path) -> None:
     """For them, gcc has another `FLT_EVAL_METHOD`."""
     source = fmu / "sources" / "model.c"

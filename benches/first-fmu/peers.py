@@ -1,8 +1,9 @@
-"""Calls of FMI 3.0 that break the rules, with this exporter and others.
+"""Prints how FMUs for co-simulation of FMI 3.0 respond to calls that break the rules: the exporter's test
+model, one of PythonFMU3, and those that are named. Each case runs in another process, since some crash.
 
-Each case runs in another process, since some crash. The output has the table. The other exporter is
-PythonFMU3; its column is an observation, not a requirement. `python test_peers_fmi3.py A.fmu B.fmu` prints
-the table of other FMUs.
+    PYTHONPATH=tests target/venv/bin/python benches/first-fmu/peers.py FMU...
+
+That the exporter responds as it should is tested in crates/fmu-export/tests/importer.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from functools import cached_property
 from pathlib import Path
 
 import fmpy
-from importer import CO_SIMULATION, DECLARED, LOGGER, Instance3, Library
-from test_fmi3 import described
+
+from fmu import TARGET
+from fmu.exporter.importer import CO_SIMULATION, DECLARED, LOGGER, Instance3, Library
 
 PEER = """
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3StepResult, Fmi3Status, Fmi3Variability, Float64
@@ -176,27 +178,26 @@ CALLED = sorted(
     name for name, (_, parameters) in DECLARED[3].items() if parameters and parameters[0].name == "instance"
 )
 
-CASES: dict[str, tuple[Callable[[Fmu], str], str]] = {
-    "wrong instantiation token": (instantiated(instantiationToken=b"{00000000}"), "NULL"),
-    "NULL instance name": (instantiated(instanceName=None), "NULL"),
-    "NULL instantiation token": (instantiated(instantiationToken=None), "NULL"),
-    "NULL resource path": (instantiated(resourcePath=None), "accepted"),
-    "NULL logger": (instantiated(logMessage=LOGGER(0)), "accepted"),
-    "Event Mode, not declared": (event_mode, "NULL"),
-    "environment that the logger gets": (environment, "the importer's"),
-    "fmi3DoStep with h = 0": (stepped(0.0, 0.0), "ERROR"),
-    "fmi3DoStep with h < 0": (stepped(0.0, -0.1), "ERROR"),
-    "fmi3DoStep with h = NaN": (stepped(0.0, math.nan), "ERROR"),
-    "fmi3DoStep before initialization": (stepped(0.0, 0.1, lambda _: None), "ERROR"),
-    "fmi3DoStep after fmi3Terminate": (stepped(0.0, 0.1, terminated), "ERROR"),
-    "fmi3DoStep after an error": (stepped(0.0, 0.1, failed), "ERROR"),
-    "fmi3DoStep past stopTime": (stepped(0.0, 2.0, ended), "ERROR"),
-    "parameter that is NaN": (not_a_number, "ERROR"),
-    "one variable, three values": (wrong_size, "ERROR"),
-    "a serialized state leads back": (restored, "yes"),
-    f"of {len(CALLED)} functions, those that crash": (crashes, "0"),
+CASES: dict[str, Callable[[Fmu], str]] = {
+    "wrong instantiation token": instantiated(instantiationToken=b"{00000000}"),
+    "NULL instance name": instantiated(instanceName=None),
+    "NULL instantiation token": instantiated(instantiationToken=None),
+    "NULL resource path": instantiated(resourcePath=None),
+    "NULL logger": instantiated(logMessage=LOGGER(0)),
+    "Event Mode, not declared": event_mode,
+    "environment that the logger gets": environment,
+    "fmi3DoStep with h = 0": stepped(0.0, 0.0),
+    "fmi3DoStep with h < 0": stepped(0.0, -0.1),
+    "fmi3DoStep with h = NaN": stepped(0.0, math.nan),
+    "fmi3DoStep before initialization": stepped(0.0, 0.1, lambda _: None),
+    "fmi3DoStep after fmi3Terminate": stepped(0.0, 0.1, terminated),
+    "fmi3DoStep after an error": stepped(0.0, 0.1, failed),
+    "fmi3DoStep past stopTime": stepped(0.0, 2.0, ended),
+    "parameter that is NaN": not_a_number,
+    "one variable, three values": wrong_size,
+    "a serialized state leads back": restored,
+    f"of {len(CALLED)} functions, those that crash": crashes,
 }
-"""The cases, with the results of this exporter."""
 
 
 def outcome(path: Path, case: str) -> str:
@@ -227,20 +228,24 @@ def table(columns: dict[str, dict[str, str]]) -> str:
     return "\n".join(lines)
 
 
-def test_the_table(tmp_path: Path) -> None:
+def main() -> None:
     from pythonfmu3.builder import FmuBuilder
 
-    (tmp_path / "lag.py").write_text(PEER)
-    FmuBuilder.build_FMU(tmp_path / "lag.py", dest=tmp_path)
-    seen = outcomes(described()[0])
-    print(table({"this exporter": seen, "PythonFMU3": outcomes(tmp_path / "Lag.fmu")}))
-    assert seen == {case: expected for case, (_, expected) in CASES.items()}
-
-
-if __name__ == "__main__" and sys.argv[1] == "case":
     with tempfile.TemporaryDirectory() as folder:
-        print(CASES[sys.argv[3]][0](Fmu(Path(sys.argv[2]), Path(folder))), flush=True)
+        (Path(folder) / "lag.py").write_text(PEER)
+        FmuBuilder.build_FMU(Path(folder) / "lag.py", dest=folder)
+        columns = {
+            "fmu-export": TARGET / "test-model" / "cs,me" / "fmi3" / "TestModel.fmu",
+            "PythonFMU3": Path(folder) / "Lag.fmu",
+            **{path: Path(path) for path in sys.argv[1:]},
+        }
+        print(table({name: outcomes(path) for name, path in columns.items()}))
+
+
+if __name__ == "__main__" and sys.argv[1:2] == ["case"]:
+    with tempfile.TemporaryDirectory() as folder:
+        print(CASES[sys.argv[3]](Fmu(Path(sys.argv[2]), Path(folder))), flush=True)
         # Some libraries crash at the end of the process, which is not what is tried.
         os._exit(0)
 elif __name__ == "__main__":
-    print(table({path: outcomes(Path(path)) for path in sys.argv[1:]}))
+    main()
