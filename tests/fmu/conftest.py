@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -69,6 +70,54 @@ def lab(laboratory: Path) -> Run:
         )
 
     return run
+
+
+Once = Callable[[str, Callable[[Path], object]], Path]
+
+
+@pytest.fixture(scope="session")
+def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Once:
+    """A folder of a name, which the first of the tests' processes that asks for it fills."""
+    shared = tmp_path_factory.getbasetemp()
+    if hasattr(request.config, "workerinput"):
+        # One of several processes, whose folder is among those of the others.
+        shared = shared.parent
+
+    def once(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, filled = shared / name, shared / f"{name} is filled"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not filled.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                filled.touch()
+        return folder
+
+    return once
+
+
+@pytest.fixture(scope="session")
+def reproduction(once: Once, lab: Run, exported: Path) -> Path:
+    """The folder with the reports of all figures of the paper."""
+
+    def fill(folder: Path) -> None:
+        done = lab("reproduce", "--fmus", exported, "--out", folder)
+        assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+    return once("reproduction", fill)
+
+
+@pytest.fixture(scope="session")
+def tuned(once: Once, lab: Run, exported: Path) -> Path:
+    """The result of tuning to the controller's plant."""
+    both = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
+
+    def fill(folder: Path) -> None:
+        done = lab("tune", *both, "--out", folder)
+        assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+    return once("tuned", fill)
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ Variables are accessed by name, through arrays that are allocated once, so that 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from ctypes import Array, byref, c_double, c_int, c_uint32
 from pathlib import Path
@@ -47,11 +48,11 @@ class Message(NamedTuple):
     text: str
 
 
-_LOGS: dict[int, list[Message]] = {}
-"""The messages of each instance, by its componentEnvironment."""
+_LOGS: defaultdict[int | None, list[Message]] = defaultdict(list)
+"""The messages of each instance, by its componentEnvironment; FMPy's own instances have none."""
 
 
-def _log(environment: int, _: bytes, status: int, category: bytes, message: bytes) -> None:
+def _log(environment: int | None, _: bytes, status: int, category: bytes, message: bytes) -> None:
     _LOGS[environment].append(Message(status, category.decode(), message.decode()))
 
 

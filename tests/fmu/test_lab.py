@@ -129,15 +129,6 @@ def test_measurement_noise_is_in_the_record_alone(lab: Run, exported: Path, tmp_
 
 
 @pytest.fixture(scope="module")
-def reproduction(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder with the reports of all figures."""
-    out = tmp_path_factory.mktemp("reproduction")
-    done = lab("reproduce", "--fmus", exported, "--out", out)
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    return out
-
-
-@pytest.fixture(scope="module")
 def values(reproduction: Path) -> dict[int, dict[str, float]]:
     """The numbers of report.json by figure and name."""
     report = json.loads((reproduction / "report.json").read_text())

@@ -14,6 +14,7 @@ from lxml import etree
 
 from fmu import ROOT, Run
 from fmu.broken import copy_with
+from fmu.conftest import Once
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmu.master import Fmu, Make, Value
 from fmu.report import Report
@@ -47,17 +48,10 @@ def tune(lab: Run, out: Path, plant: Path, *more: str | Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def tuned(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The result of tuning to the controller's plant."""
-    out = tmp_path_factory.mktemp("tuned")
-    return tune(lab, out, exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu")
-
-
-@pytest.fixture(scope="session")
-def tuned_by_speed(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same for the strategy by_speed."""
-    out = tmp_path_factory.mktemp("tuned_by_speed")
-    return tune(lab, out, exported / "BoostPlant.fmu", "--strategy", "by_speed")
+def tuned_by_speed(once: Once, lab: Run, exported: Path) -> Path:
+    """The result of tuning to the controller's plant, for the strategy by_speed."""
+    plant = exported / "BoostPlant.fmu"
+    return once("tuned by speed", lambda folder: tune(lab, folder, plant, "--strategy", "by_speed"))
 
 
 def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
