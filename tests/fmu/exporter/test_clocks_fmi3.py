@@ -210,12 +210,9 @@ def test_intervals_and_shifts_before_the_start(new: Callable[..., Instance3]) ->
         ("Interval", TRIGGER, 1.0, "the clock trigger is triggered"),
         ("Interval", THIRD, 1.0, "the clock third is triggered"),
         ("Interval", GIVEN, 0.0, "0 s for the interval of the clock given"),
-        ("Interval", GIVEN, float("nan"), "NaN s for the interval of the clock given"),
         ("Shift", GIVEN, -1.0, "-1 s for the shift of the clock given"),
         ("Shift", CONSTANT, 1.0, "the shift of the clock constant cannot be set"),
         ("Shift", ALARM, 1.0, "the shift of the clock alarm cannot be set"),
-        ("Interval", COUNT, 1.0, "the variable count is of the type Int32"),
-        ("Interval", 99, 1.0, "there is no variable with the value reference 99"),
     ],
 )
 def test_times_that_are_not_set(

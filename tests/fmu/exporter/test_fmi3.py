@@ -4,7 +4,7 @@ arguments are tested in Rust (tests/importer)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from ctypes import c_bool, c_double, c_int, c_uint32, c_uint64
+from ctypes import c_double, c_int, c_uint32, c_uint64
 from itertools import pairwise
 from pathlib import Path
 
@@ -522,23 +522,20 @@ def test_a_clock_activates_the_model_partition(make: Callable[..., Instance3]) -
 
 
 @pytest.mark.parametrize(
-    ("clock", "time", "reason"),
+    ("time", "reason"),
     [
-        (CLOCK, 0.75, "activationTime is 0.75; the last activation was at 0.75"),
-        (CLOCK, 0.625, "activationTime is 0.625; the last activation was at 0.75"),
-        (CLOCK, float("nan"), "activationTime is NaN"),
-        (CLOCK, 2.5, "activationTime is 2.5, which is after the stopTime 2"),
-        (6, 1.0, "the variable sum is of the type Float64"),
-        (77, 1.0, "there is no variable with the value reference 77"),
+        (0.75, "activationTime is 0.75; the last activation was at 0.75"),
+        (0.625, "activationTime is 0.625; the last activation was at 0.75"),
+        (2.5, "activationTime is 2.5, which is after the stopTime 2"),
     ],
 )
-def test_wrong_activations(make: Callable[..., Instance3], clock: int, time: float, reason: str) -> None:
+def test_wrong_activations(make: Callable[..., Instance3], time: float, reason: str) -> None:
     instance = make(SCHEDULED_EXECUTION)
     instance.ok("fmi3EnterInitializationMode", startTime=0.5, stopTimeDefined=True, stopTime=2.0)
     instance.ok("fmi3ExitInitializationMode")
     instance.activate(CLOCK, 0.5)
     instance.activate(CLOCK, 0.75)
-    assert instance.call("fmi3ActivateModelPartition", clock, time) == Status.ERROR
+    assert instance.call("fmi3ActivateModelPartition", CLOCK, time) == Status.ERROR
     assert instance.messages[-1].text == f"fmi3ActivateModelPartition: {reason}"
 
 
@@ -588,18 +585,6 @@ def test_an_interval_that_is_none(make: Callable[..., Instance3]) -> None:
     clocks = (c_uint32 * 1)(CLOCK)
     assert instance.call("fmi3GetIntervalDecimal", clocks, 1, (c_double * 1)(), (c_int * 1)()) == Status.ERROR
     assert instance.messages[-1].text.endswith("0 s for the interval of the clock sample_clock")
-
-
-def test_other_variables_are_not_clocks(make: Callable[..., Instance3]) -> None:
-    for name in ("GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction"):
-        instance = make(SCHEDULED_EXECUTION, "initialization")
-        function = f"fmi3{name}"
-        values = {"valueReferences": (c_uint32 * 1)(6), "nValueReferences": 1}
-        assert instance.call(function, *instance.arguments(function, **values)) == Status.ERROR
-        assert "the variable sum is of the type Float64" in instance.messages[-1].text
-    instance = make(SCHEDULED_EXECUTION, "activation")
-    assert instance.call("fmi3GetBoolean", (c_uint32 * 1)(CLOCK), 1, (c_bool * 1)(), 1) == Status.ERROR
-    assert "the variable sample_clock is of the type Clock" in instance.messages[-1].text
 
 
 def test_nothing_preempts_a_call(make: Callable[..., Instance3]) -> None:
