@@ -325,7 +325,7 @@ fn figure_13_from_a_settled_start() {
         record += "\n";
     });
     assert_figure_13(&answers);
-    // tests/fmu/quick/test_masters_agree.py compares the FMUs' results with this file.
+    // tests/fmu/test_masters_agree.py compares the FMUs' results with this file.
     fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("figure_13.txt"), record).unwrap();
 }
 

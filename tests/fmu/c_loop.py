@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 import subprocess
-from pathlib import Path
 
 import numpy as np
-from experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, staircase
-from master import Fmu
 
-SOURCE = Path(__file__).resolve().parents[1] / "platforms" / "loop.c"
+from fmu import ROOT
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, staircase
+from fmu.master import Fmu
+
+SOURCE = ROOT / "tests" / "platforms" / "loop.c"
 FLAGS = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
 
 SUFFIXES = {"linux64": "so", "win64": "dll", "aarch64-linux": "so"}
@@ -25,7 +26,7 @@ def _arguments(fmu: Fmu, other: Fmu, platform: str, extra: list[str]) -> list[st
     name = fmu.description.modelName
     gives = [output for output in fmu.named("output") if output in other.named("input")]
     takes = extra + [output for output in other.named("output") if output in fmu.named("input")]
-    library = Path(fmu.folder) / "binaries" / platform / f"{name}.{SUFFIXES[platform]}"
+    library = fmu.folder / "binaries" / platform / f"{name}.{SUFFIXES[platform]}"
     return [
         str(library),
         fmu.description.guid,

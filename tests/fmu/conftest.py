@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -13,21 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from master import Fmu, Instance, Instance3
+
+from fmu import ROOT, TARGET, Run
+from fmu.master import Fmu, Instance, Instance3, Make
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
-
-ROOT = Path(__file__).resolve().parents[2]
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
-"""The folder of cargo's builds and the exported FMUs."""
-
-Make = Callable[[], Instance]
-
-
-def csv_lines(path: Path) -> list[str]:
-    """A CSV file's lines without the row of units."""
-    return [line for line in path.read_text().splitlines(keepends=True) if not line.startswith("#")]
 
 
 @pytest.fixture(scope="session")
@@ -45,7 +37,7 @@ def exported() -> Path:
 
 
 @pytest.fixture(scope="session")
-def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
+def boost_fmu() -> Run:
     """Runs the command that exported the FMUs, in a folder."""
     command = TARGET / "debug" / "boost-fmu"
 
@@ -54,9 +46,6 @@ def boost_fmu() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
 
     return run
-
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
@@ -81,6 +70,54 @@ def lab(laboratory: Path) -> Run:
         )
 
     return run
+
+
+Once = Callable[[str, Callable[[Path], object]], Path]
+
+
+@pytest.fixture(scope="session")
+def once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Once:
+    """A folder of a name, which the first of the tests' processes that asks for it fills."""
+    shared = tmp_path_factory.getbasetemp()
+    if hasattr(request.config, "workerinput"):
+        # One of several processes, whose folder is among those of the others.
+        shared = shared.parent
+
+    def once(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, filled = shared / name, shared / f"{name} is filled"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not filled.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                filled.touch()
+        return folder
+
+    return once
+
+
+@pytest.fixture(scope="session")
+def reproduction(once: Once, lab: Run, exported: Path) -> Path:
+    """The folder with the reports of all figures of the paper."""
+
+    def fill(folder: Path) -> None:
+        done = lab("reproduce", "--fmus", exported, "--out", folder)
+        assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+    return once("reproduction", fill)
+
+
+@pytest.fixture(scope="session")
+def tuned(once: Once, lab: Run, exported: Path) -> Path:
+    """The result of tuning to the controller's plant."""
+    both = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
+
+    def fill(folder: Path) -> None:
+        done = lab("tune", *both, "--out", folder)
+        assert (done.returncode, done.stderr) == (0, ""), done.stdout
+
+    return once("tuned", fill)
 
 
 @pytest.fixture(scope="session")
@@ -162,11 +199,6 @@ def plant(make: Callable[[Fmu], Instance], plant_fmu: Fmu) -> Make:
 def controller(make: Callable[[Fmu], Instance], controller_fmu: Fmu) -> Make:
     """Makes an instance of the controller."""
     return lambda: make(controller_fmu)
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """An exception in a logger written in Python fails the test."""
-    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture(scope="session")

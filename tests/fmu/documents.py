@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from conftest import ROOT, TARGET
+from fmu import ROOT, TARGET
 
 
 def blocks(document: str, language: str) -> list[str]:

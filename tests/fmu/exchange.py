@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from fmpy.fmi2 import FMU2Model
 from fmpy.sundials import CVodeSolver
-from master import Fmu, Instance, Value
+
+from fmu.master import Fmu, Instance, Value
 
 EARLY = 1e-9
 """Times that are nearer than this, relatively, are the same: a solver's are computed with rounding."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
-from master import Instance, Master, Record, Signal, Value
+
+from fmu import ROOT
+from fmu.master import Instance, Master, Record, Signal, Value
 
 SAMPLE_TIME = 1 / 80
 """The controller's (s)."""
@@ -16,7 +17,7 @@ ON_TOLERANCE = 20.0
 """The tolerance against the reference solver (Pa): 0.01 % of the full scale of boost pressure."""
 
 
-SCENARIOS = Path(__file__).parents[2] / "boost" / "lab" / "scenarios"
+SCENARIOS = ROOT / "boost" / "lab" / "scenarios"
 """The paper's experiments as the laboratory runs them, which define the inputs."""
 
 

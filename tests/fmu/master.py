@@ -5,6 +5,7 @@ Variables are accessed by name, through arrays that are allocated once, so that 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from ctypes import Array, byref, c_double, c_int, c_uint32
 from pathlib import Path
@@ -47,11 +48,11 @@ class Message(NamedTuple):
     text: str
 
 
-_LOGS: dict[int, list[Message]] = {}
-"""The messages of each instance, by its componentEnvironment."""
+_LOGS: defaultdict[int | None, list[Message]] = defaultdict(list)
+"""The messages of each instance, by its componentEnvironment; FMPy's own instances have none."""
 
 
-def _log(environment: int, _: bytes, status: int, category: bytes, message: bytes) -> None:
+def _log(environment: int | None, _: bytes, status: int, category: bytes, message: bytes) -> None:
     _LOGS[environment].append(Message(status, category.decode(), message.decode()))
 
 
@@ -65,14 +66,20 @@ class Fmu:
     def __init__(self, path: Path, folder: Path) -> None:
         self.path = path
         self.description = read_model_description(path)
-        self.folder = extract(path, folder)
-        identifier = self.description.coSimulation.modelIdentifier
-        self.is_fmi3 = self.description.fmiVersion.startswith("3.")
-        binaries = Path(self.folder) / "binaries" / (platform_tuple if self.is_fmi3 else platform)
-        self.library = binaries / (identifier + sharedLibraryExtension)
+        self.folder = Path(extract(path, folder))
+        of = self.description
+        self.guid = of.guid
+        self.is_fmi3 = of.fmiVersion.startswith("3.")
+        interface = of.coSimulation or of.modelExchange or of.scheduledExecution
+        binaries = self.folder / "binaries" / (platform_tuple if self.is_fmi3 else platform)
+        self.library = binaries / (interface.modelIdentifier + sharedLibraryExtension)
         self.variables: dict[str, ScalarVariable] = {
             variable.name: variable for variable in self.description.modelVariables
         }
+
+    def references(self, *names: str) -> Array[c_uint32]:
+        """The value references of variables."""
+        return (c_uint32 * len(names))(*(self.variables[name].valueReference for name in names))
 
     def named(self, causality: str) -> list[str]:
         """The names of the variables of a causality, in their order."""
@@ -96,7 +103,7 @@ class Instance:
         self.slave = kind(
             guid=fmu.description.guid,
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
-            unzipDirectory=fmu.folder,
+            unzipDirectory=str(fmu.folder),
             instanceName=name or fmu.description.modelName,
         )
         callbacks = fmi2CallbackFunctions()
@@ -111,10 +118,6 @@ class Instance:
     def warnings(self) -> list[str]:
         """The texts of the warnings so far."""
         return [m.text for m in self.messages if m.status == WARNING]
-
-    def references(self, names: Iterable[str]) -> list[int]:
-        """The value references of variables."""
-        return [self.fmu.variables[name].valueReference for name in names]
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Sets variables; an enumeration's value may be its item's name."""
@@ -181,7 +184,7 @@ class Instance3(Instance):
         self.slave = FMU3Slave(
             guid=fmu.description.guid,
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
-            unzipDirectory=fmu.folder,
+            unzipDirectory=str(fmu.folder),
             instanceName=name or fmu.description.modelName,
         )
 
@@ -211,13 +214,17 @@ class Instance3(Instance):
         return self
 
 
+Make = Callable[[], Instance]
+"""Makes an instance."""
+
+
 class Reals:
     """Real variables of an instance, in arrays that are allocated once."""
 
     def __init__(self, instance: Instance, names: list[str]) -> None:
         self.instance = instance
         self.count = len(names)
-        self.references = (c_uint32 * self.count)(*instance.references(names))
+        self.references = instance.fmu.references(*names)
         self.orders = (c_int * self.count)(*([1] * self.count))
         self.memory = (c_double * self.count)()
         self.values = np.frombuffer(self.memory)

@@ -1,6 +1,6 @@
 """The plant's recorded experiment of tests/data/plant_trace.csv in Model Exchange, solved by FMPy's CVode.
 
-    python tests/fmu/recorded.py FMU
+    PYTHONPATH=tests python -m fmu.recorded FMU
 
 prints errors and cost, also with the solver stopped at kinks of the equations: docs/integration.md.
 """
@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from exchange import Exchange
-from master import Fmu, Instance, Reals
+
+from fmu import ROOT
+from fmu.exchange import Exchange
+from fmu.master import Fmu, Instance, Reals
 
 STEP = 1 / 80
 
@@ -89,7 +91,7 @@ class Recording(NamedTuple):
     """At the end of the interval."""
 
     @classmethod
-    def read(cls, file: Path = Path(__file__).parents[1] / "data" / "plant_trace.csv") -> Recording:
+    def read(cls, file: Path = ROOT / "tests" / "data" / "plant_trace.csv") -> Recording:
         """From the file of the tests."""
         first, _, *lines = file.read_text().splitlines()
         rows = np.array([[float(word) for word in line.split(",")] for line in lines if line])

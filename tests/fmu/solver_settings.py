@@ -1,6 +1,6 @@
 """The plant in Model Exchange: which settings of FMPy run, and with which error.
 
-    target/venv/bin/python tests/fmu/solver_settings.py
+    PYTHONPATH=tests target/venv/bin/python -m fmu.solver_settings
 
 runs a step of the duty that drives the rod against its stop with each setting, and writes the tables into
 docs/masters.md. The reference is the FMU in co-simulation, at the least tolerance that it takes.
@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from conftest import ROOT, TARGET
-from exchange import Exchange
 from fmpy import simulate_fmu
-from master import Fmu
-from recorded import KINKS, OUTPUTS, Stopping
 from scipy.integrate import BDF, Radau
+
+from fmu import ROOT, TARGET
+from fmu.exchange import Exchange
+from fmu.master import Fmu
+from fmu.recorded import KINKS, OUTPUTS, Stopping
 
 PAGE = ROOT / "docs" / "masters.md"
 BEGIN = "<!-- The tables of tests/fmu/solver_settings.py begin here. -->\n"

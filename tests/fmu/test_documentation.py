@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
 from fmpy.util import read_csv
 from justhtml import JustHTML
 from lxml import etree
-from master import Fmu
 from matplotlib.image import imread
+
+from fmu import ROOT
+from fmu.master import Fmu
 
 ICONS = {"BoostPlant": "plant.png", "BoostController": "controller.png"}
 

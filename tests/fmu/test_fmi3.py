@@ -10,16 +10,15 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
-import documents
 import numpy as np
 import pytest
-import test_masters
-from conftest import ROOT, TARGET, Run
-from experiments import BOOST_STEPS, BOOST_STEPS_END, SCENARIOS, couple, staircase
 from fmpy import __file__ as fmpy_file
 from fmpy.validation import validate_fmu
-from master import Fmu, Instance, Master, Reals, Value
-from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
+
+from fmu import ROOT, TARGET, Run, documents, test_masters
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, SCENARIOS, couple, staircase
+from fmu.master import Fmu, Instance, Master, Reals, Value
+from fmu.recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
 
 New = Callable[[Fmu], Instance]
 Exports = dict[tuple[str, int], Fmu]
@@ -51,9 +50,7 @@ def test_fmpy_finds_no_problem(exports: Exports, name: str) -> None:
 def test_terminals_and_variables_are_those_of_fmi_2(exports: Exports, name: str) -> None:
     """All but elements of arrays, with the same value references."""
     terminals = "terminalsAndIcons/terminalsAndIcons.xml"
-    of_fmi2, of_fmi3 = (
-        (Path(exports[name, version].folder) / terminals).read_bytes() for version in VERSIONS
-    )
+    of_fmi2, of_fmi3 = ((exports[name, version].folder / terminals).read_bytes() for version in VERSIONS)
     assert of_fmi3 == of_fmi2
     of_fmi2, of_fmi3 = (
         {
@@ -72,7 +69,7 @@ def test_terminals_and_variables_are_those_of_fmi_2(exports: Exports, name: str)
 @BOTH
 def test_icons_are_in_their_folder(exports: Exports, name: str) -> None:
     """FMI 3.0.2, section 2.5.1: a PNG, and the drawing that it was made from."""
-    folder = Path(exports[name, 3].folder)
+    folder = exports[name, 3].folder
     source = ROOT / "modelDescription" / "icons" / name.removeprefix("Boost").lower()
     for kind in ("png", "svg"):
         found = (folder / "terminalsAndIcons" / f"icon.{kind}").read_bytes()

@@ -21,12 +21,15 @@ from math import exp, pi
 from pathlib import Path
 from zipfile import ZipFile
 
-import documents
 import fmpy.ssp.simulation
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET, Run, csv_lines
-from experiments import (
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import ns
+from lxml import etree
+
+from fmu import ROOT, TARGET, Run, csv_lines, documents
+from fmu.experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
     OPERATING_POINT,
@@ -38,10 +41,7 @@ from experiments import (
     ssp_of_fmpy,
     staircase,
 )
-from fmpy.ssp.simulation import simulate_ssp
-from fmpy.ssp.ssd import ns
-from lxml import etree
-from master import Fmu, Instance, Record
+from fmu.master import Fmu, Instance, Record
 
 LINES = documents.lines((ROOT / "docs" / "masters.md").read_text())
 
@@ -152,8 +152,8 @@ class Loops:
 
 def loop(folder: Path, name: str, *arguments: float) -> Record:
     """Runs one of the loops and returns its record."""
-    command = [sys.executable, __file__, folder, name, json.dumps(arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "fmu.test_foreign", folder, name, json.dumps(arguments)]
+    done = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     columns = json.loads(done.stdout.splitlines()[-1])
     return Record({name: np.array(column) for name, column in columns.items()})

@@ -11,9 +11,10 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from conftest import ROOT, Run, csv_lines
 from fmpy.ssp.ssd import read_ssv
-from report import Report
+
+from fmu import ROOT, Run, csv_lines
+from fmu.report import Report
 
 BENCH = ROOT / "examples" / "actuator_bench.toml"
 

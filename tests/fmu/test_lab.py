@@ -12,13 +12,14 @@ import subprocess
 import tomllib
 from pathlib import Path
 
-import documents
 import numpy as np
 import pyarrow.parquet
 import pytest
-from broken import copy_with
-from conftest import ROOT, TARGET, Make, Run, csv_lines
-from experiments import (
+from pythonfmu.builder import FmuBuilder
+
+from fmu import ROOT, TARGET, Run, csv_lines, documents
+from fmu.broken import copy_with
+from fmu.experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
     SAMPLE_TIME,
@@ -30,9 +31,8 @@ from experiments import (
     scenario,
     staircase,
 )
-from master import Fmu, Master
-from pythonfmu.builder import FmuBuilder
-from report import Report
+from fmu.master import Fmu, Make, Master
+from fmu.report import Report
 
 LAG = """
 from pythonfmu import Fmi2Slave
@@ -126,15 +126,6 @@ def test_measurement_noise_is_in_the_record_alone(lab: Run, exported: Path, tmp_
     assert_equal(measured["boost_pressure"], again["boost_pressure"], "the same seed")
     for name in set(exact) - {"boost_pressure"}:
         assert_equal(measured[name], exact[name], name)
-
-
-@pytest.fixture(scope="module")
-def reproduction(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder with the reports of all figures."""
-    out = tmp_path_factory.mktemp("reproduction")
-    done = lab("reproduce", "--fmus", exported, "--out", out)
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    return out
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import documents
 import numpy as np
 import pytest
-from conftest import ROOT, Make
-from documents import run
-from experiments import (
+
+from fmu import ROOT, documents
+from fmu.documents import run
+from fmu.experiments import (
     BOOST_STEPS,
     BOOST_STEPS_END,
     ON_TOLERANCE,
@@ -26,7 +26,7 @@ from experiments import (
     ssp_of_fmpy,
     staircase,
 )
-from master import Instance, Master, Record
+from fmu.master import Instance, Make, Master, Record
 
 PAGE = (ROOT / "docs" / "masters.md").read_text()
 

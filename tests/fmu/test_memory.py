@@ -11,7 +11,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from conftest import TARGET
+
+from fmu import TARGET
 
 CYCLES = 400
 

@@ -7,10 +7,11 @@ from math import exp
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, Steps, couple, staircase
 from fmpy.validation import validate_fmu
-from master import Fmu, Instance
+
+from fmu import ROOT
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, Steps, couple, staircase
+from fmu.master import Fmu, Instance, Make
 
 
 @pytest.fixture(scope="module")

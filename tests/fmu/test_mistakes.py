@@ -8,7 +8,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, TARGET
+
+from fmu import ROOT, TARGET
 
 USE = """use fmu_export::{Clocked, Context, Equations, Error, InputsOf, Model, Number};
 use fmu_export::{Persistent, Sampled, Step};

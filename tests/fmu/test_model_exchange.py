@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import TARGET
-from exchange import Exchange
-from experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, staircase
 from fmpy.fmi1 import FMICallException
-from master import Fmu, Instance, Master, Reals, Wires
-from recorded import Recording, in_co_simulation, in_model_exchange
-from solver_settings import documented, evaluations, outcomes
+
+from fmu import TARGET
+from fmu.exchange import Exchange
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, SAMPLE_TIME, staircase
+from fmu.master import Fmu, Instance, Master, Reals, Wires
+from fmu.recorded import Recording, in_co_simulation, in_model_exchange
+from fmu.solver_settings import documented, evaluations, outcomes
 
 Make = Callable[..., Instance]
 

@@ -9,13 +9,13 @@ import json
 import re
 from pathlib import Path
 
-import documents
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET, Make
-from documents import run
-from experiments import ON_TOLERANCE, SAMPLE_TIME, staircase
-from master import Master
+
+from fmu import ROOT, TARGET, documents
+from fmu.documents import run
+from fmu.experiments import ON_TOLERANCE, SAMPLE_TIME, staircase
+from fmu.master import Make, Master
 
 PAGE = (ROOT / "docs" / "masters.md").read_text()
 

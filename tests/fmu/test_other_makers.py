@@ -2,7 +2,7 @@
 
 The Reference-FMUs give their published results and closed forms, OpenModelica's give FMPy's, and what cannot
 run is refused with the reason. No package has the Reference-FMUs Resource and Clocks: the templates of these
-are tested in crates/cargo-fmu/tests/ladder/.
+are tested in tests/fmu/ladder/.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET, csv_lines
 from fmpy import simulate_fmu
 from scipy.integrate import solve_ivp
-from test_validate import MODESTPY, OPEN_MODELICA, REFERENCE
+
+from fmu import ROOT, TARGET, csv_lines
+from fmu.test_validate import MODESTPY, OPEN_MODELICA, REFERENCE
 
 PUBLISHED = ROOT / "crates" / "cargo-fmu" / "tests" / "ladder" / "reference"
 

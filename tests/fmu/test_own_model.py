@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, TARGET
-from documents import blocks, run
 from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
+
+from fmu import ROOT, TARGET
+from fmu.documents import blocks, run
 
 PAGE = (ROOT / "docs" / "own_model.md").read_text()
 

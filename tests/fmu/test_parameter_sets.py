@@ -9,11 +9,12 @@ from subprocess import CompletedProcess
 from zipfile import ZipFile
 
 import pytest
-from conftest import ROOT, TARGET, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
 from fmpy.ssp.ssd import ParameterSet, ns, read_ssd, read_ssv, validate_tree
 from lxml import etree
-from master import Fmu, Value
+
+from fmu import ROOT, TARGET
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
+from fmu.master import Fmu, Make, Value
 
 SETS = sorted(path.stem for path in (ROOT / "parameters").iterdir())
 

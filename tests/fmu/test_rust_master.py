@@ -7,12 +7,13 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
-import libclang
 import numpy as np
 import pytest
-from broken import copy_with
-from conftest import TARGET, Make
-from experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+
+from fmu import TARGET, libclang
+from fmu.broken import copy_with
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
+from fmu.master import Make
 
 NAMES = ["BoostController", "BoostPlant"]
 

@@ -11,12 +11,13 @@ from struct import pack
 
 import numpy as np
 import pytest
-from conftest import TARGET
-from experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
 from fmpy import read_model_description, simulate_fmu
-from master import Fmu, Instance, Master, Reals
-from recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
 from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
+
+from fmu import TARGET
+from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
+from fmu.master import Fmu, Instance, Master, Reals
+from fmu.recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
 
 NAMES = ["BoostPlant", "BoostController"]
 

@@ -8,7 +8,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from conftest import Run
+
+from fmu import Run
 
 SEED = "1"
 

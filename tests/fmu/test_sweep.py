@@ -9,15 +9,16 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from broken import copy_with
-from conftest import ROOT, TARGET, Run, csv_lines
-from dask.distributed import Client, LocalCluster
+from dask.distributed import Client, LocalCluster, Worker, WorkerPlugin
+
+from fmu import ROOT, Run, csv_lines
+from fmu.broken import copy_with
 
 SCENARIO = """
 step = 0.0125
@@ -160,41 +161,36 @@ def test_results_do_not_depend_on_the_threads(
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes(), name
 
 
-LONG = SCENARIO.replace("stop_time = 4.0", "stop_time = 60.0")
-"""Runs that are long enough to be killed."""
+def test_a_study_that_was_ended_is_resumed(
+    lab: Run, exported: Path, study: Path, results: Path, tmp_path: Path
+) -> None:
+    """From the journal of an end within a line, which is ignored: the same results, and no run runs twice.
 
+    That each run is in the journal once it is done is tested in crates/boost-lab/tests/command.rs.
+    """
+    settings, *runs = (results / "journal.jsonl").read_text().splitlines(keepends=True)
+    journal = tmp_path / "journal.jsonl"
+    (tmp_path / "records").mkdir()
+    for line in runs[:3]:
+        record = Path("records", f"{json.loads(line)['run']}.csv")
+        if (results / record).exists():
+            shutil.copy(results / record, tmp_path / record)
+    before = [settings, *runs[:3]]
+    journal.write_text("".join(before) + '{"run":11,"error":null,"meas')
 
-def test_a_killed_study_is_resumed(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """It has the same results, no run ran twice, and a truncated line is ignored."""
-    study = write_study(tmp_path, GRID + MEASURES, LONG)
-    whole = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "whole")
-    assert whole.returncode == 0, whole.stderr
-
-    out = tmp_path / "out"
-    journal = out / "journal.jsonl"
-    arguments = ["sweep", study, "--fmus", exported, "--out", out]
-    process = subprocess.Popen([TARGET / "debug" / "boost-lab", *arguments], stdout=subprocess.PIPE)
-    while process.poll() is None and (not journal.exists() or journal.read_text().count("\n") < 4):
-        time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
-    before = journal.read_text().splitlines()
-    assert 4 <= len(before) <= 12, "it was not killed midway"
-    with journal.open("a") as file:
-        file.write('{"run":11,"error":null,"meas')
-
+    arguments = ["sweep", study, "--fmus", exported, "--out", tmp_path]
     done = lab(*arguments)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before) - 1} of 12 runs are in the journal" in done.stdout
-    for name in ["results.csv", "results.parquet"]:
-        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
-    lines = journal.read_text().splitlines()
+    assert "3 of 12 runs are in the journal" in done.stdout
+    for file in ["results.csv", "results.parquet", *(f"records/{run}.csv" for run in (0, 11))]:
+        assert (tmp_path / file).read_bytes() == (results / file).read_bytes(), file
+    lines = journal.read_text().splitlines(keepends=True)
     assert lines[: len(before)] == before
     assert sorted(json.loads(line)["run"] for line in lines[1:]) == list(range(12))
 
     done = lab(*arguments)
     assert "12 of 12 runs are in the journal" in done.stdout
-    assert journal.read_text().splitlines() == lines
+    assert journal.read_text().splitlines(keepends=True) == lines
 
 
 @pytest.mark.parametrize(
@@ -262,33 +258,40 @@ def test_errors_in_a_study_are_named(
     assert message in done.stderr
 
 
+class Kill(WorkerPlugin):
+    """Kills the first worker that begins a run while it has the result of another; `marker` is the file that
+    says that it has."""
+
+    def __init__(self, marker: Path) -> None:
+        self.marker = marker
+
+    def setup(self, worker: Worker) -> None:
+        self.worker = worker
+
+    def transition(self, key: str, start: str, finish: str, **_more: object) -> None:
+        if finish != "executing" or not self.worker.data:
+            return
+        with suppress(FileExistsError), self.marker.open("x") as marker:
+            marker.write(self.worker.address)
+            marker.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
 def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_path: Path) -> None:
-    """The same study with FMPy on a cluster of two processes, one of which is killed in the middle of a run
+    """The same study with FMPy on a cluster of two processes, one of which is killed as it begins a run
     after it has results: boost-lab's numbers, to the bit."""
     measures = MEASURES.replace('mean = { mean = "boost_pressure", from = 0.5 }', "")
-    study = write_study(tmp_path, GRID + measures, LONG)
+    study = write_study(tmp_path, GRID + measures)
     script = ROOT / "examples" / "sweep_with_dask.py"
-    out = tmp_path / "results.csv"
+    out, marker = tmp_path / "results.csv", tmp_path / "killed"
     with (
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
     ):
-        pids = client.run(os.getpid)
+        client.register_plugin(Kill(marker))
         arguments = [sys.executable, script, study, "--fmus", exported, "--out", out]
-        process = subprocess.Popen([*arguments, "--scheduler", cluster.scheduler_address])
-
-        def both() -> list[str]:
-            """The workers that are running and have earlier results."""
-            at_work, results = client.processing(), client.has_what()
-            return [worker for worker in pids if at_work.get(worker) and results.get(worker)]
-
-        while not (found := both()):
-            assert process.poll() is None, "it ended before a worker could be killed"
-            time.sleep(0.01)
-        killed = found[0]
-        os.kill(pids[killed], signal.SIGKILL)
-        assert process.wait(timeout=300) == 0
-        assert killed not in client.scheduler_info(n_workers=-1)["workers"]
+        subprocess.run([*arguments, "--scheduler", cluster.scheduler_address], check=True)
+        assert marker.read_text() not in client.scheduler_info(n_workers=-1)["workers"]
     done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     expected, found = rows(tmp_path / "out" / "results.csv"), rows(out)

@@ -10,7 +10,8 @@ from zipfile import ZipFile
 import pytest
 from fmpy.ssp.ssd import ns, read_ssd, validate_tree
 from lxml import etree
-from master import Fmu
+
+from fmu.master import Fmu
 
 STRUCTURES = ["SystemStructure.ssd", "Components.ssd"]
 

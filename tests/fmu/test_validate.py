@@ -12,9 +12,10 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from conftest import ROOT, TARGET
 from fmpy.validation import validate_fmu
 from lxml import etree
+
+from fmu import ROOT, TARGET
 
 COMMAND = TARGET / "debug" / "cargo-fmu"
 """Built by `cargo test`."""

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from broken import copy_with
-from master import Fmu
+
+from fmu.broken import copy_with
+from fmu.master import Fmu
 
 NAMES = ["BoostPlant", "BoostController"]
 

@@ -1,6 +1,6 @@
 """Compares validators on the broken FMUs of `fmu-package`'s tests, for the table in docs/validation.md.
 
-    target/venv/bin/python tests/fmu/validators.py
+    PYTHONPATH=tests target/venv/bin/python -m fmu.validators
 
 makes these FMUs, runs `cargo fmu validate`, `fmpy validate` and `fmutool -check` on each, and writes the
 table into the page. A validator finds the break if it complains about the broken FMU; none complains about
@@ -16,7 +16,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from conftest import ROOT, TARGET
+from fmu import ROOT, TARGET
 
 PAGE = ROOT / "docs" / "validation.md"
 BEGIN, END = "<!-- The table of tests/fmu/validators.py begins here. -->\n", "<!-- It ends here. -->\n"

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Run
 from playwright.sync_api import Browser, Page
-from visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, REPORTS, Visit
+
+from fmu import ROOT, Run
+from fmu.conftest import Once
+from fmu.pages.visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, Visit
 
 SWEEP = """
 scenario = "{scenario}"
@@ -24,15 +26,23 @@ most = {{ maximum = "hp_wastegate_position" }}
 
 
 @pytest.fixture(scope="session")
-def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def files(
+    once: Once, lab: Run, exported: Path, reproduction: Path, tuned: Path, live: Path
+) -> dict[str, Path]:
     """The pages of the FMUs, a report of each command, and the page that runs them."""
     PICTURES.mkdir(exist_ok=True)
-    folder = tmp_path_factory.mktemp("pages")
-    files = {}
+    folder = once("pages", lambda folder: write_pages(lab, exported, folder))
+    pages = {name: folder / f"{name}.html" for name in [*FMUS, "simulation", "system", LINEAR]}
+    reports = {name: folder / name / "report.html" for name in ["identification", "study", "sweep"]}
+    of_others = {"reproduction": reproduction / "report.html", "tuning": tuned / "report.html", LIVE: live}
+    return {**pages, **reports, **of_others}
+
+
+def write_pages(lab: Run, exported: Path, folder: Path) -> None:
+    """Writes those that no other test takes."""
     for name in FMUS:
-        files[name] = folder / f"{name}.html"
         with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
-            files[name].write_bytes(archive.read("documentation/index.html"))
+            (folder / f"{name}.html").write_bytes(archive.read("documentation/index.html"))
 
     def run(*arguments: str | Path, status: int = 0) -> None:
         done = lab(*arguments)
@@ -41,25 +51,19 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
     plant = ["--plant", exported / "BoostPlant.fmu"]
     both = [*plant, "--controller", exported / "BoostController.fmu"]
     steps = ROOT / "boost" / "lab" / "scenarios" / "figure_13.toml"
-    bench, plot = folder / "bench.csv", folder / "steps.html"
-    run("reproduce", "--fmus", exported, "--out", folder / "reproduction")
+    bench = folder / "bench.csv"
     run("simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)
     run("identify", "actuator", bench, *plant, "--out", folder / "identification")
-    run("tune", *both, "--out", folder / "tuning")
-    run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", plot)
-    system = folder / "system.html"
-    pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60"]
-    run("simulate", exported / "Boost.ssp", *pumping, "--out", folder, "--plot", system)
-    linear = folder / f"{LINEAR}.html"
+    run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", folder / "simulation.html")
+    pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60", "--plot", folder / "system.html"]
+    run("simulate", exported / "Boost.ssp", "--out", folder, *pumping)
     loop = ["--at", "24", "--path", "hp_wastegate_pwm,boost_pressure", "--loop", "controller:boost_pressure"]
-    run("linearize", steps, "--fmus", exported, *loop, "--plot", linear)
+    run("linearize", steps, "--fmus", exported, *loop, "--plot", folder / f"{LINEAR}.html")
     # This strategy fails, so that the report explains cases.
     run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
     sweep = folder / "sweep.toml"
     sweep.write_text(SWEEP.format(scenario=steps.with_name("figure_1.toml")))
     run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
-    reports = {name: folder / name / "report.html" for name in REPORTS}
-    return {**files, **reports, "simulation": plot, "system": system, LINEAR: linear, LIVE: live}
 
 
 @pytest.fixture

@@ -48,7 +48,6 @@ def take(browser: Browser, page_file: Path, out: Path) -> None:
         "[...document.querySelectorAll('.plot')].every((plot) => plot.data[0].x.at(-1) > 29.9)"
     )
     page.evaluate("document.getElementById('status').textContent = ''")
-    page.wait_for_timeout(1500)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     page.close()
     picture.quantize(COLORS, dither=Image.Dither.NONE).save(out, optimize=True)

@@ -8,12 +8,18 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
-from visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
 
-pytest_plugins = ["opening"]
+from fmu.pages.visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
+
+pytestmark = pytest.mark.browser
+
+pytest_plugins = ["fmu.pages.opening"]
 
 WIDTHS = [360, 390, 1100, 1366, 1536, 1920, 2560]
 """Of telephones and screens, in CSS pixels."""
+
+PICTURED = [360, 1366, 2560]
+"""Of these widths, one of a telephone and two of screens, there are pictures to look at."""
 
 LONGEST = 4000
 """Pixels of a page that its picture shows."""
@@ -26,7 +32,7 @@ INSPECT = (Path(__file__).parent / "inspect.js").read_text()
 
 @pytest.fixture(scope="module", params=itertools.product(PAGES, ["light", "dark"]), ids="-".join)
 def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Path]) -> Iterator[Visit]:
-    """Each page by day and by night, inspected and pictured at each width."""
+    """Each page by day and by night, inspected at each width."""
     name, scheme = request.param
     context = browser.new_context(color_scheme=scheme, viewport={"width": WIDTHS[0], "height": HEIGHT})
     visit = Visit(context.new_page())
@@ -36,6 +42,8 @@ def visit(request: pytest.FixtureRequest, browser: Browser, files: dict[str, Pat
     for width in WIDTHS:
         page = visit.at(width)
         visit.found[width] = page.evaluate(INSPECT)
+        if width not in PICTURED:
+            continue
         page.evaluate("scrollTo(0, 0)")
         length = page.evaluate("document.documentElement.scrollHeight")
         clip = {"x": 0, "y": 0, "width": width, "height": min(length, LONGEST)}

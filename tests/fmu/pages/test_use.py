@@ -10,9 +10,12 @@ import matplotlib
 import pytest
 from fontTools.ttLib import TTFont
 from playwright.sync_api import Browser, Page
-from visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
 
-pytest_plugins = ["opening"]
+from fmu.pages.visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
+
+pytestmark = pytest.mark.browser
+
+pytest_plugins = ["fmu.pages.opening"]
 
 PAPER = 688
 """CSS pixels between the margins of A4."""

@@ -8,9 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, TARGET, Make
-from documents import blocks
 from playwright.sync_api import Browser
+
+from fmu import ROOT, TARGET
+from fmu.documents import blocks
+from fmu.master import Make
+
+pytestmark = pytest.mark.browser
 
 DOCUMENT = (ROOT / "docs" / "wasm.md").read_text()
 

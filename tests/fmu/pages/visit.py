@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from conftest import TARGET
 from playwright.sync_api import Page
+
+from fmu import TARGET
 
 HEIGHT = 900
 

@@ -1,0 +1,1 @@
+"""The exporter on models that have one of everything, with an importer that calls its C functions."""

@@ -1,0 +1,196 @@
+"""`cargo fmu simulate`: the ladder's FMUs by both interfaces, against FMPy, closed forms and SciPy, and the
+model of a folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from fmpy.util import read_csv
+from scipy.integrate import solve_ivp
+
+from fmu import ROOT
+from fmu.ladder import FMUS
+from fmu.ladder.test_clocks_fmi3 import FOLDER as FMUS_OF_FMI3
+from fmu.ladder.test_clocks_fmi3 import PATHS as CLOCKS
+from fmu.ladder.test_clocks_fmi3 import theirs
+
+COMMAND = FMUS.parents[1] / "debug" / "cargo-fmu"
+TEMPLATES = ["Dahlquist", "VanDerPol", "BouncingBall", "StickSlip", "PiController"]
+TOLERANCE = 1e-9
+
+
+def run(command: str, *arguments: str | Path, **options: object) -> str:
+    """Runs a command; records are without units, as FMPy reads them."""
+    more = ["--no-units"] if command == "simulate" and "--out" in arguments else []
+    done = subprocess.run(
+        [COMMAND, command, *arguments, *more], capture_output=True, text=True, check=False, **options
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("model", TEMPLATES)
+def test_a_record_agrees_with_fmpy(fmu, model: str, tmp_path: Path) -> None:
+    experiment = read_model_description(fmu(model)).defaultExperiment
+    step, out = float(experiment.stepSize), tmp_path / "record.csv"
+    run("simulate", fmu(model), "--tolerance", str(TOLERANCE), "--step", repr(step), "--out", out)
+    expected = simulate_fmu(
+        fmu(model),
+        fmi_type="CoSimulation",
+        relative_tolerance=TOLERANCE,
+        step_size=step,
+        output_interval=step,
+    )
+    found = read_csv(out)
+    assert len(found) == len(expected) > 10
+    for name in found.dtype.names[1:]:
+        # FMPy's steps differ by the rounding of its times: far less than the tolerance.
+        assert np.allclose(found[name], expected[name], rtol=TOLERANCE, atol=TOLERANCE), name
+
+
+def test_the_summary_says_what_ran_and_where_it_ended(fmu) -> None:
+    lines = run("simulate", fmu("Dahlquist"), "--set", "k=2", "--stop-time", "1").splitlines()
+    assert lines[0].startswith("Dahlquist: 10 steps of 0.1 s to 1 s, in ")
+    # exp(-2)
+    assert lines[1].split() == ["x", "1", "to", "0.135"]
+
+
+def test_inputs_come_from_a_file(fmu, tmp_path: Path) -> None:
+    inputs, out = tmp_path / "in.csv", tmp_path / "out.csv"
+    inputs.write_text("time,Float64_continuous_input,Int32_input\n0,0,1\n0.5,1,1\n0.5,3,2\n1,4,2\n")
+    run("simulate", fmu("Feedthrough"), "--input", inputs, "--stop-time", "1", "--step", "0.25", "--out", out)
+    found = read_csv(out)
+    # On lines between rows, with the jump at its time, as inputs are set before a step.
+    assert found["Float64_continuous_output"].tolist() == [0, 0, 0.5, 3, 3.5]
+    assert found["Int32_output"].tolist() == [1, 1, 1, 2, 2]
+
+
+ALL_TEMPLATES = sorted(path.parent.name for path in ROOT.glob("crates/cargo-fmu/templates/*/model.json"))
+
+
+@pytest.mark.parametrize("template", ALL_TEMPLATES)
+def test_the_model_of_a_folder_is_exported_and_drawn(template: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(FMUS.parents[1].resolve())}
+    # Tests at the same time share the target folder.
+    name = f"my_{template}"
+    run("new", name, "--template", template, "--vcs", "none", cwd=tmp_path)
+    output = run("simulate", "--plot", "my.html", cwd=tmp_path / name, env=environment)
+    if template == "bouncing_ball":
+        assert "my_bouncing_ball: 300 steps of 0.01 s to 3 s" in output
+    assert "<html" in tmp_path.joinpath(name, "my.html").read_text()
+
+
+@pytest.mark.parametrize("interface", ["cs", "me"])
+def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
+    """The constant one each second, and the countdown from 4 s on; nothing ticks the triggered one."""
+    out = tmp_path / "clocks.csv"
+    run("simulate", CLOCKS["events"], "--interface", interface, "--stop-time", "9", "--out", out)
+    found = read_csv(out)
+    rows = theirs()
+    assert found["time"].tolist() == [row["time"] for row in rows]
+    for name in ("inClock1Ticks", "inClock3Ticks", "output3"):
+        assert found[name].tolist() == [row[name] for row in rows], name
+    assert np.array_equal(found["totalInClockTicks"], found["inClock1Ticks"] + found["inClock3Ticks"])
+    assert not found["inClock2Ticks"].any()
+
+
+def test_scheduled_execution_is_refused_with_the_reason() -> None:
+    done = subprocess.run(
+        [COMMAND, "simulate", CLOCKS["scheduled"]], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "it is for Scheduled Execution only, which needs a scheduler for its clocks" in done.stderr
+
+
+def exchanged(fmu: Path, tmp_path: Path, *arguments: str) -> np.ndarray:
+    """The record in Model Exchange."""
+    out = tmp_path / "exchanged.csv"
+    tolerance = ["--tolerance", str(TOLERANCE)]
+    run("simulate", fmu, "--interface", "me", *tolerance, *arguments, "--out", out)
+    return read_csv(out)
+
+
+def test_model_exchange_solves_a_decay(fmu, tmp_path: Path) -> None:
+    found = exchanged(fmu("Dahlquist"), tmp_path, "--set", "k=2")
+    assert len(found) == 101
+    # A hundred steps, each within the tolerance.
+    assert np.abs(found["x"] - np.exp(-2 * found["time"])).max() < 100 * TOLERANCE
+
+
+@pytest.mark.parametrize("mu", [1, 1000])
+def test_model_exchange_solves_an_oscillator(fmu, tmp_path: Path, mu: int) -> None:
+    """Stiff, too: with the FMU's directional derivatives."""
+    times = ["--stop-time", str(2 * max(mu, 5)), "--step", str(max(mu, 5) / 50)]
+    found = exchanged(fmu("VanDerPol"), tmp_path, "--set", f"mu={mu}", *times)
+    expected = solve_ivp(
+        lambda _, x: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]],
+        (0, found["time"][-1]),
+        [2, 0],
+        method="Radau",
+        t_eval=found["time"],
+        rtol=1e-11,
+        atol=1e-11,
+    ).y
+    # The phase error after a jump of x1 by its thousandfold.
+    assert np.allclose(found["x0"], expected[0], atol=1e-5 if mu == 1000 else 1e-6, rtol=0)
+
+
+def test_model_exchange_finds_the_bounces(fmu, tmp_path: Path) -> None:
+    found = exchanged(fmu("BouncingBall"), tmp_path)
+    impact = np.sqrt(2 / 9.81)
+    # The first three bounces, at which 0.7 of the speed is left.
+    ends = impact * np.cumsum([1, 2 * 0.7, 2 * 0.7**2])
+    for begin, end, speed in zip([0, *ends[:2]], ends, [0, 0.7, 0.7**2], strict=True):
+        rows = found[(found["time"] > begin) & (found["time"] < end)]
+        since = rows["time"] - begin
+        height = (1 if begin == 0 else 0) + speed * 9.81 * impact * since - 9.81 / 2 * since**2
+        assert len(rows) > 40
+        assert np.abs(rows["h"] - height).max() < 100 * TOLERANCE
+    # It lies still after the last one.
+    assert found["h"][-1] == found["v"][-1] == 0
+
+
+def test_model_exchange_sticks_and_slips_as_co_simulation(fmu, tmp_path: Path) -> None:
+    """With the same integrator, inside and outside of the FMU."""
+    found = exchanged(fmu("StickSlip"), tmp_path)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu("StickSlip"), "--interface", "cs", "--tolerance", str(TOLERANCE), "--out", out)
+    expected = read_csv(out)
+    assert np.ptp(expected["force"]) > 1
+    for name in expected.dtype.names:
+        assert np.allclose(found[name], expected[name], rtol=1e-6, atol=1e-6), name
+
+
+def test_model_exchange_samples_at_the_start_and_at_communication_points(fmu, tmp_path: Path) -> None:
+    """Co-simulation leaves the sample at a step's end to the next step."""
+    found = exchanged(fmu("PiController"), tmp_path)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu("PiController"), "--interface", "cs", "--out", out)
+    assert np.array_equal(found["command"][:-1], read_csv(out)["command"][1:])
+    assert len(set(found["command"])) == len(found)
+
+
+def test_arrays_of_states_are_integrated_with_driven_inputs(tmp_path: Path) -> None:
+    inputs = tmp_path / "in.csv"
+    inputs.write_text("time,u[1],u[2],u[3]\n0,0,1,0\n1,1,1,0\n2,0,1,1\n")
+    times = ["--input", inputs, "--step", "0.1", "--stop-time", "2"]
+    fmu = FMUS_OF_FMI3 / "fmu" / "fmi3" / "StateSpace.fmu"
+    found = exchanged(fmu, tmp_path, *times)
+    out = tmp_path / "co.csv"
+    run("simulate", fmu, "--interface", "cs", "--tolerance", str(TOLERANCE), *times, "--out", out)
+    expected = read_csv(out)
+    for name in expected.dtype.names:
+        # Both hold the inputs over a step.
+        assert np.allclose(found[name], expected[name], rtol=1e-7), name
+
+
+def test_a_model_that_asks_for_the_end_is_recorded_until_then(fmu, tmp_path: Path) -> None:
+    out = tmp_path / "stair.csv"
+    run("simulate", fmu("Stair"), "--stop-time", "20", "--step", "0.25", "--out", out)
+    found = read_csv(out)
+    assert (found["time"][-1], found["counter"][-1]) == (9, 10)
