@@ -164,7 +164,7 @@ macro_rules! functions {
     ({ $($items:item)* } Library $library:tt $($interface:ident { $($name:ident $parameters:tt: $phases:tt;)* })*) => {
         /// A function of the standard that takes an instance.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[allow(non_camel_case_types, reason = "the standard's names")]
+        #[allow(non_camel_case_types, clippy::enum_variant_names, reason = "the standard's names")]
         pub(crate) enum Function {
             $($($name,)*)*
         }

@@ -285,7 +285,7 @@ const STATES_OF_FMI3: &[(&str, &str)] = &[
     ("A", "ActivateModelPartition"),
 ];
 
-/// Declares the functions of a version's table that take an instance.
+/// Declares the functions of a version's table that take an instance, with the types in scope.
 macro_rules! functions {
     (@interface All) => { None };
     (@interface $interface:ident) => { Some(Interface::$interface) };
@@ -312,7 +312,7 @@ macro_rules! functions {
 
 /// FMI 2.0.
 mod fmi2 {
-    use super::*;
+    use super::{EventInfo, Function, Interface, Passed, Reference, State, Text, c_int, c_void, mem};
 
     type Boolean = i32;
     type Integer = i32;
@@ -327,7 +327,7 @@ mod fmi2 {
 
 /// FMI 3.0.
 mod fmi3 {
-    use super::*;
+    use super::{Binary, Function, Interface, Passed, Reference, State, Text, c_int, c_void, mem};
 
     type Boolean = u8;
     type Clock = u8;
