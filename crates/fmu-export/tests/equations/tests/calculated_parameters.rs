@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use std::ptr;
 
 use fmu_export::description::{ValueReference, Version};
-use fmu_export::{ClockedModel, EventMode, Integrated, SampledModel, Simulation, Variables as _, fmi2, fmi3};
+use fmu_export::{ClockedModel, Integrated, Model, SampledModel, Simulation, Variables as _, fmi2, fmi3};
 use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,32 +21,32 @@ enum Interface {
 }
 
 /// An instance of a model's FMU.
-struct Importer<M: EventMode>(*mut c_void, Interface, PhantomData<M>);
+struct Importer<M: Model>(*mut c_void, Interface, PhantomData<M>);
 
 /// Calls a function that has the same arguments in both versions. It must succeed.
 macro_rules! call {
-    ($importer:ident, $function:ident $(, $argument:expr)*) => {{
+    ($importer:ident, $of_fmi2:ident | $of_fmi3:ident $(, $argument:expr)*) => {{
         // SAFETY: the instance is the importer's, and used by one thread; what is passed outlives the call.
         let ok = unsafe {
             if const { Self::IS_FMI2 } {
-                    fmi2::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
+                    fmi2::c_api::$of_fmi2::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
                 } else {
-                    fmi3::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
+                    fmi3::c_api::$of_fmi3::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
                 }
         };
-        assert!(ok, "{} of {:?}", stringify!($function), $importer.1);
+        assert!(ok, "{} of {:?}", stringify!($of_fmi3), $importer.1);
     }};
 }
 
-impl<M: EventMode> Drop for Importer<M> {
+impl<M: Model> Drop for Importer<M> {
     fn drop(&mut self) {
         // SAFETY: the instance is this importer's, and this its last use.
-        unsafe { fmi3::c_api::free_instance::<M>(self.0) }
+        unsafe { fmi3::c_api::fmi3FreeInstance::<M>(self.0) }
     }
 }
 
 // SAFETY of every call below: as above, and arrays have the passed lengths.
-impl<M: EventMode> Importer<M> {
+impl<M: Model> Importer<M> {
     /// Known to the compiler, so that it compiles the functions of one version.
     const IS_FMI2: bool = matches!(M::Variables::DESCRIPTION.version, Version::Two);
 
@@ -64,11 +64,11 @@ impl<M: EventMode> Importer<M> {
                     component_environment: none,
                 };
                 let of = i32::from(interface != Interface::ModelExchange);
-                fmi2::c_api::instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
+                fmi2::c_api::fmi2Instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
             } else if interface == Interface::ModelExchange {
-                fmi3::c_api::instantiate_model_exchange::<M>(name, token, ptr::null(), 0, 0, none, None)
+                fmi3::c_api::fmi3InstantiateModelExchange::<M>(name, token, ptr::null(), 0, 0, none, None)
             } else {
-                fmi3::c_api::instantiate_co_simulation::<M>(
+                fmi3::c_api::fmi3InstantiateCoSimulation::<M>(
                     name,
                     token,
                     ptr::null(),
@@ -92,10 +92,10 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::setup_experiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
-                fmi2::c_api::enter_initialization_mode::<M>(self.0);
+                fmi2::c_api::fmi2SetupExperiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi2::c_api::fmi2EnterInitializationMode::<M>(self.0);
             } else {
-                fmi3::c_api::enter_initialization_mode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi3::c_api::fmi3EnterInitializationMode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
             }
         }
     }
@@ -117,9 +117,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_real::<M>(self.0, from, N, to)
+                fmi2::c_api::fmi2GetReal::<M>(self.0, from, N, to)
             } else {
-                fmi3::c_api::get_float64::<M>(self.0, from, N, to, N)
+                fmi3::c_api::fmi3GetFloat64::<M>(self.0, from, N, to, N)
             }
         };
         assert_eq!(status as i32, 0, "{names:?}");
@@ -133,9 +133,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::set_real::<M>(self.0, to, 1, from)
+                fmi2::c_api::fmi2SetReal::<M>(self.0, to, 1, from)
             } else {
-                fmi3::c_api::set_float64::<M>(self.0, to, 1, from, 1)
+                fmi3::c_api::fmi3SetFloat64::<M>(self.0, to, 1, from, 1)
             }
         };
         status as i32 == 0
@@ -145,11 +145,11 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::do_step::<M>(self.0, time, size, 1)
+                fmi2::c_api::fmi2DoStep::<M>(self.0, time, size, 1)
             } else {
                 let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
                 let flags = (&raw mut needed, &raw mut ends, &raw mut early);
-                fmi3::c_api::do_step_to_event::<M>(
+                fmi3::c_api::fmi3DoStep::<M>(
                     self.0,
                     time,
                     size,
@@ -170,12 +170,12 @@ impl<M: EventMode> Importer<M> {
         unsafe {
             if const { Self::IS_FMI2 } {
                 let mut info = fmi2::c_types::EventInfo::default();
-                let status = fmi2::c_api::new_discrete_states::<M>(self.0, &raw mut info);
+                let status = fmi2::c_api::fmi2NewDiscreteStates::<M>(self.0, &raw mut info);
                 assert_eq!(status as i32, 0);
                 return (info.next_event_time_defined == 1).then_some(info.next_event_time);
             }
             let ([mut again, mut ends, mut nominals, mut values, mut is_defined], mut next) = ([0; 5], 0.0);
-            let status = fmi3::c_api::update_discrete_states::<M>(
+            let status = fmi3::c_api::fmi3UpdateDiscreteStates::<M>(
                 self.0,
                 &raw mut again,
                 &raw mut ends,
@@ -194,9 +194,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+                fmi2::c_api::fmi2GetDerivatives::<M>(self.0, rates.as_mut_ptr(), N)
             } else {
-                fmi3::c_api::get_continuous_state_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+                fmi3::c_api::fmi3GetContinuousStateDerivatives::<M>(self.0, rates.as_mut_ptr(), N)
             }
         };
         assert_eq!(status as i32, 0);
@@ -211,9 +211,17 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_directional_derivative::<M>(self.0, rows.as_ptr(), N, known, 1, seed, found)
+                fmi2::c_api::fmi2GetDirectionalDerivative::<M>(
+                    self.0,
+                    rows.as_ptr(),
+                    N,
+                    known,
+                    1,
+                    seed,
+                    found,
+                )
             } else {
-                fmi3::c_api::get_directional_derivative::<M>(
+                fmi3::c_api::fmi3GetDirectionalDerivative::<M>(
                     self.0,
                     rows.as_ptr(),
                     N,
@@ -233,7 +241,7 @@ impl<M: EventMode> Importer<M> {
         for (row, found) in rows.iter().zip(&mut backwards) {
             // SAFETY: see above.
             let status = unsafe {
-                fmi3::c_api::get_adjoint_derivative::<M>(self.0, row, 1, known, 1, seed, 1, found, 1)
+                fmi3::c_api::fmi3GetAdjointDerivative::<M>(self.0, row, 1, known, 1, seed, 1, found, 1)
             };
             assert_eq!(status as i32, 0);
         }
@@ -244,49 +252,55 @@ impl<M: EventMode> Importer<M> {
     fn restored(&mut self) -> Self {
         let other = Self::new(self.1);
         let (mut state, mut copy, mut size) = (ptr::null_mut(), ptr::null_mut(), 0);
-        call!(self, get_fmu_state, &raw mut state);
-        call!(self, serialized_fmu_state_size, state, &raw mut size);
+        call!(self, fmi2GetFMUstate | fmi3GetFMUState, &raw mut state);
+        call!(self, fmi2SerializedFMUstateSize | fmi3SerializedFMUStateSize, state, &raw mut size);
         let mut bytes = vec![0_u8; size];
-        call!(self, serialize_fmu_state, state, bytes.as_mut_ptr().cast(), size);
-        call!(self, free_fmu_state, &raw mut state);
-        call!(other, deserialize_fmu_state, bytes.as_ptr().cast(), size, &raw mut copy);
-        call!(other, set_fmu_state, copy);
-        call!(other, free_fmu_state, &raw mut copy);
+        call!(self, fmi2SerializeFMUstate | fmi3SerializeFMUState, state, bytes.as_mut_ptr().cast(), size);
+        call!(self, fmi2FreeFMUstate | fmi3FreeFMUState, &raw mut state);
+        call!(
+            other,
+            fmi2DeSerializeFMUstate | fmi3DeserializeFMUState,
+            bytes.as_ptr().cast(),
+            size,
+            &raw mut copy
+        );
+        call!(other, fmi2SetFMUstate | fmi3SetFMUState, copy);
+        call!(other, fmi2FreeFMUstate | fmi3FreeFMUState, &raw mut copy);
         other
     }
 
     fn enter_event_mode(&mut self) {
-        call!(self, enter_event_mode);
+        call!(self, fmi2EnterEventMode | fmi3EnterEventMode);
     }
 
     /// From Event Mode to the mode in which time passes.
     fn leave_event_mode(&mut self) {
         if self.1 == Interface::ModelExchange {
-            call!(self, enter_continuous_time_mode);
+            call!(self, fmi2EnterContinuousTimeMode | fmi3EnterContinuousTimeMode);
         } else {
             // SAFETY: see above.
-            let status = unsafe { fmi3::c_api::enter_step_mode::<M>(self.0) };
+            let status = unsafe { fmi3::c_api::fmi3EnterStepMode::<M>(self.0) };
             assert_eq!(status as i32, 0);
         }
     }
 
     fn exit_initialization(&mut self) {
-        call!(self, exit_initialization_mode_with_events);
+        call!(self, fmi2ExitInitializationMode | fmi3ExitInitializationMode);
     }
 
     fn reset(&mut self) {
-        call!(self, reset);
+        call!(self, fmi2Reset | fmi3Reset);
     }
 
     fn set_time(&mut self, time: f64) {
-        call!(self, set_time, time);
+        call!(self, fmi2SetTime | fmi3SetTime, time);
     }
 
     fn tick(&mut self, clock: &str) {
         let (reference, ticks) = (Self::reference(clock), 1);
         // SAFETY: see above.
         let status =
-            unsafe { fmi3::c_api::clocks::set_clock::<M>(self.0, &raw const reference, 1, &raw const ticks) };
+            unsafe { fmi3::c_api::fmi3SetClock::<M>(self.0, &raw const reference, 1, &raw const ticks) };
         assert_eq!(status as i32, 0);
     }
 }
@@ -306,7 +320,7 @@ fn is_close(found: f64, exact: f64) -> bool {
 }
 
 /// In Step Mode, with a getter before the step and without.
-fn follow_in_steps<M: EventMode>() {
+fn follow_in_steps<M: Model>() {
     for reads in [true, false] {
         let mut importer = Importer::<M>::new(Interface::CoSimulation);
         importer.initialize();
@@ -352,7 +366,7 @@ fn they_follow_in_co_simulation() {
 }
 
 /// In Event Mode, in which parameters are tuned, and in the mode that follows.
-fn follow_in_events<M: EventMode>(interface: Interface) {
+fn follow_in_events<M: Model>(interface: Interface) {
     let is_exchange = interface == Interface::ModelExchange;
     // The time event is due when `scaled` says.
     for reads in [true, false] {
@@ -405,7 +419,7 @@ fn they_follow_in_event_mode() {
 /// The outputs' derivatives go through what is calculated, in FMI 3.0 between steps, too, where parameters are knowns.
 #[test]
 fn they_have_derivatives() {
-    fn check<M: EventMode>() {
+    fn check<M: Model>() {
         for interface in [Interface::CoSimulation, Interface::ModelExchange] {
             let mut importer = Importer::<M>::new(interface);
             importer.enter_initialization();
@@ -429,7 +443,7 @@ fn they_have_derivatives() {
 /// Calculated parameters of a sampled model follow at once, its outputs at the next sample.
 #[test]
 fn those_of_sampled_models_follow_before_the_next_sample() {
-    fn check<M: EventMode>(interface: Interface) {
+    fn check<M: Model>(interface: Interface) {
         let names = ["scaled", "plain", "seen"];
         let mut importer = Importer::<M>::new(interface);
         importer.initialize();

@@ -33,7 +33,7 @@ fn step(size: f64) -> (Status, [u8; 2], f64, Vec<String>) {
     // SAFETY: the strings outlive the call, messages and results the instance, which is freed last.
     unsafe {
         let (name, nothing) = (c"ending".as_ptr(), ptr::null_mut());
-        let instance = c_api::instantiate_co_simulation::<Model>(
+        let instance = c_api::fmi3InstantiateCoSimulation::<Model>(
             name,
             token.as_ptr(),
             nothing,
@@ -47,12 +47,12 @@ fn step(size: f64) -> (Status, [u8; 2], f64, Vec<String>) {
             Some(log),
             None,
         );
-        let status = c_api::enter_initialization_mode::<Model>(instance, 0, 0.0, 0.0, 0, 0.0);
+        let status = c_api::fmi3EnterInitializationMode::<Model>(instance, 0, 0.0, 0.0, 0, 0.0);
         assert_eq!(status, Status::Ok);
-        assert_eq!(c_api::exit_initialization_mode::<Model>(instance), Status::Ok);
+        assert_eq!(c_api::fmi3ExitInitializationMode::<Model>(instance), Status::Ok);
         let status =
-            c_api::do_step::<Model>(instance, 0.0, size, 1, needed, terminate, early, &raw mut reached);
-        c_api::free_instance::<Model>(instance);
+            c_api::fmi3DoStep::<Model>(instance, 0.0, size, 1, needed, terminate, early, &raw mut reached);
+        c_api::fmi3FreeInstance::<Model>(instance);
         (status, [*terminate, *early], reached, messages.into_inner())
     }
 }
