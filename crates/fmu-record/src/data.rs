@@ -130,7 +130,9 @@ impl Data {
         let to_seconds = to_seconds(time_unit.unwrap_or(time.unit()))?;
         data.time = data.values(&time, as_number, "a number")?;
         if to_seconds != Linear::IDENTITY {
-            data.time.iter_mut().for_each(|time| *time = to_seconds.apply(*time));
+            for time in &mut data.time {
+                *time = to_seconds.apply(*time);
+            }
         }
         if let Some(row) = data.time.windows(2).position(|pair| pair[1] < pair[0]) {
             let [before, after] = [data.time[row], data.time[row + 1]].map(number);

@@ -79,9 +79,10 @@ impl Measured {
             let to_input = input.conversion_from(column.unit(), fmu);
             let to_input = to_input.map_err(|reason| anyhow!("{}: {reason}", column.name()))?;
             // The connection's conversion follows.
-            for function in [to_input, conversion.inverse()] {
-                if function != Linear::IDENTITY {
-                    values.iter_mut().for_each(|value| *value = function.apply(*value));
+            for function in [to_input, conversion.inverse()].into_iter().filter(|it| *it != Linear::IDENTITY)
+            {
+                for value in &mut values {
+                    *value = function.apply(*value);
                 }
             }
         }
