@@ -107,7 +107,7 @@ fn read_points(node: &Node<'_>, is_in_order: impl Fn(f64, f64) -> bool) -> Resul
         if let Some(&(before, _)) = points.last()
             && !is_in_order(before, point.0)
         {
-            return Err(pair.unexpected(&format!("a time after the one before, {} s", shown(before))));
+            return Err(pair.unexpected(&format!("a time after the previous one, {} s", shown(before))));
         }
         points.push(point);
     }
@@ -190,7 +190,7 @@ fn csv_column(text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
     expect_seconds(header.first().map_or("", |(_, unit)| unit))?;
     let Some(column) = header.iter().skip(1).position(|(known, _)| known == name) else {
         let names: Vec<_> = header.iter().skip(1).map(|(name, _)| name.as_str()).collect();
-        bail!("its header has no column {name}: there are {}", names.join(", "));
+        bail!("its header has no column {name}; it has {}", names.join(", "));
     };
     let column = column + 1;
     let mut points: Vec<(f64, f64)> = vec![];

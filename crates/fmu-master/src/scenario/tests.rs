@@ -147,7 +147,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
         (
             "[[fmu]]\nname = \"plant\"\nfile = \"a\"",
-            "line 7, fmu[2].name: duplicate FMU: plant is already the name of another one, in line 5",
+            "line 7, fmu[2].name: duplicate FMU: plant is already the name of another, in line 5",
         ),
         (
             "[inputs]\na = \"1\"",
@@ -161,7 +161,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "[inputs]\na.steps = [\n[0, 1],\n[0, 2],\n]",
-            "line 9, inputs.a.steps[2]: expected a time after the one before, 0 s, found a list of 2",
+            "line 9, inputs.a.steps[2]: expected a time after the previous one, 0 s, found a list of 2",
         ),
         ("[inputs]\na = { steps = [[0, inf]] }", "line 7, inputs.a.steps[1][2]: expected a pair"),
         ("[inputs]\na = { steps = [[0, 1]], hold = true }", "line 7, inputs.a.hold: this key is not known"),
@@ -184,7 +184,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "[noise]\na = { standard_deviation = 1, seed = -1 }",
-            "line 7, noise.a.seed: expected a whole number from 0 on",
+            "line 7, noise.a.seed: expected a whole number, 0 or more",
         ),
     ];
     for (more, expected) in cases {
@@ -206,7 +206,7 @@ fn a_csv_file_is_a_signal_and_its_errors_name_line_and_column() {
     assert_eq!(read(good, ""), Ok(Signal::Lines(vec![(0.0, 1.0), (1.5, -2e3)])));
     assert_eq!(read(good, ", hold = true"), Ok(Signal::Steps(vec![(0.0, 1.0), (1.5, -2e3)])));
     for (content, expected) in [
-        ("time,a\n0,1\n", "its header has no column b: there are a"),
+        ("time,a\n0,1\n", "its header has no column b; it has a"),
         ("time,b\n0,1\n1,x\n", "line 3, b: expected a number, found \"x\""),
         ("time,b\n0,1\n0,2\n", "line 3, time: expected a time after 0 s, found 0 s"),
         ("time,b\n", "it has no rows"),
