@@ -8,6 +8,7 @@ from typing import Any
 
 from conftest import TARGET
 from playwright.sync_api import Page
+from waiting import wait_for
 
 HEIGHT = 900
 
@@ -40,16 +41,15 @@ class Visit:
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(file.as_uri())
         # The figures' script says when it has drawn them.
-        self.page.wait_for_function(
-            "!document.querySelector('.panel') || document.documentElement.dataset.drawn"
-        )
+        wait_for(self.page, "!document.querySelector('.panel') || document.documentElement.dataset.drawn")
 
     def at(self, width: int) -> Page:
         """The page in a window of a width."""
         self.page.set_viewport_size({"width": width, "height": HEIGHT})
         # The plots follow the window's size a little later.
-        self.page.wait_for_function(
+        wait_for(
+            self.page,
             "[...document.querySelectorAll('.plot')].every("
-            "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+            "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)",
         )
         return self.page
