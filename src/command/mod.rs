@@ -14,10 +14,10 @@ use clap::{Parser, Subcommand};
 /// For the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    it is done; `check`: the FMU can take the place
-  1    `check`: the FMU cannot take the place
-  2    it could not be done, or the command line is wrong; standard error says why
-  130  it was interrupted";
+  0    success; `check`: the FMU fits
+  1    `check`: the FMU does not fit
+  2    failure or wrong command line; see standard error
+  130  interrupted";
 
 /// Exports the boost control plant and controller as FMI 2.0 co-simulation FMUs, and couples them with FMUs from other
 /// tools.

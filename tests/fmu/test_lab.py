@@ -344,7 +344,7 @@ WRONG = [
     (
         "step = 0.0125",
         "step = 0.0125\nrecord = ['engine:boost_pressure']",
-        r"line \d+, record\[1\]: no FMU has the name engine",
+        r"line \d+, record\[1\]: no FMU is named engine",
     ),
     (
         "step = 0.0125",
@@ -454,7 +454,7 @@ def test_an_fmu_that_the_scenario_does_not_have_is_refused(lab: Run, exported: P
     file, plant = SCENARIOS / "figure_1.toml", exported / "BoostPlant.fmu"
     done = lab("simulate", file, "--fmu", f"engine={plant}", "--out", tmp_path)
     assert done.returncode == 2
-    assert done.stderr.endswith("has no FMU engine: there are plant\n")
+    assert done.stderr.endswith("has no FMU engine; it has plant\n")
 
 
 def test_plain_build_leaves_the_laboratory_out() -> None:

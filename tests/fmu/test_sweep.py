@@ -234,7 +234,7 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
             '[grid]\n"plant:tank.volum" = [1]\n' + MEASURES,
             "no variable tank.volum; did you mean tank.volume?",
         ),
-        ('[grid]\n"engine:tank.volume" = [1]\n' + MEASURES, "has no FMU engine: there are controller, plant"),
+        ('[grid]\n"engine:tank.volume" = [1]\n' + MEASURES, "has no FMU engine; it has controller, plant"),
         ('[grid]\n"plant:boost_pressure" = [1]\n' + MEASURES, "boost_pressure is calculated by the FMU"),
         (GRID + '[measures]\na = { finale = "boost_pressure" }', "line 8, measures.a: expected a table with"),
         (GRID + '[measures]\na = { final = "boost" }', "no FMU has a variable boost"),

@@ -275,7 +275,7 @@ def test_another_journal_is_refused(lab: Run, exported: Path, tuned: Path, tmp_p
     ]
     done = lab("tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path, *more)
     assert done.returncode == 2
-    assert "it has other settings; choose another folder, or remove it:\n" in done.stderr
+    assert "it was written with other settings; choose another folder, or remove it:\n" in done.stderr
     assert "the engine speeds was [1000.0, 1250.0, 1500.0" in done.stderr
     parameters = "the plant's parameters was its start values, is hp_turbine.peak_efficiency = 0.468 1"
     assert parameters in done.stderr
@@ -361,7 +361,7 @@ def test_a_plant_with_less_is_tuned_for_what_is_there(
         (
             '(name="engine_speed".*?)unit="rpm"',
             r'\1unit="rad/s"',
-            "engine_speed is in rad/s, expected is rpm",
+            "engine_speed is in rad/s, expected rpm",
         ),
     ],
 )

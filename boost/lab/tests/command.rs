@@ -590,13 +590,16 @@ fn what_cannot_be_linearized_is_named_and_a_cut_chain_has_no_gain() {
     let printed = String::from_utf8(cut.stdout).unwrap();
     assert!(printed.ends_with(" frequencies\n  gain margin none\n  phase margin none\n"), "{printed}");
     for (options, reason) in [
-        (&[][..], "there is nothing to linearize: first and second are without continuous states"),
+        (&[][..], "nothing to linearize: first and second have no continuous states"),
         (&["--of", "fist"], "--of fist: there is no such FMU; did you mean first?"),
         (&["--of", "first"], "first: the FMU has no continuous states"),
         (&["--loop", "inptu"], "--loop inptu: no FMU gets inptu from another; did you mean input?"),
         (&["--path", "input,level"], "--path input,level: no linearized FMU has this input and output"),
         (&["--frequencies", "2,1"], "--frequencies: expected two frequencies in Hz, the lower first"),
-        (&["--loop", "input", "--frequencies", "3,4"], "--frequencies: a loop is measured below 2\u{202f}Hz"),
+        (
+            &["--loop", "input", "--frequencies", "3,4"],
+            "--frequencies: a loop can only be measured below 2\u{202f}Hz",
+        ),
         (&["--amplitude", "1"], "--loop <[FMU:]INPUT>"),
         (&["--at", "0.3"], "0.3 s is not a multiple of the communication step, 0.125 s"),
         (&["--plot", "loop.svg"], "loop.svg: the page must end with .html"),
@@ -783,9 +786,9 @@ fn a_variable_is_recorded_once() {
     let bench = Bench::new();
     bench.write("twice.toml", &format!("record = [\"level\", \"level\"]\n{}", bench.read("scenario.toml")));
     let message = bench.refusal(&["simulate", "twice.toml"]);
-    assert!(message.contains("twice.toml, line 1, record[2]: level is recorded already"), "{message}");
+    assert!(message.contains("twice.toml, line 1, record[2]: level is already recorded"), "{message}");
     let message = bench.refusal(&["simulate", "scenario.toml", "--record", "level,input,level"]);
-    assert!(message.contains("--record: level is recorded already"), "{message}");
+    assert!(message.contains("--record: level is already recorded"), "{message}");
 }
 
 /// It is not replaced by a file.
@@ -838,7 +841,7 @@ fn a_measure_does_not_have_another_columns_name() {
         bench.write("study.toml", &format!("{GRID}[measures]\n{name} = {{ final = \"level\" }}\n"));
         let message = bench.refusal(&["sweep", "study.toml", "--out", "out"]);
         let reason = format!(
-            "study.toml, line 6, measures.{name}: the results have a column {} already",
+            "study.toml, line 6, measures.{name}: the results already have a column {}",
             name.trim_matches('"')
         );
         assert!(message.contains(&reason), "{message}");

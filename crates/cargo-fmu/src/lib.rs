@@ -44,7 +44,7 @@ const EXIT_STATUSES: &str = "\
 Exit status:
   0    success; `validate`: no errors
   1    `validate`: errors found
-  2    failure or wrong command line; standard error says why
+  2    failure or wrong command line; see standard error
   130  interrupted
 
 Examples:

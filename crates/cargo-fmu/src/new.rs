@@ -111,8 +111,8 @@ impl New {
         let path = self.path.display();
         if self.path.exists() {
             bail!(
-                "{path} already exists; choose another folder (fmu-export's README explains how an existing crate \
-                 becomes an FMU, https://docs.rs/fmu-export)"
+                "{path} already exists; choose another folder (to turn an existing crate into an FMU, see \
+                 https://docs.rs/fmu-export)"
             );
         }
         let name = match &self.name {
@@ -126,8 +126,8 @@ impl New {
         let identifier = name.replace('-', "_");
         if !is_identifier(&identifier) {
             bail!(
-                "'{identifier}' cannot be the name of an FMU, which consists of the letters a to z and A to Z, digits and \
-                 underscores, and does not start with a digit; choose another one with --name"
+                "'{identifier}' is not a valid FMU name: it may have letters a to z and A to Z, digits and underscores, but \
+                 no digit at the start; choose another with --name"
             );
         }
         let mut command = cargo();

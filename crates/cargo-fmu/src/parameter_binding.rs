@@ -40,7 +40,7 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
     for (fmu, (description, sets)) in bound {
         if description.interface("CoSimulation").is_none() {
             bail!(
-                "{}: packages with parameter sets are for co-simulation, which it does not offer",
+                "{}: a package with parameter sets needs co-simulation, which this FMU does not offer",
                 fmu.display()
             );
         }

@@ -117,7 +117,7 @@ pub fn files(module: &Module<'_>, folder: &Path) -> Result<Vec<(String, Vec<u8>)
     let status = program().arg(&wasm).args(["--module-name", "model", "--output"]).arg(&c).status();
     ensure!(status.context("cannot run wasm2c")?.success(), "wasm2c cannot translate {}", wasm.display());
     let mut files = divide(module, &reading::text(&h)?, &reading::text(&c)?)
-        .with_context(|| format!("the output of wasm2c, {}, is not that of {VERSION}", c.display()))?;
+        .with_context(|| format!("{} is not the output of wasm2c {VERSION}", c.display()))?;
     let runtime = RUNTIME.into_iter().chain([functions(module.version)]);
     let named = |text: &str| {
         let prefix = format!("FMI{}_FUNCTION_PREFIX", module.version);

@@ -45,7 +45,7 @@ impl FromStr for Target {
             return text.parse().map(Self::Platform).map_err(none);
         };
         if glibc.is_some() && !triple.ends_with("-linux-gnu") {
-            bail!("only glibc targets take its version, as in x86_64-unknown-linux-gnu.2.17");
+            bail!("only glibc targets take a glibc version, as in x86_64-unknown-linux-gnu.2.17");
         }
         Ok(Self::Triple(Build { platform, target: Some(text.to_owned()) }))
     }

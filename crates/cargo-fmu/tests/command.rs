@@ -147,7 +147,7 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
     for name in ["ünï", "2stage", "a b"] {
         let path = folder.join(name);
         let message = refusal(&["new", path.to_str().unwrap()]);
-        assert!(message.contains(&format!("'{name}' cannot be the name of an FMU")), "{message}");
+        assert!(message.contains(&format!("'{name}' is not a valid FMU name")), "{message}");
         assert!(!path.exists());
     }
     let message = refusal(&["new", folder.to_str().unwrap()]);
@@ -278,7 +278,7 @@ fn a_target_without_its_tools_is_refused_with_their_names() {
     };
     expect(&["amiga"], &[], "FMI 2.0 has no platform 'amiga'; it has aarch64-darwin, aarch64-linux");
     expect(&["x86_64-unknown-linux-musl"], &[], "not a Rust target for FMUs");
-    expect(&["x86_64-apple-darwin.2.17"], &[], "only glibc targets take its version");
+    expect(&["x86_64-apple-darwin.2.17"], &[], "only glibc targets take a glibc version");
 
     // A compiler that answers with a folder that is not there, and one that fails.
     let target = "i686-unknown-linux-gnu";

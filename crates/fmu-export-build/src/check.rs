@@ -20,7 +20,7 @@ use crate::texts::one_line;
 
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
     if !is_c_identifier(identifier) {
-        let reason = format!("'{identifier}' is not a C identifier, as an FMU's name must be");
+        let reason = format!("'{identifier}' is not a valid FMU name, which must be a C identifier");
         refusals.add("model_identifier", reason);
     }
     if let Some(experiment) = &declaration.default_experiment {

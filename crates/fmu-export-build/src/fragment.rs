@@ -6,8 +6,8 @@
 //! ([`Document`](fmu_xml::page::Document)).
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
 use fmu_xml::page::breakable;
 use quick_xml::events::{BytesStart, Event};
@@ -43,10 +43,8 @@ pub(crate) const PAGE_ID: &str = "page-";
 const HEADING: &str = "h3";
 
 /// HTML's elements without an end tag.
-#[rustfmt::skip]
-const VOID: [&str; 13] = [
-    "area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr",
-];
+const VOID: [&str; 12] =
+    ["area", "base", "br", "col", "embed", "hr", "img", "input", "link", "source", "track", "wbr"];
 
 /// Reads a fragment; `anchors` maps each name of a variable to its id on the page.
 pub(crate) fn read(file: &Path, anchors: &BTreeMap<String, String>) -> Result<Fragment, Error> {
@@ -73,7 +71,7 @@ struct Place<'f> {
 }
 
 impl Place<'_> {
-    fn refuse(self, reason: &str) -> Error {
+    fn refuse(self, reason: impl fmt::Display) -> Error {
         Error::of_line(self.file, self.line, reason)
     }
 }
@@ -104,7 +102,7 @@ impl Reading<'_> {
             let position = usize::try_from(reader.buffer_position()).unwrap_or(text.len());
             let place = Place { file, line: lines.of(position) };
             let in_heading = open.iter().any(|name| name == HEADING);
-            match event.map_err(|error| place.refuse(&error.to_string()))? {
+            match event.map_err(|error| place.refuse(error))? {
                 Event::Start(element) => {
                     let name = element.name().as_ref().to_owned();
                     if alternative.is_none() && open.is_empty() {
@@ -131,14 +129,14 @@ impl Reading<'_> {
                     let reference = format!("&{};", &*reference);
                     // XML has five names; it does not know HTML's others.
                     escape::unescape(&reference)
-                        .map_err(|_| place.refuse(&format!("write the character itself, not {reference}")))?;
+                        .map_err(|_| place.refuse(format!("write the character itself, not {reference}")))?;
                     self.text(&reference, in_heading);
                 }
                 Event::CData(_) => return Err(place.refuse("HTML has no CDATA")),
                 Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) | Event::DocType(_) => {}
                 Event::Eof => {
                     return match open.last() {
-                        Some(name) => Err(place.refuse(&format!("it ends within <{name}>"))),
+                        Some(name) => Err(place.refuse(format!("it ends within <{name}>"))),
                         None => Ok(()),
                     };
                 }
@@ -171,7 +169,7 @@ impl Reading<'_> {
         };
         let anchor = self.anchors.get(&*name).ok_or_else(|| {
             let nearest = nearest(&name, self.anchors.keys());
-            place.refuse(&format!("the model has no variable '{}'{nearest}", &*name))
+            place.refuse(format!("the model has no variable '{}'{nearest}", &*name))
         })?;
         self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");
         self.text(&breakable(&name), in_heading);
@@ -238,18 +236,21 @@ impl Reading<'_> {
     ) -> Result<(), Error> {
         for (key, value) in attributes {
             match (key.as_str(), element) {
-                ("id", _) if value.starts_with(PAGE_ID) || !self.ids.insert(value.clone()) => {
-                    return Err(place.refuse(&format!("another element has the id '{value}'")));
+                ("id", _) => {
+                    if value.starts_with(PAGE_ID) || !self.ids.insert(value.clone()) {
+                        return Err(place.refuse(format!("another element has the id '{value}'")));
+                    }
                 }
-                ("src", "img") | ("href" | "xlink:href", "image") if !value.starts_with("data:") => {
-                    let reason =
-                        format!("{key}=\"{value}\" is neither an SVG file of <img> nor begins with data:");
-                    return Err(place.refuse(&reason));
+                ("src", "img") | ("href" | "xlink:href", "image") => {
+                    if !value.starts_with("data:") {
+                        let reason = "pictures are SVG files in <img>, or begin with data:";
+                        return Err(place.refuse(format!("{key}=\"{value}\": {reason}")));
+                    }
                 }
                 ("href" | "xlink:href", _) => {
                     if let Some(target) = value.strip_prefix('#') {
                         let refusal =
-                            place.refuse(&format!("it links to '#{target}', which is not on the page"));
+                            place.refuse(format!("it links to '#{target}', which is not on the page"));
                         self.links.push((target.to_owned(), refusal));
                     }
                 }
@@ -261,14 +262,13 @@ impl Reading<'_> {
 }
 
 fn attributes(element: &BytesStart<'_>, place: Place<'_>) -> Result<BTreeMap<String, String>, Error> {
-    let unreadable = |error: quick_xml::Error| place.refuse(&error.to_string());
     let mut attributes = BTreeMap::new();
     for attribute in element.attributes() {
-        let attribute = attribute.map_err(|error| unreadable(error.into()))?;
+        let attribute = attribute.map_err(|error| place.refuse(error))?;
         if attribute.value.contains('<') {
             return Err(place.refuse("write &lt; in an attribute"));
         }
-        let value = attribute.normalized_value(XmlVersion::default()).map_err(unreadable)?;
+        let value = attribute.normalized_value(XmlVersion::default()).map_err(|error| place.refuse(error))?;
         attributes.insert(attribute.key.as_ref().to_owned(), value.into_owned());
     }
     Ok(attributes)

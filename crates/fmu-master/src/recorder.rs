@@ -49,7 +49,7 @@ impl Recorder {
             let mut seen = BTreeSet::new();
             for recorded in record {
                 if !seen.insert(&recorded.name) {
-                    return Err(recorded.location.error(format!("{} is recorded already", recorded.name)));
+                    return Err(recorded.location.error(format!("{} is already recorded", recorded.name)));
                 }
                 let found = find(&recorded.name, scenario, fmus);
                 add(&recorded.name, recorded.location.locate(found)?);
@@ -135,7 +135,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
     }
     if let Some((member, name)) = name.split_once(':') {
         let index = scenario.fmus.iter().position(|known| known.name == member);
-        let index = index.with_context(|| format!("no FMU has the name {member}"))?;
+        let index = index.with_context(|| format!("no FMU is named {member}"))?;
         fmus[index].variable(name)?;
         return Ok(Found::Variable { member: index, name: name.to_owned() });
     }

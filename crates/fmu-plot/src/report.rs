@@ -151,8 +151,8 @@ impl Report {
             main: &(main.to_owned() + &self.body),
             scripts: &scripts,
             script_sources: self.script_sources,
-            // By which plotly.js saves a figure as PNG.
-            picture_sources: &["blob:"],
+            // plotly.js tries formats of pictures as it loads, and saves figures by way of blobs.
+            picture_sources: &["data:", "blob:"],
         }
         .html()
     }

@@ -170,4 +170,4 @@ def test_what_has_no_states_is_refused(fmu, tmp_path: Path) -> None:
         [COMMAND, "linearize", fmu("PiController")], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
-    assert "there is nothing to linearize: PiController is without continuous states" in done.stderr
+    assert "nothing to linearize: PiController has no continuous states" in done.stderr

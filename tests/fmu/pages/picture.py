@@ -12,6 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
+from fmu.pages.waiting import wait_for
 
 STEPS = {0: 125, 3: 150, 12: 170, 22: 140}
 """Of the reference: time (s), boost pressure (kPa)."""
@@ -42,11 +43,9 @@ def take(browser: Browser, page_file: Path, out: Path) -> None:
     # The page waits to be run.
     page = browser.new_page(viewport=SIZE, reduced_motion="reduce", color_scheme="light")
     page.goto(page_file.resolve().as_uri())
-    page.wait_for_function("globalThis.live?.run")
+    wait_for(page, "globalThis.live?.run")
     page.evaluate(PLAY, [list(STEPS.items()), END])
-    page.wait_for_function(
-        "[...document.querySelectorAll('.plot')].every((plot) => plot.data[0].x.at(-1) > 29.9)"
-    )
+    wait_for(page, "[...document.querySelectorAll('.plot')].every((plot) => plot.data[0].x.at(-1) > 29.9)")
     page.evaluate("document.getElementById('status').textContent = ''")
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     page.close()

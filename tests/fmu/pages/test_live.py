@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from fmu import ROOT, TARGET, Run
 from fmu.pages.picture import take
+from fmu.pages.waiting import wait_for
 from fmu.report import Report
 
 pytestmark = pytest.mark.browser
@@ -39,7 +40,7 @@ def visit(browser: Browser, live: Path, messages: list[str], settings: str = "",
     page.on("console", lambda message: messages.append(message.text))
     page.on("pageerror", lambda error: messages.append(str(error)))
     page.goto(live.as_uri() + settings)
-    page.wait_for_function("globalThis.live?.run")
+    wait_for(page, "globalThis.live?.run")
     return page
 
 
@@ -79,7 +80,7 @@ def restart(page: Page) -> None:
     """Restarts the loop, and waits for it."""
     page.evaluate("live.run.isOld = true")
     page.locator("#reset").click()
-    page.wait_for_function("live.run && !live.run.isOld")
+    wait_for(page, "live.run && !live.run.isOld")
 
 
 def run(page: Page, steps: int) -> None:
@@ -89,9 +90,10 @@ def run(page: Page, steps: int) -> None:
 
 def wait_for_drawing(page: Page) -> None:
     """Until all plots show the loop's present; the engine and the values are drawn in the same frame."""
-    page.wait_for_function(
+    wait_for(
+        page,
         "[...document.querySelectorAll('.plot')]"
-        ".every(({ data }) => data[0].x.at(-1) === live.run.time.at(-1))"
+        ".every(({ data }) => data[0].x.at(-1) === live.run.time.at(-1))",
     )
 
 
@@ -109,9 +111,10 @@ def measured(page: Page, width: int, height: int) -> dict[str, Any]:
     """What is in the first view of a window, and what does not fit it."""
     page.set_viewport_size({"width": width, "height": height})
     # The plots follow the window's size a little later.
-    page.wait_for_function(
+    wait_for(
+        page,
         "[...document.querySelectorAll('.plot')].every("
-        "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+        "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)",
     )
     page.evaluate("scrollTo(0, 0)")
     found = page.evaluate(MEASURE)
@@ -127,8 +130,8 @@ def test_fits_its_window(paused: Page, width: int, height: int) -> None:
         paused.locator("#cursors input").nth(index).fill(time)
         paused.locator("#cursors input").nth(index).press("Enter")
     wait_for_drawing(paused)
-    paused.wait_for_function(
-        "[...document.querySelectorAll('.plot')].every(({ layout }) => layout.shapes?.length === 2)"
+    wait_for(
+        paused, "[...document.querySelectorAll('.plot')].every(({ layout }) => layout.shapes?.length === 2)"
     )
     found = measured(paused, width, height)
     paused.screenshot(path=PICTURES / f"loop-{width}.png")
@@ -197,7 +200,7 @@ def test_reference_lambda_acts_and_stays_after_reset(paused: Page) -> None:
     paused.locator("#reference_lambda").press("End")
     paused.locator("#boost_reference").fill("125")
     paused.locator("#reset").click()
-    paused.wait_for_function("live.run?.now === 0")
+    wait_for(paused, "live.run?.now === 0")
     # 1.2 s in place of 0.48 s, in two lags of which the second has 0.16 s: after 0.5 s 28 % of the step, in
     # place of 62 %; half of the difference, since delays take of both.
     assert response(paused) < quick - 1.8e3
@@ -226,7 +229,7 @@ def test_each_plant_restarts_and_differs(paused: Page) -> None:
         else:
             paused.evaluate("live.run.isOld = true")
             paused.locator("#plant").select_option(plant)
-            paused.wait_for_function("live.run && !live.run.isOld")
+            wait_for(paused, "live.run && !live.run.isOld")
         paused.locator("#boost_reference").fill("150")
         run(paused, 80)
         begins.add(paused.evaluate("live.run.columns.get('hp_turbo_speed').join()"))
@@ -290,7 +293,7 @@ def test_temperature_faults_and_strategy_act(paused: Page) -> None:
         paused.locator("#strategy").select_option(strategy)
         if strategy == "split_range":
             restart(paused)
-        paused.wait_for_function("live.run && !live.run.isOld")
+        wait_for(paused, "live.run && !live.run.isOld")
         run(paused, 400)
         openings.add(value(paused, "lp_wastegate"))
     assert len(openings) == 2
@@ -330,7 +333,7 @@ def test_address_has_the_settings(browser: Browser, live: Path, paused: Page) ->
     ]
     # Another address in an open page replaces the settings, and a pace that is no choice is ignored.
     other.evaluate("location.hash = '#engine_speed=2000&pace=0'")
-    other.wait_for_function("live.run.signals.get('engine_speed').constant === 2000")
+    wait_for(other, "live.run.signals.get('engine_speed').constant === 2000")
     assert [other.locator(name).input_value() for name in ("#boost_reference", "#pace")] == ["125", "1"]
     other.context.close()
     assert messages == []
@@ -341,7 +344,7 @@ def test_cursors_show_values_and_their_difference(paused: Page) -> None:
     run(paused, 80)
     paused.locator("#boost_reference").fill("150")
     run(paused, 240)
-    paused.wait_for_function("document.querySelector('.plot').data[0].x.at(-1) > 3.9")
+    wait_for(paused, "document.querySelector('.plot').data[0].x.at(-1) > 3.9")
     a, b = paused.locator("#cursors input").all()
     for field, time in [(a, "0.5"), (b, "2")]:
         field.fill(time)
@@ -359,14 +362,14 @@ def test_cursors_show_values_and_their_difference(paused: Page) -> None:
     ]
     assert numbers == pytest.approx([*rows, rows[1] - rows[0]], rel=1e-3)
     # A click moves the nearer one.
-    paused.wait_for_function("document.querySelector('.plot').layout.shapes?.length === 2")
+    wait_for(paused, "document.querySelector('.plot').layout.shapes?.length === 2")
     box = paused.locator(".plot .nsewdrag").first.bounding_box()
     place = box["x"] + box["width"] * 3 / 40, box["y"] + box["height"] / 2
     paused.mouse.move(*place)
     # plotly places a click by the point that it has found under the pointer.
-    paused.wait_for_function("document.querySelector('.plot')._hoverdata?.length > 0")
+    wait_for(paused, "document.querySelector('.plot')._hoverdata?.length > 0")
     paused.mouse.click(*place)
-    paused.wait_for_function("document.querySelectorAll('#cursors input')[1].value > 2.5")
+    wait_for(paused, "document.querySelectorAll('#cursors input')[1].value > 2.5")
     assert a.input_value() == "0.5"
     for field in (a, b):
         field.fill("")
@@ -382,7 +385,7 @@ def test_hold_keeps_a_run_under_the_next(paused: Page) -> None:
     paused.locator("#boost_reference").fill("160")
     restart(paused)
     run(paused, 80)
-    paused.wait_for_function("document.querySelector('.plot').data[1].x.length === 81")
+    wait_for(paused, "document.querySelector('.plot').data[1].x.length === 81")
     lines = paused.evaluate(
         "document.querySelector('.plot').data.map(({ y, line, opacity }) => [y, line.width, opacity])"
     )
@@ -420,7 +423,7 @@ def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     """It runs, pauses, steps and restarts."""
     button = paused.locator("#run")
     button.press("Enter")
-    paused.wait_for_function("live.run.now > 0.5")
+    wait_for(paused, "live.run.now > 0.5")
     assert paused.locator("#status").text_content() == "Running."
     button.press("Enter")
     now = paused.evaluate("live.run.now")
@@ -431,7 +434,7 @@ def test_runs_by_keyboard_and_says_so(paused: Page) -> None:
     shown = float(paused.locator("#clock").text_content().split()[0])
     assert shown == pytest.approx(now + 0.0125, abs=0.005 + 1e-9)
     paused.locator("#reset").press("Enter")
-    paused.wait_for_function("live.run?.now === 0")
+    wait_for(paused, "live.run?.now === 0")
 
 
 def test_pace_is_kept(browser: Browser, live: Path) -> None:
@@ -439,7 +442,7 @@ def test_pace_is_kept(browser: Browser, live: Path) -> None:
     page = browser.new_page()
     page.clock.install(time=datetime(2026, 1, 1))
     page.goto(live.as_uri())
-    page.wait_for_function("globalThis.live?.run")
+    wait_for(page, "globalThis.live?.run")
     page.clock.pause_at(datetime(2026, 1, 1, 1))
     for pace in [0.1, 1, 10]:
         page.locator("#pace").select_option(str(pace))
@@ -453,19 +456,19 @@ def test_pace_is_kept(browser: Browser, live: Path) -> None:
 
 def test_plots_follow_zoom_and_colours(opened: Page) -> None:
     opened.locator("#pace").select_option("50")
-    opened.wait_for_function("live.run.now > 60")
+    wait_for(opened, "live.run.now > 60")
     ranges = "[...document.querySelectorAll('.plot')].map((plot) => plot.layout.xaxis.range.map(Math.round))"
     # The plots are drawn one after the other.
-    opened.wait_for_function(f"{ranges}.every((range) => range[0] > 0)")
+    wait_for(opened, f"{ranges}.every((range) => range[0] > 0)")
     # The one under the cursor stands still.
     opened.locator(".plot").first.hover()
     held = opened.evaluate(ranges)
-    opened.wait_for_function(f"{ranges}[1][0] > {held[1][0]}")
+    wait_for(opened, f"{ranges}[1][0] > {held[1][0]}")
     assert opened.evaluate(ranges)[0] == held[0]
     opened.mouse.move(0, 0)
-    opened.wait_for_function(f"{ranges}[0][0] > {held[0][0]}")
+    wait_for(opened, f"{ranges}[0][0] > {held[0][0]}")
     opened.locator(".plot").first.locator("[data-title='Zoom in']").press("Enter")
-    opened.wait_for_function(f"new Set({ranges}.map(String)).size === 1")
+    wait_for(opened, f"new Set({ranges}.map(String)).size === 1")
     zoomed = opened.evaluate(ranges)
     # Drawn again as the loop goes on.
     opened.evaluate(
@@ -475,15 +478,16 @@ def test_plots_follow_zoom_and_colours(opened: Page) -> None:
             plot.on("plotly_afterplot", () => drawn.add(plot)));
         }"""
     )
-    opened.wait_for_function("drawn.size === document.querySelectorAll('.plot').length")
+    wait_for(opened, "drawn.size === document.querySelectorAll('.plot').length")
     assert opened.evaluate(ranges) == zoomed
     opened.locator(".plot").last.locator("[data-title='Reset axes']").press("Enter")
-    opened.wait_for_function(f"{ranges}.every((range) => range[0] > {zoomed[0][0]})")
+    wait_for(opened, f"{ranges}.every((range) => range[0] > {zoomed[0][0]})")
     opened.locator("#run").click()
     opened.emulate_media(color_scheme="dark")
-    opened.wait_for_function("document.querySelector('.plot').data[0].line.color === '#dfe5ec'")
-    opened.wait_for_function(
-        "[...document.querySelectorAll('.plot')].every((plot) => plot.data.every(({ x }) => x.length > 100))"
+    wait_for(opened, "document.querySelector('.plot').data[0].line.color === '#dfe5ec'")
+    wait_for(
+        opened,
+        "[...document.querySelectorAll('.plot')].every((plot) => plot.data.every(({ x }) => x.length > 100))",
     )
 
 
@@ -491,16 +495,14 @@ def test_drawing_shows_the_plant(paused: Page) -> None:
     run(paused, 80)
     shown = paused.locator("[data-value=boost_pressure]")
     expected = f"{value(paused, 'boost_pressure') / 1e3:.1f} kPa"
-    paused.wait_for_function(
-        f"document.querySelector('[data-value=boost_pressure]').textContent === '{expected}'"
-    )
+    wait_for(paused, f"document.querySelector('[data-value=boost_pressure]').textContent === '{expected}'")
     opening = (
         "getComputedStyle(document.querySelector('.plate[data-opening=hp_wastegate_position]')).transform"
     )
     before = paused.evaluate(opening)
     paused.locator("#boost_reference").press("End")
     run(paused, 40)
-    paused.wait_for_function(f"{opening} !== '{before}'")
+    wait_for(paused, f"{opening} !== '{before}'")
     paused.locator(".values summary").press("Enter")
     run(paused, 1)
     wait_for_drawing(paused)
@@ -559,7 +561,7 @@ def test_an_experiment_sets_pace_and_controls(opened: Page) -> None:
     speed = opened.locator(".control:has(#engine_speed) input[type=number]")
     figure = opened.locator("#choices button", has_text="Fig. 11")
     figure.click()
-    opened.wait_for_function("live.run?.now > 100 && live.finished.length === 0")
+    wait_for(opened, "live.run?.now > 100 && live.finished.length === 0")
     assert opened.locator("#pace").input_value() == "50"
     assert "run 1 of 2" in opened.locator("#status").text_content()
     opened.wait_for_selector("#results table")
@@ -570,13 +572,13 @@ def test_an_experiment_sets_pace_and_controls(opened: Page) -> None:
         opened.locator("#csv").click()
     assert download.value.suggested_filename == "figure_11_run_1.csv"
     opened.locator("#reset").click()
-    opened.wait_for_function("live.run?.scenario.title === 'Closed loop'")
+    wait_for(opened, "live.run?.scenario.title === 'Closed loop'")
     assert (speed.input_value(), speed.is_disabled()) == ("1500", False)
     assert opened.locator("#pace").input_value() == "1"
     # A pace that the user chose stays.
     opened.locator("#pace").select_option("5")
     figure.click()
-    opened.wait_for_function("live.run?.now > 1")
+    wait_for(opened, "live.run?.now > 1")
     assert opened.locator("#pace").input_value() == "5"
 
 
@@ -616,7 +618,7 @@ def test_trap_is_told_and_reset_helps(opened: Page) -> None:
     assert opened.locator("#failure p").text_content() == "The plant stopped. fmi2DoStep: a panic"
     assert opened.locator("#run").text_content() == "Run"
     opened.locator("#failure button").click()
-    opened.wait_for_function("live.run?.now > 0.2")
+    wait_for(opened, "live.run?.now > 0.2")
     assert not opened.locator("#failure").is_visible()
 
 

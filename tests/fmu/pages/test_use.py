@@ -12,6 +12,7 @@ from fontTools.ttLib import TTFont
 from playwright.sync_api import Browser, Page
 
 from fmu.pages.visit import FMUS, HEIGHT, LIVE, PICTURES, REPORTS, Visit
+from fmu.pages.waiting import wait_for
 
 pytestmark = pytest.mark.browser
 
@@ -87,9 +88,10 @@ def test_plots_fit_on_paper(opened: Callable[..., Page], name: str, width: int) 
     assert set(page.evaluate(apart)) == {"avoid"}
     # The window gets its plots back.
     page.emulate_media(media="screen")
-    page.wait_for_function(
+    wait_for(
+        page,
         "[...document.querySelectorAll('.plot')].every((plot) => plot._fullLayout.width > 200"
-        " && Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+        " && Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)",
     )
 
 
@@ -108,7 +110,7 @@ def test_contents_fold_on_telephones_and_mark_the_section(opened: Callable[..., 
     assert not entries.first.is_visible()
     chosen = entries.nth(1)
     target = chosen.get_attribute("href")
-    page.wait_for_function("document.querySelector('nav [aria-current]')")
+    wait_for(page, "document.querySelector('nav [aria-current]')")
     assert page.url.endswith(target)
     assert page.locator("nav [aria-current]").get_attribute("href") == target
     assert page.locator("nav summary span").text_content() == chosen.text_content()
@@ -122,7 +124,7 @@ def test_contents_fold_on_telephones_and_mark_the_section(opened: Callable[..., 
     page.set_viewport_size({"width": 1280, "height": HEIGHT})
     assert entries.first.is_visible()
     page.keyboard.press("End")
-    page.wait_for_function("document.querySelector('nav li:last-child a[aria-current]')")
+    wait_for(page, "document.querySelector('nav li:last-child a[aria-current]')")
 
 
 @pytest.mark.parametrize("name", FMUS)
@@ -177,17 +179,17 @@ def test_figures_are_served_by_keyboard(opened: Callable[..., Page]) -> None:
     shown = "document.querySelector('.plot').data.map((line) => line.visible)"
     box.focus()
     page.keyboard.press("Space")
-    page.wait_for_function(f"{shown}.includes(false)")
+    wait_for(page, f"{shown}.includes(false)")
     page.keyboard.press("Space")
-    page.wait_for_function(f"!{shown}.includes(false)")
+    wait_for(page, f"!{shown}.includes(false)")
 
     page.locator(".plot").first.locator("[data-title='Zoom in']").focus()
     page.keyboard.press("Enter")
-    page.wait_for_function(f"JSON.stringify({ranges}) != '{str(whole).replace(' ', '')}'")
-    page.wait_for_function(f"new Set({ranges}.map(String)).size == 1")
+    wait_for(page, f"JSON.stringify({ranges}) != '{str(whole).replace(' ', '')}'")
+    wait_for(page, f"new Set({ranges}.map(String)).size == 1")
     page.locator(".plot").last.locator("[data-title='Reset axes']").focus()
     page.keyboard.press("Enter")
-    page.wait_for_function(f"JSON.stringify({ranges}) == '{str(whole).replace(' ', '')}'")
+    wait_for(page, f"JSON.stringify({ranges}) == '{str(whole).replace(' ', '')}'")
 
 
 def test_figures_follow_the_colour_scheme_and_keep_what_is_switched_off(opened: Callable[..., Page]) -> None:
@@ -196,7 +198,7 @@ def test_figures_follow_the_colour_scheme_and_keep_what_is_switched_off(opened: 
     day = page.evaluate(drawn)
     page.locator(".legend input").first.uncheck()
     page.emulate_media(color_scheme="dark")
-    page.wait_for_function(f"{drawn} != '{day}'")
+    wait_for(page, f"{drawn} != '{day}'")
     assert page.evaluate("document.querySelector('.plot').data[0].visible") is False
 
 

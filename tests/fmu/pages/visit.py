@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Page
+from fmu.pages.waiting import wait_for
 
 from fmu import TARGET
 
@@ -41,16 +42,15 @@ class Visit:
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(file.as_uri())
         # The figures' script says when it has drawn them.
-        self.page.wait_for_function(
-            "!document.querySelector('.panel') || document.documentElement.dataset.drawn"
-        )
+        wait_for(self.page, "!document.querySelector('.panel') || document.documentElement.dataset.drawn")
 
     def at(self, width: int) -> Page:
         """The page in a window of a width."""
         self.page.set_viewport_size({"width": width, "height": HEIGHT})
         # The plots follow the window's size a little later.
-        self.page.wait_for_function(
+        wait_for(
+            self.page,
             "[...document.querySelectorAll('.plot')].every("
-            "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)"
+            "(plot) => Math.abs(plot.clientWidth - plot._fullLayout.width) < 2)",
         )
         return self.page

@@ -146,7 +146,7 @@ impl Cases {
             }
             if parameters.is_empty() {
                 notes.push(format!(
-                    "The plant has none of the parameters of the set {}, which has no effect.",
+                    "The plant has none of the parameters of the set {}, which is ignored.",
                     set.name
                 ));
             } else {

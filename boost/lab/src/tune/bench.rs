@@ -155,8 +155,7 @@ impl<'a> Bench<'a> {
         let mut notes = vec![];
         for (name, _) in commanded {
             notes.push(format!(
-                "The plant has no input {name}: the virtual duty does not move this valve, and the maps are for the \
-                 other valves."
+                "The plant has no input {name}: the virtual duty cannot move that valve, so the maps are for the others."
             ));
         }
         if schedule.allocation.is_some() && !has_shaft_speed {
@@ -176,8 +175,8 @@ impl<'a> Bench<'a> {
         }
         if !starts_running {
             notes.push(format!(
-                "The plant has no {START} with {RUNNING}: it started in its own way, not as an engine just started \
-                 with its wastegate shut."
+                "The plant has no {START} with {RUNNING}: it started from its own initial state, not as an engine just \
+                 started with its wastegate shut."
             ));
         }
         if !saves_states {

@@ -277,7 +277,7 @@ impl Task {
         Monotone::through(points).with_context(|| {
             let speed = self.schedule.engine_speeds[sweep.column];
             format!(
-                "at {speed} rpm boost pressure does not rise when the duty falls: the procedure needs a wastegate \
+                "at {speed} rpm boost pressure does not rise as duty falls: the procedure needs a wastegate \
                  opened by more duty"
             )
         })

@@ -212,7 +212,7 @@ impl Schedule {
         ] {
             if let Some(given) = given {
                 if given.len() != own.len() {
-                    bail!("{} {name} are given; the controller has {}", given.len(), own.len());
+                    bail!("{} {name} given, but the controller has {}", given.len(), own.len());
                 }
                 *own = given;
             }
@@ -258,11 +258,11 @@ impl Schedule {
         for (axis, values) in [(ENGINE_SPEED, &self.engine_speeds), (BOOST_REFERENCE, &self.boost_references)]
         {
             if !values.windows(2).all(|pair| pair[0] < pair[1]) {
-                bail!("the values of {} do not ascend: {values:?}", in_component(self.strategy, axis));
+                bail!("the values of {} must ascend: {values:?}", in_component(self.strategy, axis));
             }
         }
         if self.sample_time <= 0.0 {
-            bail!("the controller's sample_time is {} s", number(self.sample_time));
+            bail!("the controller's sample_time is {} s; it must be above 0", number(self.sample_time));
         }
         for (name, value, unit) in self.given() {
             let variable = parameter(&self.description, &name, unit)?;
@@ -326,7 +326,7 @@ fn parameter<'a>(controller: &'a FmuDescription, name: &str, unit: &str) -> Resu
 /// Rejects a variable with an unexpected unit.
 pub(super) fn check_unit(variable: &FmuVariable, unit: &str) -> Result<()> {
     if !variable.unit.is_empty() && variable.unit != unit {
-        bail!("{} is in {}, expected is {unit}", variable.name, variable.unit);
+        bail!("{} is in {}, expected {unit}", variable.name, variable.unit);
     }
     Ok(())
 }
@@ -365,7 +365,7 @@ mod tests {
             "allocation.bypass_end",
         ] {
             let message = refusal_of(Strategy::SplitRange, name, |variable| variable.unit = "mV".to_owned());
-            assert!(message.starts_with(&format!("{name} is in mV, expected is ")), "{message}");
+            assert!(message.starts_with(&format!("{name} is in mV, expected ")), "{message}");
         }
         assert_eq!(
             refusal("schedule.gain[16,7]", |variable| variable.name = "schedule.gain[17,7]".to_owned()),
@@ -374,7 +374,7 @@ mod tests {
         let message = refusal("schedule.engine_speed[1]", |variable| variable.name = "speed".to_owned());
         assert!(message.contains("has no schedule.engine_speed[1]"), "{message}");
         let message = refusal("nominal_voltage", |variable| variable.unit = "mV".to_owned());
-        assert_eq!(message, "nominal_voltage is in mV, expected is V");
+        assert_eq!(message, "nominal_voltage is in mV, expected V");
     }
 
     #[test]
@@ -384,8 +384,8 @@ mod tests {
                 Schedule::built_in(Strategy::BySpeed).unwrap().with(Some(speeds.to_vec()), None, None);
             schedule.unwrap_err().to_string()
         };
-        assert_eq!(refusal(&[1000.0, 2000.0]), "2 engine speeds are given; the controller has 7");
-        assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("do not ascend"));
+        assert_eq!(refusal(&[1000.0, 2000.0]), "2 engine speeds given, but the controller has 7");
+        assert!(refusal(&[1.0, 2.0, 3.0, 4.0, 6.0, 5.0, 7.0]).contains("must ascend"));
     }
 
     /// Checks before spending hours on values that the controller rejects.

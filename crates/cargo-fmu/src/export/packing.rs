@@ -66,7 +66,7 @@ pub(super) fn libraries_of<'a>(
     for given in all {
         let Some(name) = given.model_of(descriptions) else {
             let models = descriptions.keys().copied().collect::<Vec<_>>().join(" or ");
-            bail!("{}: it was built from a description other than that of {models}", given.refused());
+            bail!("{}: it was not built from the description of {models}", given.refused());
         };
         let of_model = libraries.entry(name).or_default();
         let bytes = match of_model.get(&given.platform) {

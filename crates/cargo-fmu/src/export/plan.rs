@@ -113,7 +113,7 @@ impl Plan {
                 && let Some(stray) = given.first()
             {
                 let models = self.models().collect::<Vec<_>>().join(" or ");
-                bail!("{}: it was built from a description other than that of {models}", stray.refused());
+                bail!("{}: it was not built from the description of {models}", stray.refused());
             }
             let modules = self.sources.then(|| self.compile_for(&WebAssembly, "", version)).transpose()?;
             written.extend(self.pack(&built, modules.as_ref(), &descriptions, of_these)?);
@@ -142,7 +142,7 @@ impl Plan {
         description: &str,
     ) -> Result<Vec<(String, Vec<u8>)>> {
         if modules.description(model)? != description {
-            bail!("the build for WebAssembly made a different description of {model}");
+            bail!("the WebAssembly build gave a different description of {model}");
         }
         let bytes = reading::bytes(modules.library(model)?)?;
         let version = if is_fmi3(description) { Version::Three } else { Version::Two };
@@ -173,7 +173,7 @@ impl Plan {
         compile(&self.metadata, self.models.values(), build, &self.profile, version, self.interfaces)
             .with_context(|| match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
-                    format!("nothing was exported of FMI {version}.0")
+                    format!("nothing was exported as FMI {version}.0")
                 }
                 _ => "nothing was exported".to_owned(),
             })
@@ -232,7 +232,7 @@ fn descriptions<'a>(
         for (build, compiled) in built {
             let description = compiled.description(name)?;
             if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
-                bail!("the build for {} made a different description of {name}", build.platform.folder());
+                bail!("the build for {} gave a different description of {name}", build.platform.folder());
             }
         }
     }

@@ -145,7 +145,7 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
     let lines: String = lines.collect();
     let more = differing.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!("\n  and {more} more") } else { String::new() };
-    bail!("it has other settings; choose another folder, or remove it:{lines}{more}")
+    bail!("it was written with other settings; choose another folder, or remove it:{lines}{more}")
 }
 
 /// Two long texts, shortened to the surroundings of their first difference.

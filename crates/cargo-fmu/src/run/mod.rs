@@ -119,7 +119,7 @@ impl FmuArguments {
             }
             let Some(member) = scenario.fmus.iter_mut().find(|member| member.name == *name) else {
                 let names: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-                bail!("the scenario has no FMU {name}: there are {}", names.join(", "));
+                bail!("the scenario has no FMU {name}; it has {}", names.join(", "));
             };
             member.file.clone_from(file);
             scenario.has_replaced_fmus = true;

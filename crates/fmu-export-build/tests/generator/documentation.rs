@@ -251,7 +251,7 @@ fn a_fragment_brings_its_pictures() {
         ("<svg><image xlink:href=\"a.png\"/></svg>", "xlink:href=\"a.png\""),
     ] {
         let refused =
-            format!("vessels.html:1: {address} is neither an SVG file of <img> nor begins with data:");
+            format!("vessels.html:1: {address}: pictures are SVG files in <img>, or begin with data:");
         assert_eq!(refusal(markup), refused);
     }
     assert_eq!(refusal("<img src=\"data:image/png;base64,AA==\" alt=\"\"/>"), "nothing was refused");
@@ -262,7 +262,7 @@ fn a_fragment_brings_its_pictures() {
         ("itself.svg", "<svg><img src=\"itself.svg\" alt=\"\"/></svg>"),
     ];
     let refused = generated("recursive picture", |_| {}, &recursive).expect_err("it would never end");
-    assert!(refused.starts_with("itself.svg:1: src=\"itself.svg\" is neither"), "{refused}");
+    assert!(refused.starts_with("itself.svg:1: src=\"itself.svg\": pictures are"), "{refused}");
 }
 
 /// The page's policy stops scripts and external content (`tests/fmu/pages`), but no refresh.

@@ -131,7 +131,7 @@ impl Fmu {
         let version = description.attribute("fmiVersion");
         let is_fmi3 = description.is_fmi3();
         if !version.starts_with("2.") && !is_fmi3 {
-            bail!("it is one of FMI {version}; only FMI 2.0 and 3.0 are supported");
+            bail!("it is an FMI {version} FMU; only FMI 2.0 and 3.0 are supported");
         }
         let (interface, identifier) = chosen(&description, interface)?;
         let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };

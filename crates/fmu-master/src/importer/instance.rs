@@ -22,7 +22,7 @@ impl Fmu {
     /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`](super::ONLY_ONCE) allows one per process.
     ///
     /// # Errors
-    /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` holds a zero byte.
+    /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` contains a NUL byte.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
         let resources = self.functions.folder.path().join("resources");
         let resources = if self.description().is_fmi3() {
@@ -32,7 +32,7 @@ impl Fmu {
         };
         let texts = [name, self.description().guid(), &resources].map(CString::new);
         let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
-            bail!("the name {name:?} holds a zero byte")
+            bail!("the name {name:?} contains a NUL byte")
         };
         match Handle::new(&self.functions, name, [name_text, guid, resources]) {
             Ok(handle) => {
@@ -296,12 +296,12 @@ impl Instance {
                     bail!("{name} is in an array of texts, which cannot be set");
                 }
                 let text =
-                    CString::new(value.as_str()).with_context(|| format!("{name} holds a zero byte"))?;
+                    CString::new(value.as_str()).with_context(|| format!("{name} contains a NUL byte"))?;
                 self.prepare_to_set()?;
                 let called = self.calls.handle.set_string(reference(variable)?, &text);
                 return self.calls.check(std::slice::from_ref(name), called);
             }
-            value => value.number().with_context(|| format!("{name} is no number"))?,
+            value => value.number().with_context(|| format!("{name} is not a number"))?,
         };
         let mut selection = self.calls.fmu.select([name.as_str()])?;
         self.write(&mut selection, &[number])
@@ -329,10 +329,10 @@ impl Instance {
     /// Restores a state that this instance saved.
     ///
     /// # Errors
-    /// When the state is another instance's, the FMU cannot restore states, or the call fails.
+    /// When the state belongs to another instance, the FMU cannot restore states, or the call fails.
     pub fn restore(&mut self, saved: &SavedState) -> Result<()> {
         if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
-            bail!("{}: the state is another instance's", self.calls.name);
+            bail!("{}: the state belongs to another instance", self.calls.name);
         }
         let Some(called) = self.calls.handle.set_state(saved.state, saved.steps) else {
             bail!("{}: the FMU cannot restore its state", self.calls.name);

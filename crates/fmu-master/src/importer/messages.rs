@@ -158,7 +158,7 @@ impl fmt::Display for CallFailed {
                 let prefix = self.function.get(..4).unwrap_or_default();
                 write!(formatter, " gave {}", status.name(prefix))?;
             }
-            None => write!(formatter, " made no instance")?,
+            None => write!(formatter, " returned no instance")?,
         }
         if let Some(time) = self.last_successful_time {
             write!(formatter, ", having reached {} s", Seconds(time))?;

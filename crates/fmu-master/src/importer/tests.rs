@@ -177,14 +177,17 @@ fn a_state_of_another_instance_is_refused() {
     let fmu = opened();
     let (mut one, mut two) = (started(&fmu).unwrap(), started(&fmu).unwrap());
     let saved = one.save().unwrap();
-    assert_eq!(two.restore(&saved).unwrap_err().to_string(), "careless: the state is another instance's");
+    assert_eq!(
+        two.restore(&saved).unwrap_err().to_string(),
+        "careless: the state belongs to another instance"
+    );
 }
 
 #[test]
 fn another_guid_is_refused_with_the_message_of_the_fmu() {
     let fmu = import(&DESCRIPTION.replace("guid=\"careless\"", "guid=\"{another}\"")).unwrap();
     let error = fmu.instantiate("probe").err().expect("it is refused").to_string();
-    assert_eq!(error, "probe: fmi2Instantiate made no instance\n  {another} is not 100% mine");
+    assert_eq!(error, "probe: fmi2Instantiate returned no instance\n  {another} is not 100% mine");
 }
 
 #[test]

@@ -434,7 +434,7 @@ fn read_member(
     let name = name_node.string("a text")?;
     if let Some(other) = others.iter().find(|other| other.name == name) {
         let line = other.location.line().map_or_else(String::new, |line| format!(", in line {line}"));
-        let message = format!("duplicate FMU: {name} is already the name of another one{line}");
+        let message = format!("duplicate FMU: {name} is already the name of another{line}");
         return Err(name_node.location().error(message));
     }
     let file = table.required("file", "the FMU's path")?;
@@ -556,7 +556,7 @@ fn read_noise(node: &Node<'_>) -> Result<Vec<Noise>> {
             standard_deviation: table
                 .required("standard_deviation", "a number above 0, in the variable's unit")?
                 .positive("a number above 0, in the variable's unit")?,
-            seed: table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number from 0 on"))?,
+            seed: table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number, 0 or more"))?,
             location: node.location().clone(),
         };
         table.finish()?;

@@ -98,7 +98,7 @@ fn read_points(node: &Node<'_>) -> Result<Vec<(f64, f64)>> {
         if let Some(&(before, _)) = points.last()
             && point.0 <= before
         {
-            return Err(pair.unexpected(&format!("a time after the one before, {} s", shown(before))));
+            return Err(pair.unexpected(&format!("a time after the previous one, {} s", shown(before))));
         }
         points.push(point);
     }

@@ -149,7 +149,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ("run_in = { begin = 1 }", "line 6, fmu[1].run_in: duration is missing: a time in s"),
         (
             "[[fmu]]\nname = \"plant\"\nfile = \"a\"",
-            "line 7, fmu[2].name: duplicate FMU: plant is already the name of another one, in line 5",
+            "line 7, fmu[2].name: duplicate FMU: plant is already the name of another, in line 5",
         ),
         (
             "[inputs]\na = \"1\"",
@@ -163,7 +163,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "[inputs]\na.steps = [\n[0, 1],\n[0, 2],\n]",
-            "line 9, inputs.a.steps[2]: expected a time after the one before, 0 s, found a list of 2",
+            "line 9, inputs.a.steps[2]: expected a time after the previous one, 0 s, found a list of 2",
         ),
         ("[inputs]\na = { steps = [[0, inf]] }", "line 7, inputs.a.steps[1][2]: expected a pair"),
         ("[inputs]\na = { steps = [[0, 1]], hold = true }", "line 7, inputs.a.hold: this key is not known"),
@@ -186,7 +186,7 @@ fn each_refusal_names_line_and_key_and_what_was_expected() {
         ),
         (
             "[noise]\na = { standard_deviation = 1, seed = -1 }",
-            "line 7, noise.a.seed: expected a whole number from 0 on",
+            "line 7, noise.a.seed: expected a whole number, 0 or more",
         ),
     ];
     for (more, expected) in cases {

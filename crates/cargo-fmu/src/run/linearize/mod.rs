@@ -193,9 +193,8 @@ impl Linearize {
         }
         if fmus.is_empty() && cut.is_none() {
             bail!(
-                "there is nothing to linearize: {} without continuous states and their derivatives; --loop measures a \
-                 loop of any FMUs",
-                names.join(" and ") + if names.len() == 1 { " is" } else { " are" }
+                "nothing to linearize: {} no continuous states with derivatives; --loop measures a loop of any FMUs",
+                names.join(" and ") + if names.len() == 1 { " has" } else { " have" }
             );
         }
         Ok(Found { title, time, fmus, cut })
@@ -267,7 +266,7 @@ impl Linearize {
             self.amplitude.unwrap_or(if value == 0.0 { AMPLITUDE } else { AMPLITUDE * value.abs() });
         let periods = periods(step, self.range()?);
         if periods.is_empty() {
-            bail!("--frequencies: a loop is measured below {}", quantity(0.25 / step, "Hz"));
+            bail!("--frequencies: a loop can only be measured below {}", quantity(0.25 / step, "Hz"));
         }
         let bar = progress_bar(periods.len() as u64, "{pos} of {len} frequencies")?;
         let points = measure(master, step, amplitude, &periods, || bar.inc(1))?;

@@ -140,7 +140,7 @@ fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     if !(1..=MOST_RUNS).contains(&count) {
         return Err(count_node.unexpected(&format!("a whole number from 1 to {MOST_RUNS}")));
     }
-    let seed = table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number from 0 on"))?;
+    let seed = table.optional("seed").map_or(Ok(0), |node| node.integer("a whole number, 0 or more"))?;
     let mut generator = Pcg64::seed_from_u64(seed);
     let mut parameters = vec![];
     let mut points = vec![vec![]; count];

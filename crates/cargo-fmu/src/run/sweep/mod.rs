@@ -136,7 +136,7 @@ impl Study {
             let (member, name) = parameter.parts()?;
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
                 let names: Vec<_> = self.scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-                let message = format!("the scenario has no FMU {member}: there are {}", names.join(", "));
+                let message = format!("the scenario has no FMU {member}; it has {}", names.join(", "));
                 return Err(parameter.location.error(message));
             };
             let fmu = fmus.get(member)?;
@@ -316,7 +316,7 @@ impl Loaded {
             if let Some(value) = value {
                 let (member, name) = parameter.parts()?;
                 let member = scenario.fmus.iter_mut().find(|known| known.name == member);
-                let member = member.with_context(|| format!("{} is of no FMU", parameter.name))?;
+                let member = member.with_context(|| format!("no FMU has {}", parameter.name))?;
                 member.values.retain(|assignment| assignment.name != name);
                 let location = parameter.location.clone();
                 member.values.push(Assignment { name: name.to_owned(), value: value.clone(), location });

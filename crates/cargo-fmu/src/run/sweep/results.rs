@@ -24,7 +24,7 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
     // TOML forbids two measures of the same name.
     match measures.iter().find(|measure| taken.contains(&measure.name.as_str())) {
         Some(measure) => Err(measure.location.error(format!(
-            "the results have a column {} already; give the measure another name",
+            "the results already have a column {}; give the measure another name",
             measure.name
         ))),
         None => Ok(()),
