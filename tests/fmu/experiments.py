@@ -17,7 +17,7 @@ ON_TOLERANCE = 20.0
 """The tolerance against the reference solver (Pa): 0.01 % of the full scale of boost pressure."""
 
 
-SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
+SCENARIOS = ROOT / "boost" / "lab" / "scenarios"
 """The paper's experiments as the laboratory runs them, which define the inputs."""
 
 

@@ -76,7 +76,12 @@ def test_export(clone: Path, exported: Path) -> None:
     Compiled again, the sources give the same bytes.
     """
     out = clone / "out"
-    for source in ["build.rs", "src/lib.rs", *ROOT.glob("crates/*/src/lib.rs")]:
+    for source in [
+        "build.rs",
+        "src/lib.rs",
+        *ROOT.glob("crates/*/src/lib.rs"),
+        *ROOT.glob("boost/*/src/lib.rs"),
+    ]:
         os.utime(ROOT / source)
     command = ["cargo", "run", "--release", "--", "export", "--out", out]
     subprocess.run(command, cwd=ROOT, check=True)

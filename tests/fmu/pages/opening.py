@@ -50,7 +50,7 @@ def write_pages(lab: Run, exported: Path, folder: Path) -> None:
 
     plant = ["--plant", exported / "BoostPlant.fmu"]
     both = [*plant, "--controller", exported / "BoostController.fmu"]
-    steps = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
+    steps = ROOT / "boost" / "lab" / "scenarios" / "figure_13.toml"
     bench = folder / "bench.csv"
     run("simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)
     run("identify", "actuator", bench, *plant, "--out", folder / "identification")

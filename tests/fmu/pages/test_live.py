@@ -17,7 +17,7 @@ from fmu.report import Report
 
 pytestmark = pytest.mark.browser
 
-SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
+SCENARIOS = ROOT / "boost" / "lab" / "scenarios"
 
 PICTURES = TARGET / "live"
 
