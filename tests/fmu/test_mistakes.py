@@ -248,12 +248,12 @@ def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_
         ),
         (
             "fmu!(equations struct Motor);" + EQUATIONS,
-            {"FMU_INTERFACES": "se", "FMI_VERSION": "3"},
+            {"FMU_INTERFACES": "se", "FMU_FMI_VERSION": "3"},
             "this model cannot be exported for Scheduled Execution",
         ),
         (
             "fmu!(sampled struct Motor);" + SAMPLED,
-            {"FMU_INTERFACES": "se", "FMI_VERSION": "3"},
+            {"FMU_INTERFACES": "se", "FMU_FMI_VERSION": "3"},
             "Scheduled Execution needs a clock in the model's JSON",
         ),
     ],

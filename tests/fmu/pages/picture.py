@@ -12,6 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
+
 from fmu.pages.waiting import wait_for
 
 STEPS = {0: 125, 3: 150, 12: 170, 22: 140}

@@ -9,9 +9,12 @@ from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Browser, Page, Route
+
 from fmu.pages.visit import FMUS, LIVE, PAGES
 
-pytest_plugins = ["opening"]
+pytestmark = pytest.mark.browser
+
+pytest_plugins = ["fmu.pages.opening"]
 
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)"/>')
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Page
-from fmu.pages.waiting import wait_for
 
 from fmu import TARGET
+from fmu.pages.waiting import wait_for
 
 HEIGHT = 900
 
