@@ -43,7 +43,7 @@ macro_rules! functions {
                 });
                 Self {
                     // SAFETY: the library exports the standard's functions with the standard's types.
-                    $($name: *unsafe { loaded.get(stringify!($function)) }.expect("the library exports every function"),)*
+                    $($name: *unsafe { loaded.get(stringify!($function)) }.expect("it exports every function"),)*
                     guid: CString::new(description.guid).expect("no NUL in it"),
                     variables: description.variables,
                     _loaded: loaded,

@@ -201,8 +201,7 @@ macro_rules! functions {
 
 pub(crate) use functions;
 
-/// Declares the types of the functions in a version's table, from the types of their parameters and `Status`, which are in
-/// scope.
+/// Declares the types of the functions in a version's table. `Status` and the parameters' types are in scope.
 #[macro_export]
 macro_rules! function_types {
     (Library { $($library:ident($($argument:ident: $of:ty),* $(,)?) $(-> $result:ty)?;)* }

@@ -1,4 +1,4 @@
-//! The allowed order of calls: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
+//! The functions and the allowed order of calls: the state machines of FMI 2.0.5, sections 3.2.3 and 4.2.4, as data.
 //!
 //! The states `stepInProgress` and `stepCanceled` of the standard do not occur, because steps are never asynchronous.
 //! The state `fatal` does not occur, because an error never affects another instance.
@@ -30,11 +30,11 @@ const STEPPED: Phases = Phases::of(&[StepComplete, StepFailed, Terminated]);
 /// The states in which a solver can read what it needs.
 const SOLVABLE: Phases = Phases::of(&[InitializationMode, EventMode, ContinuousTimeMode, Terminated, Error]);
 
-/// The functions of FMI 2.0.5 with their parameters, as fmi2FunctionTypes.h names them: those of the library, then those
-/// of an instance, for all interfaces or one, each with the states in which it may be called.
+/// The functions of FMI 2.0.5, with the parameters' names of fmi2FunctionTypes.h: those of the library, then those
+/// of an instance, in all interfaces or one, with the states in which they may be called.
 ///
-/// `fmi2_calls!(name)` passes the table to the macro of this name, `fmi2_calls!(name, tokens)` after these tokens.
-/// The types of the parameters are those in scope there.
+/// `fmi2_calls!(name)` passes the table to the macro `name`, `fmi2_calls!(name, tokens)` after these tokens. Types are
+/// those in scope there.
 #[macro_export]
 macro_rules! fmi2_calls {
     ($macro:path $(, $($tokens:tt)*)?) => { $macro! { $($($tokens)*)?

@@ -1,4 +1,4 @@
-//! The allowed order of calls: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
+//! The functions and the allowed order of calls: the state machines of FMI 3.0.2, sections 2.3, 3.2 and 4.2, as data.
 //!
 //! Reconfiguration Mode does not occur: there are no tunable structural parameters.
 
@@ -50,11 +50,11 @@ const TIMED: Phases = Phases::of(&[InitializationMode, EventMode, StepEventMode,
 /// Event Mode of all interfaces.
 const AT_EVENTS: Phases = Phases::of(&[EventMode, StepEventMode]);
 
-/// The functions of FMI 3.0.2 with their parameters, as fmi3FunctionTypes.h names them: those of the library, then those
-/// of an instance, for all interfaces or one, each with the states in which it may be called.
+/// The functions of FMI 3.0.2, with the parameters' names of fmi3FunctionTypes.h: those of the library, then those
+/// of an instance, in all interfaces or one, with the states in which they may be called.
 ///
-/// `fmi3_calls!(name)` passes the table to the macro of this name, `fmi3_calls!(name, tokens)` after these tokens.
-/// The types of the parameters are those in scope there.
+/// `fmi3_calls!(name)` passes the table to the macro `name`, `fmi3_calls!(name, tokens)` after these tokens. Types are
+/// those in scope there.
 #[macro_export]
 macro_rules! fmi3_calls {
     ($macro:path $(, $($tokens:tt)*)?) => { $macro! { $($($tokens)*)?
@@ -101,7 +101,8 @@ macro_rules! fmi3_calls {
             // afterwards.
             fmi3GetClock(valueReferences: *const ValueReference, nValueReferences: usize, values: *mut Clock):
                 [EventMode, StepEventMode, ClockActivationMode];
-            fmi3SetClock(valueReferences: *const ValueReference, nValueReferences: usize, values: *const Clock): AT_EVENTS;
+            fmi3SetClock(valueReferences: *const ValueReference, nValueReferences: usize, values: *const Clock):
+                AT_EVENTS;
             fmi3GetNumberOfVariableDependencies(valueReference: ValueReference, nDependencies: *mut usize): ANY;
             fmi3GetVariableDependencies(
                 dependent: ValueReference, elementIndicesOfDependent: *mut usize, independents: *mut ValueReference,
