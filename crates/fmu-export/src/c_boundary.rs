@@ -31,7 +31,7 @@ use arguments::{c_string, check_count, elements, not_null, write_elements};
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.
-pub fn silence_panics() {
+pub(crate) fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(not(target_family = "wasm"))]
     ONCE.call_once(|| std::panic::set_hook(Box::new(crate::panics::note)));
@@ -76,35 +76,87 @@ macro_rules! exported_model {
     };
 }
 
-/// Defines functions of the standard that take an instance. Each row has the name here, the trait of the model, the
-/// arguments, and the name in the standard; the function runs its body on the instance if the calling sequence allows
-/// it.
+/// Exports the functions of a version's table. Each calls the generic function of its name in the module `functions`.
+/// FMI 2.0: those of `CoSimulation`, `ModelExchange` or `Both`. FMI 3.0: all, `locked` by the importer's callbacks.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! exports {
+    (@CoSimulation ModelExchange $functions:tt) => {};
+    (@ModelExchange CoSimulation $functions:tt) => {};
+    (@Library $offered:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?) $(-> $result:ty)?;)* }) => {$(
+        $crate::exported_function! {
+            $name($($parameter: $type),*) $(-> $result)?,
+            |F| functions::$name::<F::Model>($($parameter),*)
+        }
+    )*};
+    // This function calls the locks itself, since none holds while it notifies the importer of clocks.
+    (@ScheduledExecution locked $functions:tt) => { $crate::exports! { @ScheduledExecution All $functions } };
+    (@$interface:ident locked { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* }) => {$(
+        $crate::exported_function! {
+            $name(instance: *mut ::core::ffi::c_void, $($parameter: $type),*) -> Status,
+            |F| functions::locked::<F::Model, _>(instance, || {
+                functions::$name::<F::Model>(instance, $($parameter),*)
+            })
+        }
+    )*};
+    (@$interface:ident $offered:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* }) => {$(
+        $crate::exported_function! {
+            $name(instance: *mut ::core::ffi::c_void, $($parameter: $type),*) -> Status,
+            |F| functions::$name::<F::Model>(instance, $($parameter),*)
+        }
+    )*};
+    ($offered:ident $($interface:ident $functions:tt)*) => {
+        $($crate::exports! { @$interface $offered $functions })*
+    };
+}
+
+/// Checks that a module of `c_api` has the functions of the version's table, with their types.
+macro_rules! held {
+    ($module:ident, $kind:ident
+        Library {
+            $($library:ident($($argument:ident: $of:ty),* $(,)?) $(-> $result:ty)?;)*
+        }
+        $($interface:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* })*
+    ) => {
+        const _: () = {
+            use super::c_types::*;
+
+            fn _held<M: crate::$kind>() {
+                $(let _: unsafe fn($($of),*) $(-> $result)? = $module::$library::<M>;)*
+                $($(let _: unsafe fn(*mut core::ffi::c_void, $($type),*) -> Status = $module::$name::<M>;)*)*
+            }
+        };
+    };
+}
+
+/// Defines functions of the standard that take an instance. Each row has the name, the trait of the model, and the
+/// arguments; the function runs its body on the instance if the calling sequence allows it.
 macro_rules! c_functions {
-    ($prefix:literal; $(
+    ($(
         $(#[$attribute:meta])*
-        $name:ident<$model:ident>($($argument:ident: $type:ty),* $(,)?): $function:ident, $body:expr;
+        $name:ident<$model:ident>($($argument:ident: $type:ty),* $(,)?), $body:expr;
     )*) => {$(
-        #[doc = concat!("`", $prefix, stringify!($function), "`.")]
+        #[doc = concat!("`", stringify!($name), "`.")]
         $(#[$attribute])*
         pub unsafe fn $name<M: $model>(instance: *mut core::ffi::c_void, $($argument: $type),*) -> Status {
             // SAFETY: the instance and the other arguments are the importer's (see the module).
-            unsafe { $crate::c_boundary::call::<M>(instance, Function::$function, $body) }
+            unsafe { $crate::c_boundary::call::<M>(instance, Function::$name, $body) }
         }
     )*};
 }
 
 /// Defines functions that always fail, each with its reason.
 macro_rules! refusals {
-    ($prefix:literal; $($name:ident($($argument:ty),* $(,)?): $function:ident, $reason:expr;)*) => {$(
-        #[doc = concat!("`", $prefix, stringify!($function), "`: an error.")]
+    ($($name:ident($($argument:ty),* $(,)?), $reason:expr;)*) => {$(
+        #[doc = concat!("`", stringify!($name), "`: an error.")]
         pub unsafe fn $name<M: Model>(instance: *mut core::ffi::c_void, $(_: $argument),*) -> Status {
             // SAFETY: the instance is the importer's (see the module).
-            unsafe { $crate::c_boundary::call::<M>(instance, Function::$function, |_| Err(Error::new($reason))) }
+            unsafe { $crate::c_boundary::call::<M>(instance, Function::$name, |_| Err(Error::new($reason))) }
         }
     )*};
 }
 
-pub(crate) use {c_functions, refusals};
+pub(crate) use {c_functions, held, refusals};
 
 /// The target of a handle. Coupled FMUs share a process; the first word distinguishes their instances.
 #[repr(C)]

@@ -154,14 +154,17 @@ pub(crate) trait Function: Copy + 'static {
     fn phases(self) -> Phases;
 }
 
-/// Declares a version's functions that take an instance: their interface, if only one has them, and the states in
-/// which they may be called, in brackets or as a set.
+/// Declares the functions of a version's table that take an instance: their interface, if only one has them, and the
+/// states in which they may be called, in brackets or as a set.
 macro_rules! functions {
-    (@ [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
-    (@ $phases:ident) => { $phases };
-    ($prefix:literal; $($interface:expr => { $($name:ident: $phases:tt,)* })*; $($items:item)*) => {
+    (@interface All) => { None };
+    (@interface $interface:ident) => { Some(Interface::$interface) };
+    (@phases [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
+    (@phases $phases:ident) => { $phases };
+    ({ $($items:item)* } Library $library:tt $($interface:ident { $($name:ident $parameters:tt: $phases:tt;)* })*) => {
         /// A function of the standard that takes an instance.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(non_camel_case_types, clippy::enum_variant_names, reason = "the standard's names")]
         pub(crate) enum Function {
             $($($name,)*)*
         }
@@ -175,19 +178,19 @@ macro_rules! functions {
         impl crate::calling_sequence::Function for Function {
             fn name(self) -> &'static str {
                 match self {
-                    $($(Self::$name => concat!($prefix, stringify!($name)),)*)*
+                    $($(Self::$name => stringify!($name),)*)*
                 }
             }
 
             fn interface(self) -> Option<Interface> {
                 match self {
-                    $($(Self::$name => $interface,)*)*
+                    $($(Self::$name => functions!(@interface $interface),)*)*
                 }
             }
 
             fn phases(self) -> Phases {
                 match self {
-                    $($(Self::$name => functions!(@ $phases),)*)*
+                    $($(Self::$name => functions!(@phases $phases),)*)*
                 }
             }
 
@@ -197,6 +200,25 @@ macro_rules! functions {
 }
 
 pub(crate) use functions;
+
+/// Declares the types of the functions in a version's table. `Status` and the parameters' types are in scope.
+#[macro_export]
+macro_rules! function_types {
+    (Library { $($library:ident($($argument:ident: $of:ty),* $(,)?) $(-> $result:ty)?;)* }
+        $($interface:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* })*) => {
+        $(
+            #[doc = concat!("`", stringify!($library), "`.")]
+            #[allow(non_camel_case_types, non_snake_case, reason = "the standard's names")]
+            pub type $library = unsafe extern "C" fn($($argument: $of),*) $(-> $result)?;
+        )*
+        $($(
+            #[doc = concat!("`", stringify!($name), "`.")]
+            #[allow(non_camel_case_types, non_snake_case, reason = "the standard's names")]
+            pub type $name =
+                unsafe extern "C" fn(instance: *mut ::core::ffi::c_void, $($parameter: $type),*) -> Status;
+        )*)*
+    };
+}
 
 /// Checks that a table lists functions of an interface in its states only.
 #[cfg(test)]

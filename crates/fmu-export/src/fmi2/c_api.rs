@@ -1,23 +1,22 @@
-//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings define their symbols in
-//! the exported library.
+//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings export those of a module
+//! at the end.
 //!
 //! [`fmi2_co_simulation!`]: crate::fmi2_co_simulation
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
+#![allow(non_snake_case, reason = "the standard's names")]
 
-use core::ffi::{CStr, c_char, c_int, c_void};
+use core::ffi::{CStr, c_void};
 use core::ptr;
 use std::ffi::CString;
 
-pub use crate::c_boundary::silence_panics;
-
 use super::c_types::{
-    Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, EventInfo, FALSE, FmuState,
-    Integer, MODEL_EXCHANGE, Status, ValueReference, status_kind,
+    Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, Enumeration, EventInfo,
+    FALSE, FmuState, Integer, MODEL_EXCHANGE, Status, String, ValueReference, status_kind,
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
-use crate::c_boundary::{self, c_functions, get_values, refusals, set_values, states};
+use crate::c_boundary::{self, c_functions, get_values, held, refusals, set_values, states};
 use crate::calling_sequence::{Function as _, Interface};
 use crate::context::Experiment;
 use crate::error::Error;
@@ -28,10 +27,17 @@ use crate::model_exchange::ModelExchange;
 use crate::resources::Resources;
 use crate::variables::Variables;
 
-/// `fmi2GetVersion`.
-pub const VERSION: &CStr = c"2.0";
 /// `fmi2GetTypesPlatform`.
-pub const TYPES_PLATFORM: &CStr = c"default";
+#[must_use]
+pub fn fmi2GetTypesPlatform<M: Model>() -> String {
+    c"default".as_ptr()
+}
+
+/// `fmi2GetVersion`.
+#[must_use]
+pub fn fmi2GetVersion<M: Model>() -> String {
+    c"2.0".as_ptr()
+}
 
 /// The importer's logger, with its arguments that identify the instance.
 #[derive(Debug)]
@@ -69,15 +75,16 @@ impl Recipient for Callback {
 
 /// `fmi2Instantiate`: null and a message if an argument is wrong.
 #[must_use]
-pub unsafe fn instantiate<M: Model>(
-    instance_name: *const c_char,
-    fmu_type: c_int,
-    guid: *const c_char,
-    resource_location: *const c_char,
+pub unsafe fn fmi2Instantiate<M: Model>(
+    instance_name: String,
+    fmu_type: Enumeration,
+    guid: String,
+    resource_location: String,
     functions: *const CallbackFunctions,
     _visible: Boolean,
     logging_on: Boolean,
 ) -> Component {
+    c_boundary::silence_panics();
     if functions.is_null() {
         return ptr::null_mut();
     }
@@ -125,51 +132,47 @@ pub unsafe fn instantiate<M: Model>(
 }
 
 /// `fmi2FreeInstance`; frees the remaining states, too.
-pub unsafe fn free_instance<M: Model>(component: Component) {
+pub unsafe fn fmi2FreeInstance<M: Model>(component: Component) {
     // SAFETY: the component is the importer's (see the module).
     unsafe { c_boundary::free::<M>(component) }
 }
 
 c_functions! {
-    "fmi2";
-    set_debug_logging<Model>(on: Boolean, count: usize, categories: *const *const c_char): SetDebugLogging,
+    fmi2SetDebugLogging<Model>(on: Boolean, count: usize, categories: *const String),
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
-    setup_experiment<Model>(
+    fmi2SetupExperiment<Model>(
         tolerance_defined: Boolean, tolerance: f64, start_time: f64, stop_time_defined: Boolean,
         stop_time: f64,
-    ): SetupExperiment, |instance| {
+    ), |instance| {
         instance.setup_experiment(Experiment {
             start_time,
             stop_time: (stop_time_defined != FALSE).then_some(stop_time),
             tolerance: (tolerance_defined != FALSE).then_some(tolerance),
         })
     };
-    enter_initialization_mode<Model>(): EnterInitializationMode, Instance::enter_initialization_mode;
-    exit_initialization_mode<Model>(): ExitInitializationMode, Instance::exit_initialization_mode;
-    exit_initialization_mode_with_events<ModelExchange>(): ExitInitializationMode,
-        Instance::exit_initialization_mode_with_events;
-    terminate<Model>(): Terminate, Instance::terminate;
-    reset<Model>(): Reset, Instance::reset;
+    fmi2EnterInitializationMode<Model>(), Instance::enter_initialization_mode;
+    fmi2Terminate<Model>(), Instance::terminate;
+    fmi2Reset<Model>(), Instance::reset;
 
     /// Creates a saved state if `*state` is null, otherwise overwrites that one.
-    get_fmu_state<Model>(state: *mut FmuState): GetFMUstate,
+    fmi2GetFMUstate<Model>(state: *mut FmuState),
         |instance| states::get_state(instance, state);
-    set_fmu_state<Model>(state: FmuState): SetFMUstate, |instance| states::set_state(instance, state);
+    fmi2SetFMUstate<Model>(state: FmuState), |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    free_fmu_state<Model>(state: *mut FmuState): FreeFMUstate, |_| states::free_state::<M>(state);
-    serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUstateSize,
+    fmi2FreeFMUstate<Model>(state: *mut FmuState), |_| states::free_state::<M>(state);
+    fmi2SerializedFMUstateSize<Model>(state: FmuState, size: *mut usize),
         |_| states::serialized_size::<M>(state, size);
     /// Writes as many bytes as `fmi2SerializedFMUstateSize` reports.
-    serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUstate,
+    fmi2SerializeFMUstate<Model>(state: FmuState, bytes: *mut Byte, size: usize),
         |_| states::serialize::<M>(state, (bytes.cast(), size));
     /// Always into a new state.
-    deserialize_fmu_state<Model>(bytes: *const Byte, size: usize, state: *mut FmuState): DeSerializeFMUstate,
+    fmi2DeSerializeFMUstate<Model>(bytes: *const Byte, size: usize, state: *mut FmuState),
         |instance| states::deserialize(instance, (bytes.cast(), size), state);
 
-    get_directional_derivative<Model>(
+    fmi2GetDirectionalDerivative<Model>(
         unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,
         known_count: usize, seeds: *const f64, sensitivities: *mut f64,
-    ): GetDirectionalDerivative, |instance| {
+    ), |instance| {
         let unknowns = elements("vUnknown_ref", unknowns, unknown_count)?;
         let knowns = elements("vKnown_ref", knowns, known_count)?;
         let seeds = elements("dvKnown", seeds, known_count)?;
@@ -177,18 +180,18 @@ c_functions! {
             instance.get_directional_derivative(&unknowns, &knowns, &seeds, sensitivities)
         })
     };
-    get_real_output_derivatives<Model>(
+    fmi2GetRealOutputDerivatives<Model>(
         references: *const ValueReference, count: usize, orders: *const Integer, values: *mut f64,
-    ): GetRealOutputDerivatives, |instance| {
+    ), |instance| {
         let references = elements("vr", references, count)?;
         let orders = elements("order", orders, count)?;
         write_elements("value", values, count, |values| {
             instance.get_real_output_derivatives(&references, orders.iter().copied(), values)
         })
     };
-    set_real_input_derivatives<Model>(
+    fmi2SetRealInputDerivatives<Model>(
         references: *const ValueReference, count: usize, orders: *const Integer, values: *const f64,
-    ): SetRealInputDerivatives, |instance| {
+    ), |instance| {
         instance.set_real_input_derivatives(
             &elements("vr", references, count)?,
             &elements("order", orders, count)?,
@@ -196,29 +199,29 @@ c_functions! {
         )
     };
 
-    do_step<Model>(start: f64, size: f64, _no_set_fmu_state_prior: Boolean): DoStep,
+    fmi2DoStep<Model>(start: f64, size: f64, _no_set_fmu_state_prior: Boolean),
         |instance| instance.do_step(start, size);
     /// Steps are never pending.
-    get_status<Model>(_kind: c_int, value: *mut c_int): GetStatus, |instance| status(instance, value, None);
+    fmi2GetStatus<Model>(_kind: Enumeration, value: *mut Enumeration), |instance| status(instance, value, None);
     /// The end of the last completed step.
-    get_real_status<Model>(kind: c_int, value: *mut f64): GetRealStatus, |instance| {
+    fmi2GetRealStatus<Model>(kind: Enumeration, value: *mut f64), |instance| {
         let time = (kind == status_kind::LAST_SUCCESSFUL_TIME).then(|| instance.last_successful_time());
         status(instance, value, time)
     };
     /// No status is an Integer.
-    get_integer_status<Model>(_kind: c_int, value: *mut Integer): GetIntegerStatus,
+    fmi2GetIntegerStatus<Model>(_kind: Enumeration, value: *mut Integer),
         |instance| status(instance, value, None);
     /// Whether the model requests the end of the simulation.
-    get_boolean_status<Model>(kind: c_int, value: *mut Boolean): GetBooleanStatus, |instance| {
+    fmi2GetBooleanStatus<Model>(kind: Enumeration, value: *mut Boolean), |instance| {
         let ends = (kind == status_kind::TERMINATED).then(|| Boolean::from(instance.asks_for_end()));
         status(instance, value, ends)
     };
     /// Steps are never pending.
-    get_string_status<Model>(_kind: c_int, value: *mut *const c_char): GetStringStatus,
+    fmi2GetStringStatus<Model>(_kind: Enumeration, value: *mut String),
         |instance| status(instance, value, None);
 
-    enter_event_mode<ModelExchange>(): EnterEventMode, Instance::enter_event_mode;
-    new_discrete_states<ModelExchange>(info: *mut EventInfo): NewDiscreteStates, |instance| {
+    fmi2EnterEventMode<ModelExchange>(), Instance::enter_event_mode;
+    fmi2NewDiscreteStates<ModelExchange>(info: *mut EventInfo), |instance| {
         let info = not_null("fmi2eventInfo", info)?;
         let (status, found) = instance.new_discrete_states()?;
         info.write_unaligned(EventInfo {
@@ -231,39 +234,38 @@ c_functions! {
         });
         Ok(status)
     };
-    enter_continuous_time_mode<ModelExchange>(): EnterContinuousTimeMode,
+    fmi2EnterContinuousTimeMode<ModelExchange>(),
         Instance::enter_continuous_time_mode;
     /// Does nothing: the description has `completedIntegratorStepNotNeeded`.
-    completed_integrator_step<ModelExchange>(
+    fmi2CompletedIntegratorStep<ModelExchange>(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
-    ): CompletedIntegratorStep, |_| c_boundary::completed_integrator_step(event_mode, terminate);
-    set_time<ModelExchange>(time: f64): SetTime, |instance| instance.set_time(time);
-    set_continuous_states<ModelExchange>(states: *const f64, count: usize): SetContinuousStates,
+    ), |_| c_boundary::completed_integrator_step(event_mode, terminate);
+    fmi2SetTime<ModelExchange>(time: f64), |instance| instance.set_time(time);
+    fmi2SetContinuousStates<ModelExchange>(states: *const f64, count: usize),
         |instance| c_boundary::set_continuous_states(instance, ["x", "nx"], (states, count));
 }
 
 /// Defines functions that get an array of all states or event indicators.
 macro_rules! arrays {
-    ($($name:ident: $function:ident, $arguments:expr, $elements:ident;)*) => {
-        c_functions! { "fmi2"; $(
-            $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
+    ($($name:ident: $get:ident, $arguments:expr, $elements:ident;)*) => {
+        c_functions! { $(
+            $name<ModelExchange>(values: *mut f64, count: usize), |instance| {
                 let expected = M::Variables::$elements.len();
-                c_boundary::get_array($arguments, expected, (values, count), |values| instance.$name(values))
+                c_boundary::get_array($arguments, expected, (values, count), |values| instance.$get(values))
             };
         )* }
     };
 }
 
 arrays! {
-    get_derivatives: GetDerivatives, ["derivatives", "nx"], STATE_NOMINALS;
-    get_event_indicators: GetEventIndicators, ["eventIndicators", "ni"], EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, ["x", "nx"], STATE_NOMINALS;
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, ["x_nominal", "nx"], STATE_NOMINALS;
+    fmi2GetDerivatives: get_derivatives, ["derivatives", "nx"], STATE_NOMINALS;
+    fmi2GetEventIndicators: get_event_indicators, ["eventIndicators", "ni"], EVENT_INDICATORS;
+    fmi2GetContinuousStates: get_continuous_states, ["x", "nx"], STATE_NOMINALS;
+    fmi2GetNominalsOfContinuousStates: get_nominals_of_continuous_states, ["x_nominal", "nx"], STATE_NOMINALS;
 }
 
 refusals! {
-    "fmi2";
-    cancel_step(): CancelStep, "not supported by this FMU (canRunAsynchronuously is false)";
+    fmi2CancelStep(), "not supported by this FMU (canRunAsynchronuously is false)";
 }
 
 /// Returns the status of a step. Status information of asynchronous steps is discarded, as section 2.1.3 requires of
@@ -284,8 +286,8 @@ unsafe fn status<M: Model, T>(instance: &Instance<M>, value: *mut T, known: Opti
 
 /// Defines functions that get or set values.
 macro_rules! accessors {
-    ($($name:ident: $function:ident, $access:ident($values:ty), $body:expr;)*) => {$(
-        #[doc = concat!("`fmi2", stringify!($function), "`.")]
+    ($($name:ident, $access:ident($values:ty), $body:expr;)*) => {$(
+        #[doc = concat!("`", stringify!($name), "`.")]
         pub unsafe fn $name<M: Model>(
             component: Component,
             references: *const ValueReference,
@@ -294,20 +296,41 @@ macro_rules! accessors {
         ) -> Status {
             let (references, values) = ((references, count), (values, count));
             // SAFETY: the component and the arrays are the importer's (see the module).
-            unsafe { $access::<M, _, _>(component, Function::$function, references, values, $body) }
+            unsafe { $access::<M, _, _>(component, Function::$name, references, values, $body) }
         }
     )*};
 }
 
 accessors! {
-    get_real: GetReal, get_values(*mut f64), Instance::get_real;
-    set_real: SetReal, set_values(*const f64), Instance::set_real;
-    get_integer: GetInteger, get_values(*mut Integer), Instance::get_integers;
-    set_integer: SetInteger, set_values(*const Integer), Instance::set_integers;
-    get_boolean: GetBoolean, get_values(*mut Boolean), Instance::get_boolean;
-    set_boolean: SetBoolean, set_values(*const Boolean), Instance::set_boolean;
-    get_string: GetString, get_values(*mut *const c_char), c_boundary::get_strings;
-    set_string: SetString, set_values(*const *const c_char), |instance, references, values| {
+    fmi2GetReal, get_values(*mut f64), Instance::get_real;
+    fmi2SetReal, set_values(*const f64), Instance::set_real;
+    fmi2GetInteger, get_values(*mut Integer), Instance::get_integers;
+    fmi2SetInteger, set_values(*const Integer), Instance::set_integers;
+    fmi2GetBoolean, get_values(*mut Boolean), Instance::get_boolean;
+    fmi2SetBoolean, set_values(*const Boolean), Instance::set_boolean;
+    fmi2GetString, get_values(*mut String), c_boundary::get_strings;
+    fmi2SetString, set_values(*const String), |instance, references, values| {
         c_boundary::set_strings(instance, Function::VALUES, references, values)
     };
 }
+
+/// The functions of an FMU without Model Exchange.
+pub mod co_simulation {
+    pub use super::*;
+
+    c_functions! {
+        fmi2ExitInitializationMode<Model>(), Instance::exit_initialization_mode;
+    }
+}
+
+/// The functions of an FMU with Model Exchange, whose initialization ends with events.
+pub mod model_exchange {
+    pub use super::*;
+
+    c_functions! {
+        fmi2ExitInitializationMode<ModelExchange>(), Instance::exit_initialization_mode_with_events;
+    }
+}
+
+crate::fmi2_calls!(held, co_simulation, ModelExchange);
+crate::fmi2_calls!(held, model_exchange, ModelExchange);

@@ -17,15 +17,19 @@ pub type Integer = c_int;
 pub type ValueReference = c_uint;
 /// `fmi2Byte`.
 pub type Byte = c_char;
+/// `fmi2String`.
+pub type String = *const c_char;
+/// `fmi2Type` and `fmi2StatusKind`, as importers pass them, and `fmi2Status` in their memory.
+pub type Enumeration = c_int;
 
 /// `fmi2True`.
 pub const TRUE: Boolean = 1;
 /// `fmi2False`.
 pub const FALSE: Boolean = 0;
 /// The `fmi2ModelExchange` of `fmi2Type`.
-pub const MODEL_EXCHANGE: c_int = 0;
+pub const MODEL_EXCHANGE: Enumeration = 0;
 /// The `fmi2CoSimulation` of `fmi2Type`.
-pub const CO_SIMULATION: c_int = 1;
+pub const CO_SIMULATION: Enumeration = 1;
 
 /// The values of `fmi2StatusKind`. Not a Rust enum: the importer may pass any number.
 pub mod status_kind {
@@ -69,3 +73,5 @@ pub struct EventInfo {
     pub next_event_time_defined: Boolean,
     pub next_event_time: f64,
 }
+
+crate::fmi2_calls!(crate::function_types);

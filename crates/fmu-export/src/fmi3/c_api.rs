@@ -1,11 +1,11 @@
-//! The functions of FMI 3.0, generic over the model. [`fmi3_co_simulation!`] and its siblings define their symbols in the
-//! exported library: all 75, whatever the FMU offers.
+//! The functions of FMI 3.0, generic over the model. [`fmi3_co_simulation!`] and its siblings export those of a module
+//! at the end: all 75, whatever the FMU offers.
 //!
 //! [`fmi3_co_simulation!`]: crate::fmi3_co_simulation
 
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
+#![allow(non_snake_case, reason = "the standard's names")]
 
-use core::ffi::CStr;
 use core::iter;
 
 use super::c_types::{
@@ -13,45 +13,50 @@ use super::c_types::{
 };
 use super::calling_sequence::Function;
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
-use crate::c_boundary::{self, c_functions, get_values, refusals, set_values, states};
-use crate::calling_sequence::{Function as _, Interface};
+use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
+use crate::calling_sequence::Function as _;
 use crate::context::Experiment;
 use crate::error::Error;
-use crate::event_mode::EventMode;
 use crate::instance::Instance;
 use crate::instance::dependencies::DEPENDENT;
 use crate::model::Model;
-use crate::model_exchange::ModelExchange;
 use crate::variables::Variables;
 
-pub use self::instantiation::{instantiate_co_simulation, instantiate_model_exchange};
-pub use self::steps::{do_step, do_step_to_event};
-pub use crate::c_boundary::silence_panics;
+pub use self::clocks::*;
+pub use self::instantiation::{fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange};
 
-pub mod clocks;
+mod clocks;
 mod instantiation;
-pub mod scheduled_execution;
 mod steps;
-pub mod without_model_exchange;
-pub mod without_scheduled_execution;
+mod with_event_mode;
+mod with_model_exchange;
+mod with_scheduled_execution;
+mod without_event_mode;
+mod without_model_exchange;
+mod without_scheduled_execution;
+
+/// Why Event Mode is refused in Co-Simulation.
+const WITHOUT_EVENT_MODE: &str = "not supported by this FMU (hasEventMode is false)";
 
 /// `fmi3GetVersion`.
-pub const VERSION: &CStr = c"3.0";
+#[must_use]
+pub fn fmi3GetVersion<M: Model>() -> String {
+    c"3.0".as_ptr()
+}
 
 /// `fmi3FreeInstance`; frees the remaining states, too.
-pub unsafe fn free_instance<M: Model>(instance: c_types::Instance) {
+pub unsafe fn fmi3FreeInstance<M: Model>(instance: c_types::Instance) {
     // SAFETY: the instance is the importer's (see the module).
     unsafe { c_boundary::free::<M>(instance) }
 }
 
 c_functions! {
-    "fmi3";
-    set_debug_logging<Model>(on: Boolean, count: usize, categories: *const String): SetDebugLogging,
+    fmi3SetDebugLogging<Model>(on: Boolean, count: usize, categories: *const String),
         |instance| c_boundary::set_debug_logging(instance, on != FALSE, (categories, count));
-    enter_initialization_mode<Model>(
+    fmi3EnterInitializationMode<Model>(
         tolerance_defined: Boolean, tolerance: f64, start_time: f64, stop_time_defined: Boolean,
         stop_time: f64,
-    ): EnterInitializationMode, |instance| {
+    ), |instance| {
         let status = instance.setup_experiment(Experiment {
             start_time,
             stop_time: (stop_time_defined != FALSE).then_some(stop_time),
@@ -59,19 +64,16 @@ c_functions! {
         })?;
         Ok(status.max(instance.enter_initialization_mode()?))
     };
-    exit_initialization_mode<Model>(): ExitInitializationMode, Instance::exit_initialization_mode;
-    exit_initialization_mode_with_events<ModelExchange>(): ExitInitializationMode,
-        Instance::exit_initialization_mode_with_events;
-    enter_configuration_mode<Model>(): EnterConfigurationMode, Instance::enter_configuration_mode;
-    exit_configuration_mode<Model>(): ExitConfigurationMode, Instance::exit_configuration_mode;
-    terminate<Model>(): Terminate, Instance::terminate;
-    reset<Model>(): Reset, Instance::reset;
+    fmi3EnterConfigurationMode<Model>(), Instance::enter_configuration_mode;
+    fmi3ExitConfigurationMode<Model>(), Instance::exit_configuration_mode;
+    fmi3Terminate<Model>(), Instance::terminate;
+    fmi3Reset<Model>(), Instance::reset;
 
     /// The values stay valid until the next call for this instance.
-    get_binary<Model>(
+    fmi3GetBinary<Model>(
         references: *const ValueReference, count: usize, sizes: *mut usize, values: *mut Binary,
         value_count: usize,
-    ): GetBinary, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
             write_elements("values", values, value_count, |values| {
@@ -82,10 +84,10 @@ c_functions! {
         })
     };
     /// The values are copied.
-    set_binary<Model>(
+    fmi3SetBinary<Model>(
         references: *const ValueReference, count: usize, sizes: *const usize, values: *const Binary,
         value_count: usize,
-    ): SetBinary, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
             let values = elements("values", values, value_count)?;
@@ -98,24 +100,24 @@ c_functions! {
     };
 
     /// Creates a saved state if `*state` is null, otherwise overwrites that one.
-    get_fmu_state<Model>(state: *mut FmuState): GetFMUState,
+    fmi3GetFMUState<Model>(state: *mut FmuState),
         |instance| states::get_state(instance, state);
-    set_fmu_state<Model>(state: FmuState): SetFMUState, |instance| states::set_state(instance, state);
+    fmi3SetFMUState<Model>(state: FmuState), |instance| states::set_state(instance, state);
     /// Null is a no-op.
-    free_fmu_state<Model>(state: *mut FmuState): FreeFMUState, |_| states::free_state::<M>(state);
-    serialized_fmu_state_size<Model>(state: FmuState, size: *mut usize): SerializedFMUStateSize,
+    fmi3FreeFMUState<Model>(state: *mut FmuState), |_| states::free_state::<M>(state);
+    fmi3SerializedFMUStateSize<Model>(state: FmuState, size: *mut usize),
         |_| states::serialized_size::<M>(state, size);
     /// Writes as many bytes as `fmi3SerializedFMUStateSize` reports.
-    serialize_fmu_state<Model>(state: FmuState, bytes: *mut Byte, size: usize): SerializeFMUState,
+    fmi3SerializeFMUState<Model>(state: FmuState, bytes: *mut Byte, size: usize),
         |_| states::serialize::<M>(state, (bytes, size));
     /// Always into a new state.
-    deserialize_fmu_state<Model>(bytes: *const Byte, size: usize, state: *mut FmuState): DeserializeFMUState,
+    fmi3DeserializeFMUState<Model>(bytes: *const Byte, size: usize, state: *mut FmuState),
         |instance| states::deserialize(instance, (bytes, size), state);
 
-    get_output_derivatives<Model>(
+    fmi3GetOutputDerivatives<Model>(
         references: *const ValueReference, count: usize, orders: *const i32, values: *mut f64,
         value_count: usize,
-    ): GetOutputDerivatives, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         let orders = elements("orders", orders, count)?;
         instance.with_scalars(&references, value_count, |instance, scalars| {
@@ -131,59 +133,20 @@ c_functions! {
         })
     };
 
-    enter_step_mode<EventMode>(): EnterStepMode, Instance::enter_step_mode;
-    /// An error in co-simulation without Event Mode.
-    enter_event_mode<ModelExchange>(): EnterEventMode, |instance| {
-        if instance.interface() == Interface::CoSimulation {
-            return Err(Error::new("Event Mode is not used (hasEventMode or eventModeUsed is false)"));
-        }
-        instance.enter_event_mode()
-    };
     /// Does nothing, as section 2.3.5 allows if `providesEvaluateDiscreteStates` is false. Ticks are computed when
     /// values are requested.
-    evaluate_discrete_states<Model>(): EvaluateDiscreteStates, |_| Ok(Status::Ok);
-    update_discrete_states<ModelExchange>(
-        again: *mut Boolean, terminate: *mut Boolean, nominals_changed: *mut Boolean,
-        values_changed: *mut Boolean, next_event_time_defined: *mut Boolean, next_event_time: *mut f64,
-    ): UpdateDiscreteStates, |instance| {
-        let again = not_null("discreteStatesNeedUpdate", again)?;
-        let terminate = not_null("terminateSimulation", terminate)?;
-        let nominals_changed = not_null("nominalsOfContinuousStatesChanged", nominals_changed)?;
-        let values_changed = not_null("valuesOfContinuousStatesChanged", values_changed)?;
-        let is_defined = not_null("nextEventTimeDefined", next_event_time_defined)?;
-        let next = not_null("nextEventTime", next_event_time)?;
-        let (status, found) = instance.new_discrete_states()?;
-        again.write_unaligned(Boolean::from(found.again));
-        terminate.write_unaligned(Boolean::from(found.terminate));
-        nominals_changed.write_unaligned(FALSE);
-        values_changed.write_unaligned(Boolean::from(found.states_changed));
-        is_defined.write_unaligned(Boolean::from(found.next.is_some()));
-        next.write_unaligned(found.next.unwrap_or_default());
-        Ok(status)
-    };
-
-    enter_continuous_time_mode<ModelExchange>(): EnterContinuousTimeMode,
-        Instance::enter_continuous_time_mode;
-    /// Does nothing: `needsCompletedIntegratorStep` is false.
-    completed_integrator_step<ModelExchange>(
-        _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
-    ): CompletedIntegratorStep, |_| c_boundary::completed_integrator_step(event_mode, terminate);
-    set_time<ModelExchange>(time: f64): SetTime, |instance| instance.set_time(time);
-    set_continuous_states<ModelExchange>(states: *const f64, count: usize): SetContinuousStates, |instance| {
-        let names = ["continuousStates", "nContinuousStates"];
-        c_boundary::set_continuous_states(instance, names, (states, count))
-    };
-    get_number_of_variable_dependencies<Model>(
+    fmi3EvaluateDiscreteStates<Model>(), |_| Ok(Status::Ok);
+    fmi3GetNumberOfVariableDependencies<Model>(
         dependent: ValueReference, count: *mut usize,
-    ): GetNumberOfVariableDependencies, |instance| {
+    ), |instance| {
         let dependencies = instance.dependencies(dependent)?;
         not_null("nDependencies", count)?.write_unaligned(dependencies.len());
         Ok(Status::Ok)
     };
-    get_variable_dependencies<Model>(
+    fmi3GetVariableDependencies<Model>(
         dependent: ValueReference, elements: *mut usize, independents: *mut ValueReference,
         elements_of_independents: *mut usize, kinds: *mut Enumeration, count: usize,
-    ): GetVariableDependencies, |instance| {
+    ), |instance| {
         let dependencies = instance.dependencies(dependent)?;
         if dependencies.len() != count {
             let expected = dependencies.len();
@@ -196,11 +159,11 @@ c_functions! {
         copy_to("elementIndicesOfIndependents", elements_of_independents, of_independents, count)?;
         copy_to("dependencyKinds", kinds, found.map(|_| DEPENDENT), count)
     };
-    get_number_of_event_indicators<Model>(count: *mut usize): GetNumberOfEventIndicators, |_| {
+    fmi3GetNumberOfEventIndicators<Model>(count: *mut usize), |_| {
         not_null("nEventIndicators", count)?.write_unaligned(M::Variables::EVENT_INDICATORS.len());
         Ok(Status::Ok)
     };
-    get_number_of_continuous_states<Model>(count: *mut usize): GetNumberOfContinuousStates, |_| {
+    fmi3GetNumberOfContinuousStates<Model>(count: *mut usize), |_| {
         not_null("nContinuousStates", count)?.write_unaligned(M::Variables::STATE_NOMINALS.len());
         Ok(Status::Ok)
     };
@@ -224,39 +187,16 @@ unsafe fn copy_to<T: Copy>(
     unsafe { write_elements(name, array, count, write) }
 }
 
-/// Defines functions that get an array of all states or event indicators.
-macro_rules! arrays {
-    ($($name:ident: $function:ident, $get:ident, $arguments:expr, $elements:ident;)*) => {
-        c_functions! { "fmi3"; $(
-            $name<ModelExchange>(values: *mut f64, count: usize): $function, |instance| {
-                let expected = M::Variables::$elements.len();
-                c_boundary::get_array($arguments, expected, (values, count), |values| instance.$get(values))
-            };
-        )* }
-    };
-}
-
-arrays! {
-    get_continuous_state_derivatives: GetContinuousStateDerivatives, get_derivatives,
-        ["derivatives", "nContinuousStates"], STATE_NOMINALS;
-    get_event_indicators: GetEventIndicators, get_event_indicators,
-        ["eventIndicators", "nEventIndicators"], EVENT_INDICATORS;
-    get_continuous_states: GetContinuousStates, get_continuous_states,
-        ["continuousStates", "nContinuousStates"], STATE_NOMINALS;
-    get_nominals_of_continuous_states: GetNominalsOfContinuousStates, get_nominals_of_continuous_states,
-        ["nominals", "nContinuousStates"], STATE_NOMINALS;
-}
-
 /// Defines functions of derivatives of unknowns with respect to knowns: the seed has as many values as one of them,
 /// the sensitivity as the other.
 macro_rules! derivatives {
-    ($($name:ident: $function:ident, $seeds_unknowns:literal;)*) => {
-        c_functions! { "fmi3"; $(
+    ($($name:ident: $get:ident, $seeds_unknowns:literal;)*) => {
+        c_functions! { $(
             $name<Model>(
                 unknowns: *const ValueReference, unknown_count: usize, knowns: *const ValueReference,
                 known_count: usize, seed: *const f64, seed_count: usize, sensitivity: *mut f64,
                 sensitivity_count: usize,
-            ): $function, |instance| {
+            ), |instance| {
                 let [of_unknowns, of_knowns] = if $seeds_unknowns {
                     [seed_count, sensitivity_count]
                 } else {
@@ -268,7 +208,7 @@ macro_rules! derivatives {
                     instance.with_scalars(&knowns, of_knowns, |instance, knowns| {
                         let seed = elements("seed", seed, seed_count)?;
                         write_elements("sensitivity", sensitivity, sensitivity_count, |sensitivity| {
-                            instance.$name(unknowns, knowns, &seed, sensitivity)
+                            instance.$get(unknowns, knowns, &seed, sensitivity)
                         })
                     })
                 })
@@ -278,20 +218,14 @@ macro_rules! derivatives {
 }
 
 derivatives! {
-    get_directional_derivative: GetDirectionalDerivative, false;
-    get_adjoint_derivative: GetAdjointDerivative, true;
-}
-
-refusals! {
-    "fmi3";
-    refuse_step_mode(): EnterStepMode, "not supported by this FMU (hasEventMode is false)";
-    enter_event_mode_of_co_simulation(): EnterEventMode, "not supported by this FMU (hasEventMode is false)";
+    fmi3GetDirectionalDerivative: get_directional_derivative, false;
+    fmi3GetAdjointDerivative: get_adjoint_derivative, true;
 }
 
 /// Defines functions that get or set values.
 macro_rules! accessors {
-    ($($name:ident<$model:ident>: $function:ident, $access:ident($values:ty), $body:expr;)*) => {$(
-        #[doc = concat!("`fmi3", stringify!($function), "`.")]
+    ($($name:ident<$model:ident>, $access:ident($values:ty), $body:expr;)*) => {$(
+        #[doc = concat!("`", stringify!($name), "`.")]
         pub unsafe fn $name<M: $model>(
             instance: c_types::Instance,
             references: *const ValueReference,
@@ -301,48 +235,76 @@ macro_rules! accessors {
         ) -> Status {
             let (references, values) = ((references, count), (values, value_count));
             // SAFETY: the instance and the arrays are the importer's (see the module).
-            unsafe { $access::<M, _, _>(instance, Function::$function, references, values, $body) }
+            unsafe { $access::<M, _, _>(instance, Function::$name, references, values, $body) }
         }
     )*};
 }
 
+use accessors;
+
 accessors! {
-    get_float64<Model>: GetFloat64, get_values(*mut f64), Instance::get_real;
-    set_float64<Model>: SetFloat64, set_values(*const f64), Instance::set_real;
-    // For an FMU with Model Exchange, in which event indicators are variables.
-    get_float64_with_indicators<ModelExchange>: GetFloat64, get_values(*mut f64),
-        Instance::get_real_with_indicators;
-    // For an FMU with Event Mode, and therefore intermediate updates.
-    get_float64_with_updates<EventMode>: GetFloat64, get_values(*mut f64), |instance, references, values| {
-        instance.check_registered(references)?;
-        instance.get_real_with_indicators(references, values)
-    };
-    set_float64_with_updates<EventMode>: SetFloat64, set_values(*const f64), |instance, references, values| {
-        instance.check_registered(references)?;
-        instance.set_real(references, values)
-    };
-    get_float32<Model>: GetFloat32, get_values(*mut f32), Instance::get_float32;
-    set_float32<Model>: SetFloat32, set_values(*const f32), Instance::set_float32;
-    get_int8<Model>: GetInt8, get_values(*mut i8), Instance::get_wholes;
-    set_int8<Model>: SetInt8, set_values(*const i8), Instance::set_wholes;
-    get_uint8<Model>: GetUInt8, get_values(*mut u8), Instance::get_wholes;
-    set_uint8<Model>: SetUInt8, set_values(*const u8), Instance::set_wholes;
-    get_int16<Model>: GetInt16, get_values(*mut i16), Instance::get_wholes;
-    set_int16<Model>: SetInt16, set_values(*const i16), Instance::set_wholes;
-    get_uint16<Model>: GetUInt16, get_values(*mut u16), Instance::get_wholes;
-    set_uint16<Model>: SetUInt16, set_values(*const u16), Instance::set_wholes;
-    get_int32<Model>: GetInt32, get_values(*mut i32), Instance::get_integers;
-    set_int32<Model>: SetInt32, set_values(*const i32), Instance::set_integers;
-    get_uint32<Model>: GetUInt32, get_values(*mut u32), Instance::get_wholes;
-    set_uint32<Model>: SetUInt32, set_values(*const u32), Instance::set_wholes;
-    get_int64<Model>: GetInt64, get_values(*mut i64), Instance::get_wholes;
-    set_int64<Model>: SetInt64, set_values(*const i64), Instance::set_wholes;
-    get_uint64<Model>: GetUInt64, get_values(*mut u64), Instance::get_wholes;
-    set_uint64<Model>: SetUInt64, set_values(*const u64), Instance::set_wholes;
-    get_boolean<Model>: GetBoolean, get_values(*mut Boolean), Instance::get_boolean;
-    set_boolean<Model>: SetBoolean, set_values(*const Boolean), Instance::set_boolean;
-    get_string<Model>: GetString, get_values(*mut String), c_boundary::get_strings;
-    set_string<Model>: SetString, set_values(*const String), |instance, references, values| {
+    fmi3GetFloat32<Model>, get_values(*mut f32), Instance::get_float32;
+    fmi3SetFloat32<Model>, set_values(*const f32), Instance::set_float32;
+    fmi3GetInt8<Model>, get_values(*mut i8), Instance::get_wholes;
+    fmi3SetInt8<Model>, set_values(*const i8), Instance::set_wholes;
+    fmi3GetUInt8<Model>, get_values(*mut u8), Instance::get_wholes;
+    fmi3SetUInt8<Model>, set_values(*const u8), Instance::set_wholes;
+    fmi3GetInt16<Model>, get_values(*mut i16), Instance::get_wholes;
+    fmi3SetInt16<Model>, set_values(*const i16), Instance::set_wholes;
+    fmi3GetUInt16<Model>, get_values(*mut u16), Instance::get_wholes;
+    fmi3SetUInt16<Model>, set_values(*const u16), Instance::set_wholes;
+    fmi3GetInt32<Model>, get_values(*mut i32), Instance::get_integers;
+    fmi3SetInt32<Model>, set_values(*const i32), Instance::set_integers;
+    fmi3GetUInt32<Model>, get_values(*mut u32), Instance::get_wholes;
+    fmi3SetUInt32<Model>, set_values(*const u32), Instance::set_wholes;
+    fmi3GetInt64<Model>, get_values(*mut i64), Instance::get_wholes;
+    fmi3SetInt64<Model>, set_values(*const i64), Instance::set_wholes;
+    fmi3GetUInt64<Model>, get_values(*mut u64), Instance::get_wholes;
+    fmi3SetUInt64<Model>, set_values(*const u64), Instance::set_wholes;
+    fmi3GetBoolean<Model>, get_values(*mut Boolean), Instance::get_boolean;
+    fmi3SetBoolean<Model>, set_values(*const Boolean), Instance::set_boolean;
+    fmi3GetString<Model>, get_values(*mut String), c_boundary::get_strings;
+    fmi3SetString<Model>, set_values(*const String), |instance, references, values| {
         c_boundary::set_strings(instance, Function::VALUES, references, values)
     };
 }
+
+/// The functions of an FMU for Co-Simulation without Event Mode.
+pub mod co_simulation {
+    pub use super::without_event_mode::*;
+    pub use super::without_model_exchange::*;
+    pub use super::without_scheduled_execution::*;
+    pub use super::*;
+}
+
+/// The functions of an FMU with Model Exchange, and without Event Mode in Co-Simulation.
+pub mod model_exchange {
+    pub use super::with_model_exchange::*;
+    pub use super::without_event_mode::*;
+    pub use super::without_scheduled_execution::*;
+    pub use super::*;
+}
+
+/// The functions of an FMU with Event Mode in Co-Simulation.
+pub mod event_mode {
+    pub use super::with_event_mode::*;
+    pub use super::with_model_exchange::*;
+    pub use super::without_scheduled_execution::*;
+    pub use super::*;
+
+    // Of both, that with updates.
+    pub use super::with_event_mode::fmi3GetFloat64;
+}
+
+/// The functions of an FMU for Scheduled Execution.
+pub mod scheduled_execution {
+    pub use super::with_scheduled_execution::*;
+    pub use super::without_event_mode::*;
+    pub use super::without_model_exchange::*;
+    pub use super::*;
+}
+
+crate::fmi3_calls!(held, co_simulation, Model);
+crate::fmi3_calls!(held, model_exchange, ModelExchange);
+crate::fmi3_calls!(held, event_mode, EventMode);
+crate::fmi3_calls!(held, scheduled_execution, ScheduledExecution);

@@ -46,3 +46,5 @@ pub type IntermediateUpdateCallback = unsafe extern "C" fn(
 pub type ClockUpdateCallback = unsafe extern "C" fn(InstanceEnvironment);
 /// `fmi3LockPreemptionCallback` and `fmi3UnlockPreemptionCallback`.
 pub type PreemptionCallback = unsafe extern "C" fn();
+
+crate::fmi3_calls!(crate::function_types);

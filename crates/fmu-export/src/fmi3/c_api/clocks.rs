@@ -10,23 +10,22 @@ use crate::instance::clocks::seconds;
 use crate::model::Model;
 
 c_functions! {
-    "fmi3";
-    get_clock<Model>(
+    fmi3GetClock<Model>(
         references: *const ValueReference, count: usize, values: *mut Clock,
-    ): GetClock, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("values", values, count, |values| instance.get_clock(&references, values))
     };
-    set_clock<Model>(
+    fmi3SetClock<Model>(
         references: *const ValueReference, count: usize, values: *const Clock,
-    ): SetClock, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         instance.set_clock(&references, &elements("values", values, count)?)
     };
     /// An unknown interval is 0.
-    get_interval_decimal<Model>(
+    fmi3GetIntervalDecimal<Model>(
         references: *const ValueReference, count: usize, intervals: *mut f64, qualifiers: *mut Enumeration,
-    ): GetIntervalDecimal, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("intervals", intervals, count, |intervals| {
             write_elements("qualifiers", qualifiers, count, |qualifiers| {
@@ -39,10 +38,10 @@ c_functions! {
         })
     };
     /// The simplest fraction equal to the interval.
-    get_interval_fraction<Model>(
+    fmi3GetIntervalFraction<Model>(
         references: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
         qualifiers: *mut Enumeration,
-    ): GetIntervalFraction, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("counters", counters, count, |counters| {
             write_elements("resolutions", resolutions, count, |resolutions| {
@@ -57,9 +56,9 @@ c_functions! {
             })
         })
     };
-    get_shift_decimal<Model>(
+    fmi3GetShiftDecimal<Model>(
         references: *const ValueReference, count: usize, shifts: *mut f64,
-    ): GetShiftDecimal, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("shifts", shifts, count, |shifts| {
             instance.get_shifts(&references, false, |place, shift| {
@@ -69,9 +68,9 @@ c_functions! {
         })
     };
     /// The simplest fraction equal to the shift.
-    get_shift_fraction<Model>(
+    fmi3GetShiftFraction<Model>(
         references: *const ValueReference, count: usize, counters: *mut u64, resolutions: *mut u64,
-    ): GetShiftFraction, |instance| {
+    ), |instance| {
         let references = elements("valueReferences", references, count)?;
         write_elements("counters", counters, count, |counters| {
             write_elements("resolutions", resolutions, count, |resolutions| {
@@ -96,19 +95,18 @@ fn fraction_of(what: &str, time: f64) -> Result<[u64; 2], Error> {
 
 /// Defines functions that set clock times, each as a decimal number and as a fraction.
 macro_rules! set_times {
-    ($($decimal:ident: $of_decimal:ident, $fraction:ident: $of_fraction:ident, $name:literal,
-        $is_interval:literal;)*) => {
-        c_functions! { "fmi3"; $(
+    ($($decimal:ident, $fraction:ident, $name:literal, $is_interval:literal;)*) => {
+        c_functions! { $(
             $decimal<Model>(
                 references: *const ValueReference, count: usize, times: *const f64,
-            ): $of_decimal, |instance| {
+            ), |instance| {
                 let references = elements("valueReferences", references, count)?;
                 instance.set_times(&references, &elements($name, times, count)?, $is_interval, false)
             };
             $fraction<Model>(
                 references: *const ValueReference, count: usize, counters: *const u64,
                 resolutions: *const u64,
-            ): $of_fraction, |instance| {
+            ), |instance| {
                 let references = elements("valueReferences", references, count)?;
                 let counters = elements("counters", counters, count)?;
                 let resolutions = elements("resolutions", resolutions, count)?;
@@ -124,6 +122,6 @@ macro_rules! set_times {
 }
 
 set_times! {
-    set_interval_decimal: SetIntervalDecimal, set_interval_fraction: SetIntervalFraction, "intervals", true;
-    set_shift_decimal: SetShiftDecimal, set_shift_fraction: SetShiftFraction, "shifts", false;
+    fmi3SetIntervalDecimal, fmi3SetIntervalFraction, "intervals", true;
+    fmi3SetShiftDecimal, fmi3SetShiftFraction, "shifts", false;
 }

@@ -3,7 +3,7 @@
 use core::ffi::CStr;
 
 use crate::c_boundary::arguments::{c_string, elements};
-use crate::c_boundary::{self};
+use crate::c_boundary::{self, silence_panics};
 use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{
@@ -103,7 +103,7 @@ pub(super) unsafe fn instantiate<M: Model>(
 
 /// `fmi3InstantiateCoSimulation`: null and a message if an argument is wrong.
 #[must_use]
-pub unsafe fn instantiate_co_simulation<M: Model>(
+pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     instance_name: String,
     instantiation_token: String,
     resource_path: String,
@@ -117,6 +117,7 @@ pub unsafe fn instantiate_co_simulation<M: Model>(
     log_message: Option<LogMessageCallback>,
     intermediate_update: Option<IntermediateUpdateCallback>,
 ) -> Instance {
+    silence_panics();
     let event_mode_used = event_mode_used != FALSE;
     let has_event_mode = M::Variables::DESCRIPTION.capabilities.event_mode;
     let has_clocks = M::Variables::DESCRIPTION.interfaces.co_simulation && !M::Variables::CLOCKS.is_empty();
@@ -191,7 +192,7 @@ fn registered<M: Model>(references: &[ValueReference]) -> Result<Box<[ValueRefer
 
 /// `fmi3InstantiateModelExchange`: null and a message if an argument is wrong.
 #[must_use]
-pub unsafe fn instantiate_model_exchange<M: Model>(
+pub unsafe fn fmi3InstantiateModelExchange<M: Model>(
     instance_name: String,
     instantiation_token: String,
     resource_path: String,
@@ -200,6 +201,7 @@ pub unsafe fn instantiate_model_exchange<M: Model>(
     environment: InstanceEnvironment,
     log_message: Option<LogMessageCallback>,
 ) -> Instance {
+    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     // SAFETY: the strings are the importer's (see the module).
     unsafe {

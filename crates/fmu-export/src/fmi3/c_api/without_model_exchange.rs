@@ -1,23 +1,32 @@
-//! The Model Exchange functions of an FMU without it; the calling sequence rejects them.
+//! The Model Exchange functions of an FMU without it, which the calling sequence rejects, and those that differ.
 
-use crate::c_boundary::refusals;
+use super::accessors;
+use crate::c_boundary::{c_functions, get_values, refusals};
 use crate::error::Error;
-use crate::fmi3::c_types::{Boolean, Status};
+use crate::fmi3::c_types::{self, Boolean, Status, ValueReference};
 use crate::fmi3::calling_sequence::Function;
+use crate::instance::Instance;
 use crate::model::Model;
 
 const REASON: &str = "this FMU does not offer Model Exchange";
 
 refusals! {
-    "fmi3";
-    update_discrete_states(*mut Boolean, *mut Boolean, *mut Boolean, *mut Boolean, *mut Boolean, *mut f64):
-        UpdateDiscreteStates, REASON;
-    enter_continuous_time_mode(): EnterContinuousTimeMode, REASON;
-    completed_integrator_step(Boolean, *mut Boolean, *mut Boolean): CompletedIntegratorStep, REASON;
-    set_time(f64): SetTime, REASON;
-    set_continuous_states(*const f64, usize): SetContinuousStates, REASON;
-    get_continuous_state_derivatives(*mut f64, usize): GetContinuousStateDerivatives, REASON;
-    get_event_indicators(*mut f64, usize): GetEventIndicators, REASON;
-    get_continuous_states(*mut f64, usize): GetContinuousStates, REASON;
-    get_nominals_of_continuous_states(*mut f64, usize): GetNominalsOfContinuousStates, REASON;
+    fmi3EnterEventMode(), super::WITHOUT_EVENT_MODE;
+    fmi3UpdateDiscreteStates(*mut Boolean, *mut Boolean, *mut Boolean, *mut Boolean, *mut Boolean, *mut f64), REASON;
+    fmi3EnterContinuousTimeMode(), REASON;
+    fmi3CompletedIntegratorStep(Boolean, *mut Boolean, *mut Boolean), REASON;
+    fmi3SetTime(f64), REASON;
+    fmi3SetContinuousStates(*const f64, usize), REASON;
+    fmi3GetContinuousStateDerivatives(*mut f64, usize), REASON;
+    fmi3GetEventIndicators(*mut f64, usize), REASON;
+    fmi3GetContinuousStates(*mut f64, usize), REASON;
+    fmi3GetNominalsOfContinuousStates(*mut f64, usize), REASON;
+}
+
+c_functions! {
+    fmi3ExitInitializationMode<Model>(), Instance::exit_initialization_mode;
+}
+
+accessors! {
+    fmi3GetFloat64<Model>, get_values(*mut f64), Instance::get_real;
 }

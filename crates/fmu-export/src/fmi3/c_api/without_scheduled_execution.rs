@@ -1,7 +1,7 @@
 //! The Scheduled Execution functions of an FMU without it.
 
 use super::instantiation::{Options, instantiate};
-use crate::c_boundary::refusals;
+use crate::c_boundary::{refusals, silence_panics};
 use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
@@ -14,7 +14,7 @@ const REASON: &str = "this FMU does not offer Scheduled Execution";
 
 /// `fmi3InstantiateScheduledExecution`: null and a message.
 #[must_use]
-pub unsafe fn instantiate_scheduled_execution<M: Model>(
+pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     instance_name: String,
     instantiation_token: String,
     resource_path: String,
@@ -26,6 +26,7 @@ pub unsafe fn instantiate_scheduled_execution<M: Model>(
     _lock_preemption: Option<PreemptionCallback>,
     _unlock_preemption: Option<PreemptionCallback>,
 ) -> Instance {
+    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     // SAFETY: the strings are the importer's (see the module).
     unsafe {
@@ -42,8 +43,7 @@ pub unsafe fn instantiate_scheduled_execution<M: Model>(
 }
 
 refusals! {
-    "fmi3";
-    activate_model_partition(ValueReference, f64): ActivateModelPartition, REASON;
+    fmi3ActivateModelPartition(ValueReference, f64), REASON;
 }
 
 /// Calls a function: nothing preempts it.

@@ -1,7 +1,7 @@
 //! The functions of Scheduled Execution.
 
 use super::instantiation::{Options, instantiate};
-use crate::c_boundary::{Exported, call};
+use crate::c_boundary::{Exported, call, silence_panics};
 use crate::calling_sequence::Interface;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
@@ -15,7 +15,7 @@ use crate::wasm::host;
 
 /// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong.
 #[must_use]
-pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
+pub unsafe fn fmi3InstantiateScheduledExecution<M: ScheduledExecution>(
     instance_name: String,
     instantiation_token: String,
     resource_path: String,
@@ -27,6 +27,7 @@ pub unsafe fn instantiate_scheduled_execution<M: ScheduledExecution>(
     lock_preemption: Option<PreemptionCallback>,
     unlock_preemption: Option<PreemptionCallback>,
 ) -> Instance {
+    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     #[cfg(target_family = "wasm")]
     let (clock_update, lock_preemption, unlock_preemption) = (
@@ -68,7 +69,7 @@ pub unsafe fn locked<M: ScheduledExecution, T>(instance: Instance, function: imp
 
 /// `fmi3ActivateModelPartition`. If the partition ticked a clock or set an interval, the importer is notified; the call
 /// may be preempted meanwhile.
-pub unsafe fn activate_model_partition<M: ScheduledExecution>(
+pub unsafe fn fmi3ActivateModelPartition<M: ScheduledExecution>(
     instance: Instance,
     clock: ValueReference,
     time: f64,
@@ -77,7 +78,7 @@ pub unsafe fn activate_model_partition<M: ScheduledExecution>(
     // SAFETY: the instance is the importer's (see the module); the references end before the importer is called.
     let (status, update) = unsafe {
         locked::<M, _>(instance, || {
-            let status = call::<M>(instance, Function::ActivateModelPartition, activate);
+            let status = call::<M>(instance, Function::fmi3ActivateModelPartition, activate);
             let computed = Exported::<M>::instance_of(instance).filter(|_| status <= Status::Warning);
             (status, computed.and_then(instance::Instance::begin_clock_update))
         })
