@@ -1,24 +1,25 @@
 //! The exported libraries, called through the C functions of FMI 2.0, as importers do.
 
 use std::env;
-use std::ffi::{CString, c_char, c_int};
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::ptr;
 
 use fmu_export::description::{Causality, VariableDescription};
 use fmu_export::fmi2::c_types::{
-    Boolean, CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Integer, Status, TRUE,
-    ValueReference,
+    CO_SIMULATION, CallbackFunctions, Component, FALSE, FmuState, Status, TRUE, ValueReference, fmi2DoStep,
+    fmi2EnterInitializationMode, fmi2ExitInitializationMode, fmi2FreeInstance, fmi2GetFMUstate, fmi2GetReal,
+    fmi2Instantiate, fmi2SetFMUstate, fmi2SetInteger, fmi2SetReal, fmi2SetupExperiment,
 };
 use fmu_export::{Model, Variables};
 
 /// Declares functions by their names in the standard.
 macro_rules! functions {
-    ($($name:ident: $symbol:literal ($($argument:ty),*) $(-> $answer:ty)?;)*) => {
+    ($($name:ident: $function:ident;)*) => {
         /// The library of an FMU.
         #[derive(Debug)]
         pub struct Library {
-            $($name: unsafe extern "C" fn($($argument),*) $(-> $answer)?,)*
+            $($name: $function,)*
             guid: CString,
             /// By value reference.
             variables: &'static [VariableDescription],
@@ -42,7 +43,7 @@ macro_rules! functions {
                 });
                 Self {
                     // SAFETY: the library exports the standard's functions with the standard's types.
-                    $($name: *unsafe { loaded.get($symbol) }.expect("the library exports every function"),)*
+                    $($name: *unsafe { loaded.get(stringify!($function)) }.expect("it exports every function"),)*
                     guid: CString::new(description.guid).expect("no NUL in it"),
                     variables: description.variables,
                     _loaded: loaded,
@@ -53,19 +54,17 @@ macro_rules! functions {
 }
 
 functions! {
-    instantiate: b"fmi2Instantiate\0" (
-        *const c_char, c_int, *const c_char, *const c_char, *const CallbackFunctions, Boolean, Boolean
-    ) -> Component;
-    free_instance: b"fmi2FreeInstance\0" (Component);
-    setup_experiment: b"fmi2SetupExperiment\0" (Component, Boolean, f64, f64, Boolean, f64) -> Status;
-    enter_initialization_mode: b"fmi2EnterInitializationMode\0" (Component) -> Status;
-    exit_initialization_mode: b"fmi2ExitInitializationMode\0" (Component) -> Status;
-    get_real: b"fmi2GetReal\0" (Component, *const ValueReference, usize, *mut f64) -> Status;
-    set_real: b"fmi2SetReal\0" (Component, *const ValueReference, usize, *const f64) -> Status;
-    set_integer: b"fmi2SetInteger\0" (Component, *const ValueReference, usize, *const Integer) -> Status;
-    get_fmu_state: b"fmi2GetFMUstate\0" (Component, *mut FmuState) -> Status;
-    set_fmu_state: b"fmi2SetFMUstate\0" (Component, FmuState) -> Status;
-    do_step: b"fmi2DoStep\0" (Component, f64, f64, Boolean) -> Status;
+    instantiate: fmi2Instantiate;
+    free_instance: fmi2FreeInstance;
+    setup_experiment: fmi2SetupExperiment;
+    enter_initialization_mode: fmi2EnterInitializationMode;
+    exit_initialization_mode: fmi2ExitInitializationMode;
+    get_real: fmi2GetReal;
+    set_real: fmi2SetReal;
+    set_integer: fmi2SetInteger;
+    get_fmu_state: fmi2GetFMUstate;
+    set_fmu_state: fmi2SetFMUstate;
+    do_step: fmi2DoStep;
 }
 
 /// The library in cargo's folder for this program's profile, from which the export packs it.

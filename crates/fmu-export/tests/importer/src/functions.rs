@@ -1,6 +1,5 @@
-//! The tables of calls: the functions of FMI 2.0.5 (fmi2FunctionTypes.h) and FMI 3.0.2 (fmi3FunctionTypes.h), with the
-//! names of the headers, and the states in which they are allowed (FMI 2.0.5, sections 3.2.3 and 4.2.4; FMI 3.0.2,
-//! sections 2.3, 3.2, 4.2 and 5.2), each by its [letter](crate::State).
+//! The functions of FMI 2.0 and 3.0, from the exporter's tables of calls; but the states in which they are allowed, which
+//! the tests check, are listed here, from the standards' text, each by its [letter](crate::State).
 
 use std::ffi::{c_char, c_int, c_void};
 use std::mem;
@@ -183,8 +182,6 @@ pub struct Function {
     pub name: &'static str,
     /// The only interface that has it.
     pub interface: Option<Interface>,
-    /// The letters of the states in which it is allowed.
-    pub states: &'static str,
     /// The parameters after the instance.
     pub parameters: &'static [(&'static str, Kind)],
     /// Calls the function with an address.
@@ -195,6 +192,14 @@ pub struct Function {
 }
 
 impl Function {
+    /// The letters of the states in which it is allowed.
+    pub fn states(&self) -> &'static str {
+        let (version, name) = self.name.split_at(4);
+        let table = if version == "fmi3" { STATES_OF_FMI3 } else { STATES_OF_FMI2 };
+        let states = table.iter().find(|(_, names)| names.split(' ').any(|other| other == name));
+        states.unwrap_or_else(|| panic!("{} is not in the list of states", self.name)).0
+    }
+
     /// Whether a parameter holds value references.
     pub fn has_references(kind: Kind) -> bool {
         matches!(kind, Kind::Reference | Kind::In(Element::Reference))
@@ -218,16 +223,80 @@ impl Function {
     }
 }
 
+/// The functions of FMI 2.0 allowed in states, by their letters (FMI 2.0.5, sections 3.2.3 and 4.2.4).
+const STATES_OF_FMI2: &[(&str, &str)] = &[
+    (
+        "INSFECATX",
+        "SetDebugLogging Reset GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize \
+         SerializeFMUstate DeSerializeFMUstate",
+    ),
+    ("I", "SetupExperiment EnterInitializationMode"),
+    ("N", "ExitInitializationMode"),
+    ("SFEC", "Terminate"),
+    ("NSFECTX", "GetReal GetInteger GetBoolean GetString GetDirectionalDerivative"),
+    ("INSEC", "SetReal SetInteger SetBoolean SetString"),
+    ("EC", "EnterEventMode"),
+    ("E", "NewDiscreteStates EnterContinuousTimeMode"),
+    ("C", "CompletedIntegratorStep SetTime SetContinuousStates"),
+    ("NECTX", "GetDerivatives GetEventIndicators GetContinuousStates"),
+    ("INECTX", "GetNominalsOfContinuousStates"),
+    ("INS", "SetRealInputDerivatives"),
+    ("SFTX", "GetRealOutputDerivatives"),
+    ("S", "DoStep"),
+    ("", "CancelStep"),
+    ("SFT", "GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus"),
+];
+
+/// The functions of FMI 3.0 allowed in states (FMI 3.0.2, sections 2.3, 3.2, 4.2 and 5.2), of those that the test models have.
+const STATES_OF_FMI3: &[(&str, &str)] = &[
+    (
+        "INSFECATX",
+        "SetDebugLogging Reset GetFloat32 GetFloat64 GetInt8 GetUInt8 GetInt16 GetUInt16 GetInt32 \
+         GetUInt32 GetInt64 GetUInt64 GetBoolean GetString GetBinary GetFMUState SetFMUState FreeFMUState \
+         SerializedFMUStateSize SerializeFMUState DeserializeFMUState",
+    ),
+    ("I", "EnterInitializationMode"),
+    ("N", "ExitInitializationMode GetShiftDecimal GetShiftFraction SetShiftDecimal SetShiftFraction"),
+    ("SC", "EnterEventMode"),
+    ("SFECA", "Terminate"),
+    ("EA", "GetClock"),
+    (
+        "INSECA",
+        "SetFloat32 SetFloat64 SetInt8 SetUInt8 SetInt16 SetUInt16 SetInt32 SetUInt32 SetInt64 SetUInt64 \
+         SetBoolean SetString SetBinary",
+    ),
+    ("E", "SetClock EvaluateDiscreteStates UpdateDiscreteStates EnterContinuousTimeMode EnterStepMode"),
+    (
+        "",
+        "GetNumberOfVariableDependencies GetVariableDependencies EnterConfigurationMode \
+         ExitConfigurationMode",
+    ),
+    ("NSFECATX", "GetDirectionalDerivative GetAdjointDerivative"),
+    ("NEA", "GetIntervalDecimal GetIntervalFraction SetIntervalDecimal SetIntervalFraction"),
+    ("C", "CompletedIntegratorStep SetTime SetContinuousStates"),
+    (
+        "NECTX",
+        "GetContinuousStateDerivatives GetEventIndicators GetContinuousStates \
+         GetNominalsOfContinuousStates",
+    ),
+    ("IE", "GetNumberOfEventIndicators GetNumberOfContinuousStates"),
+    ("SFTX", "GetOutputDerivatives"),
+    ("S", "DoStep"),
+    ("A", "ActivateModelPartition"),
+];
+
+/// Declares the functions of a version's table that take an instance, with the types in scope.
 macro_rules! functions {
-    ($table:ident: $($interface:expr => {
-        $($name:ident($($parameter:ident: $type:ty),*), $states:literal;)*
+    (@interface All) => { None };
+    (@interface $interface:ident) => { Some(Interface::$interface) };
+    ($table:ident Library $library:tt $($interface:ident {
+        $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)*
     })*) => {
         #[doc = concat!("The functions of ", stringify!($table), ".")]
         #[allow(unused_mut, unused_variables, reason = "some functions have no arguments")]
         pub static $table: &[Function] = &[$($(Function {
             name: stringify!($name),
-            interface: $interface,
-            states: $states,
+            interface: functions!(@interface $interface),
             parameters: &[$((stringify!($parameter), <$type as Passed>::KIND)),*],
             call: |address, instance, arguments| {
                 type Called = unsafe extern "C" fn(*mut c_void $(, $type)*) -> c_int;
@@ -241,131 +310,35 @@ macro_rules! functions {
     };
 }
 
-functions! { FMI2:
-    None => {
-        fmi2SetDebugLogging(loggingOn: i32, nCategories: usize, categories: *const Text), "INSFECATX";
-        fmi2SetupExperiment(toleranceDefined: i32, tolerance: f64, startTime: f64, stopTimeDefined: i32, stopTime: f64), "I";
-        fmi2EnterInitializationMode(), "I";
-        fmi2ExitInitializationMode(), "N";
-        fmi2Terminate(), "SFEC";
-        fmi2Reset(), "INSFECATX";
-        fmi2GetReal(vr: *const Reference, nvr: usize, value: *mut f64), "NSFECTX";
-        fmi2GetInteger(vr: *const Reference, nvr: usize, value: *mut i32), "NSFECTX";
-        fmi2GetBoolean(vr: *const Reference, nvr: usize, value: *mut i32), "NSFECTX";
-        fmi2GetString(vr: *const Reference, nvr: usize, value: *mut Text), "NSFECTX";
-        fmi2SetReal(vr: *const Reference, nvr: usize, value: *const f64), "INSEC";
-        fmi2SetInteger(vr: *const Reference, nvr: usize, value: *const i32), "INSEC";
-        fmi2SetBoolean(vr: *const Reference, nvr: usize, value: *const i32), "INSEC";
-        fmi2SetString(vr: *const Reference, nvr: usize, value: *const Text), "INSEC";
-        fmi2GetFMUstate(FMUstate: *mut State), "INSFECATX";
-        fmi2SetFMUstate(FMUstate: State), "INSFECATX";
-        fmi2FreeFMUstate(FMUstate: *mut State), "INSFECATX";
-        fmi2SerializedFMUstateSize(FMUstate: State, size: *mut usize), "INSFECATX";
-        fmi2SerializeFMUstate(FMUstate: State, serializedState: *mut u8, size: usize), "INSFECATX";
-        fmi2DeSerializeFMUstate(serializedState: *const u8, size: usize, FMUstate: *mut State), "INSFECATX";
-        fmi2GetDirectionalDerivative(vUnknown_ref: *const Reference, nUnknown: usize, vKnown_ref: *const Reference, nKnown: usize, dvKnown: *const f64, dvUnknown: *mut f64), "NSFECTX";
-    }
-    Some(Interface::ModelExchange) => {
-        fmi2EnterEventMode(), "EC";
-        fmi2NewDiscreteStates(fmi2eventInfo: *mut EventInfo), "E";
-        fmi2EnterContinuousTimeMode(), "E";
-        fmi2CompletedIntegratorStep(noSetFMUStatePriorToCurrentPoint: i32, enterEventMode: *mut i32, terminateSimulation: *mut i32), "C";
-        fmi2SetTime(time: f64), "C";
-        fmi2SetContinuousStates(x: *const f64, nx: usize), "C";
-        fmi2GetDerivatives(derivatives: *mut f64, nx: usize), "NECTX";
-        fmi2GetEventIndicators(eventIndicators: *mut f64, ni: usize), "NECTX";
-        fmi2GetContinuousStates(x: *mut f64, nx: usize), "NECTX";
-        fmi2GetNominalsOfContinuousStates(x_nominal: *mut f64, nx: usize), "INECTX";
-    }
-    Some(Interface::CoSimulation) => {
-        fmi2SetRealInputDerivatives(vr: *const Reference, nvr: usize, order: *const i32, value: *const f64), "INS";
-        fmi2GetRealOutputDerivatives(vr: *const Reference, nvr: usize, order: *const i32, value: *mut f64), "SFTX";
-        fmi2DoStep(currentCommunicationPoint: f64, communicationStepSize: f64, noSetFMUStatePriorToCurrentPoint: i32), "S";
-        fmi2CancelStep(), "";
-        fmi2GetStatus(s: i32, value: *mut i32), "SFT";
-        fmi2GetRealStatus(s: i32, value: *mut f64), "SFT";
-        fmi2GetIntegerStatus(s: i32, value: *mut i32), "SFT";
-        fmi2GetBooleanStatus(s: i32, value: *mut i32), "SFT";
-        fmi2GetStringStatus(s: i32, value: *mut Text), "SFT";
-    }
+/// FMI 2.0.
+mod fmi2 {
+    use super::{EventInfo, Function, Interface, Passed, Reference, State, Text, c_int, c_void, mem};
+
+    type Boolean = i32;
+    type Integer = i32;
+    type Enumeration = i32;
+    type Byte = u8;
+    type String = Text;
+    type ValueReference = Reference;
+    type FmuState = State;
+
+    fmu_export::fmi2_calls!(functions, FMI2);
 }
-functions! { FMI3:
-    None => {
-        fmi3SetDebugLogging(loggingOn: u8, nCategories: usize, categories: *const Text), "INSFECATX";
-        fmi3EnterInitializationMode(toleranceDefined: u8, tolerance: f64, startTime: f64, stopTimeDefined: u8, stopTime: f64), "I";
-        fmi3ExitInitializationMode(), "N";
-        fmi3EnterEventMode(), "SC";
-        fmi3Terminate(), "SFECA";
-        fmi3Reset(), "INSFECATX";
-        fmi3GetFloat32(valueReferences: *const Reference, nValueReferences: usize, values: *mut f32, nValues: usize), "INSFECATX";
-        fmi3GetFloat64(valueReferences: *const Reference, nValueReferences: usize, values: *mut f64, nValues: usize), "INSFECATX";
-        fmi3GetInt8(valueReferences: *const Reference, nValueReferences: usize, values: *mut i8, nValues: usize), "INSFECATX";
-        fmi3GetUInt8(valueReferences: *const Reference, nValueReferences: usize, values: *mut u8, nValues: usize), "INSFECATX";
-        fmi3GetInt16(valueReferences: *const Reference, nValueReferences: usize, values: *mut i16, nValues: usize), "INSFECATX";
-        fmi3GetUInt16(valueReferences: *const Reference, nValueReferences: usize, values: *mut u16, nValues: usize), "INSFECATX";
-        fmi3GetInt32(valueReferences: *const Reference, nValueReferences: usize, values: *mut i32, nValues: usize), "INSFECATX";
-        fmi3GetUInt32(valueReferences: *const Reference, nValueReferences: usize, values: *mut u32, nValues: usize), "INSFECATX";
-        fmi3GetInt64(valueReferences: *const Reference, nValueReferences: usize, values: *mut i64, nValues: usize), "INSFECATX";
-        fmi3GetUInt64(valueReferences: *const Reference, nValueReferences: usize, values: *mut u64, nValues: usize), "INSFECATX";
-        fmi3GetBoolean(valueReferences: *const Reference, nValueReferences: usize, values: *mut u8, nValues: usize), "INSFECATX";
-        fmi3GetString(valueReferences: *const Reference, nValueReferences: usize, values: *mut Text, nValues: usize), "INSFECATX";
-        fmi3GetBinary(valueReferences: *const Reference, nValueReferences: usize, valueSizes: *mut usize, values: *mut Binary, nValues: usize), "INSFECATX";
-        fmi3GetClock(valueReferences: *const Reference, nValueReferences: usize, values: *mut u8), "EA";
-        fmi3SetFloat32(valueReferences: *const Reference, nValueReferences: usize, values: *const f32, nValues: usize), "INSECA";
-        fmi3SetFloat64(valueReferences: *const Reference, nValueReferences: usize, values: *const f64, nValues: usize), "INSECA";
-        fmi3SetInt8(valueReferences: *const Reference, nValueReferences: usize, values: *const i8, nValues: usize), "INSECA";
-        fmi3SetUInt8(valueReferences: *const Reference, nValueReferences: usize, values: *const u8, nValues: usize), "INSECA";
-        fmi3SetInt16(valueReferences: *const Reference, nValueReferences: usize, values: *const i16, nValues: usize), "INSECA";
-        fmi3SetUInt16(valueReferences: *const Reference, nValueReferences: usize, values: *const u16, nValues: usize), "INSECA";
-        fmi3SetInt32(valueReferences: *const Reference, nValueReferences: usize, values: *const i32, nValues: usize), "INSECA";
-        fmi3SetUInt32(valueReferences: *const Reference, nValueReferences: usize, values: *const u32, nValues: usize), "INSECA";
-        fmi3SetInt64(valueReferences: *const Reference, nValueReferences: usize, values: *const i64, nValues: usize), "INSECA";
-        fmi3SetUInt64(valueReferences: *const Reference, nValueReferences: usize, values: *const u64, nValues: usize), "INSECA";
-        fmi3SetBoolean(valueReferences: *const Reference, nValueReferences: usize, values: *const u8, nValues: usize), "INSECA";
-        fmi3SetString(valueReferences: *const Reference, nValueReferences: usize, values: *const Text, nValues: usize), "INSECA";
-        fmi3SetBinary(valueReferences: *const Reference, nValueReferences: usize, valueSizes: *const usize, values: *const Binary, nValues: usize), "INSECA";
-        fmi3SetClock(valueReferences: *const Reference, nValueReferences: usize, values: *const u8), "E";
-        fmi3GetNumberOfVariableDependencies(valueReference: Reference, nDependencies: *mut usize), "";
-        fmi3GetVariableDependencies(dependent: Reference, elementIndicesOfDependent: *mut usize, independents: *mut Reference, elementIndicesOfIndependents: *mut usize, dependencyKinds: *mut i32, nDependencies: usize), "";
-        fmi3GetFMUState(FMUState: *mut State), "INSFECATX";
-        fmi3SetFMUState(FMUState: State), "INSFECATX";
-        fmi3FreeFMUState(FMUState: *mut State), "INSFECATX";
-        fmi3SerializedFMUStateSize(FMUState: State, size: *mut usize), "INSFECATX";
-        fmi3SerializeFMUState(FMUState: State, serializedState: *mut u8, size: usize), "INSFECATX";
-        fmi3DeserializeFMUState(serializedState: *const u8, size: usize, FMUState: *mut State), "INSFECATX";
-        fmi3GetDirectionalDerivative(unknowns: *const Reference, nUnknowns: usize, knowns: *const Reference, nKnowns: usize, seed: *const f64, nSeed: usize, sensitivity: *mut f64, nSensitivity: usize), "NSFECATX";
-        fmi3GetAdjointDerivative(unknowns: *const Reference, nUnknowns: usize, knowns: *const Reference, nKnowns: usize, seed: *const f64, nSeed: usize, sensitivity: *mut f64, nSensitivity: usize), "NSFECATX";
-        fmi3EnterConfigurationMode(), "";
-        fmi3ExitConfigurationMode(), "";
-        fmi3GetIntervalDecimal(valueReferences: *const Reference, nValueReferences: usize, intervals: *mut f64, qualifiers: *mut i32), "NEA";
-        fmi3GetIntervalFraction(valueReferences: *const Reference, nValueReferences: usize, counters: *mut u64, resolutions: *mut u64, qualifiers: *mut i32), "NEA";
-        fmi3GetShiftDecimal(valueReferences: *const Reference, nValueReferences: usize, shifts: *mut f64), "N";
-        fmi3GetShiftFraction(valueReferences: *const Reference, nValueReferences: usize, counters: *mut u64, resolutions: *mut u64), "N";
-        fmi3SetIntervalDecimal(valueReferences: *const Reference, nValueReferences: usize, intervals: *const f64), "NEA";
-        fmi3SetIntervalFraction(valueReferences: *const Reference, nValueReferences: usize, counters: *const u64, resolutions: *const u64), "NEA";
-        fmi3SetShiftDecimal(valueReferences: *const Reference, nValueReferences: usize, shifts: *const f64), "N";
-        fmi3SetShiftFraction(valueReferences: *const Reference, nValueReferences: usize, counters: *const u64, resolutions: *const u64), "N";
-        fmi3EvaluateDiscreteStates(), "E";
-        fmi3UpdateDiscreteStates(discreteStatesNeedUpdate: *mut u8, terminateSimulation: *mut u8, nominalsOfContinuousStatesChanged: *mut u8, valuesOfContinuousStatesChanged: *mut u8, nextEventTimeDefined: *mut u8, nextEventTime: *mut f64), "E";
-    }
-    Some(Interface::ModelExchange) => {
-        fmi3EnterContinuousTimeMode(), "E";
-        fmi3CompletedIntegratorStep(noSetFMUStatePriorToCurrentPoint: u8, enterEventMode: *mut u8, terminateSimulation: *mut u8), "C";
-        fmi3SetTime(time: f64), "C";
-        fmi3SetContinuousStates(continuousStates: *const f64, nContinuousStates: usize), "C";
-        fmi3GetContinuousStateDerivatives(derivatives: *mut f64, nContinuousStates: usize), "NECTX";
-        fmi3GetEventIndicators(eventIndicators: *mut f64, nEventIndicators: usize), "NECTX";
-        fmi3GetContinuousStates(continuousStates: *mut f64, nContinuousStates: usize), "NECTX";
-        fmi3GetNominalsOfContinuousStates(nominals: *mut f64, nContinuousStates: usize), "NECTX";
-        fmi3GetNumberOfEventIndicators(nEventIndicators: *mut usize), "IE";
-        fmi3GetNumberOfContinuousStates(nContinuousStates: *mut usize), "IE";
-    }
-    Some(Interface::CoSimulation) => {
-        fmi3EnterStepMode(), "E";
-        fmi3GetOutputDerivatives(valueReferences: *const Reference, nValueReferences: usize, orders: *const i32, values: *mut f64, nValues: usize), "SFTX";
-        fmi3DoStep(currentCommunicationPoint: f64, communicationStepSize: f64, noSetFMUStatePriorToCurrentPoint: u8, eventHandlingNeeded: *mut u8, terminateSimulation: *mut u8, earlyReturn: *mut u8, lastSuccessfulTime: *mut f64), "S";
-    }
-    Some(Interface::ScheduledExecution) => {
-        fmi3ActivateModelPartition(clockReference: Reference, activationTime: f64), "A";
-    }
+
+/// FMI 3.0.
+mod fmi3 {
+    use super::{Binary, Function, Interface, Passed, Reference, State, Text, c_int, c_void, mem};
+
+    type Boolean = u8;
+    type Clock = u8;
+    type Enumeration = i32;
+    type Byte = u8;
+    type String = Text;
+    type ValueReference = Reference;
+    type FmuState = State;
+
+    fmu_export::fmi3_calls!(functions, FMI3);
 }
+
+pub use fmi2::FMI2;
+pub use fmi3::FMI3;

@@ -6,8 +6,12 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::ptr;
-use std::{env, iter};
+use std::{env, iter, mem};
 
+use fmu_export::fmi2::c_types::{self, fmi2FreeInstance, fmi2Instantiate};
+use fmu_export::fmi3::c_types::{
+    fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange, fmi3InstantiateScheduledExecution,
+};
 use fmu_package::{FmuDescription, FmuVariable, Platform, ValueType, archive};
 use libloading::Library;
 use tempfile::TempDir;
@@ -228,18 +232,15 @@ impl Fmu {
     }
 }
 
-type Text = *const c_char;
-type Address = *const c_void;
-
 /// The messages that an instance has logged: status and text.
 type Messages = RefCell<Vec<(c_int, String)>>;
 
 /// `fmi2CallbackLogger` with the one variadic argument that the format "%s" reads: on the platforms where this runs, it is
 /// passed as any other.
 unsafe extern "C" fn log_2(
-    environment: *const Messages,
+    environment: *mut c_void,
     _name: *const c_char,
-    status: c_int,
+    status: c_types::Status,
     category: *const c_char,
     _format: *const c_char,
     text: *const c_char,
@@ -250,14 +251,14 @@ unsafe extern "C" fn log_2(
 
 /// `fmi3LogMessageCallback`.
 unsafe extern "C" fn log_3(
-    environment: *const Messages,
-    status: c_int,
+    environment: *mut c_void,
+    status: c_types::Status,
     _category: *const c_char,
     text: *const c_char,
 ) {
     // SAFETY: the environment is the instance's, and the text ends in NUL.
-    let (messages, text) = unsafe { (&*environment, CStr::from_ptr(text)) };
-    messages.borrow_mut().push((status, text.to_string_lossy().into_owned()));
+    let (messages, text) = unsafe { (&*environment.cast::<Messages>(), CStr::from_ptr(text)) };
+    messages.borrow_mut().push((status as c_int, text.to_string_lossy().into_owned()));
 }
 
 /// An instance, with its saved states.
@@ -281,7 +282,7 @@ impl Drop for Instance<'_> {
         let symbol = if self.fmu.description.is_fmi3() { "fmi3FreeInstance" } else { "fmi2FreeInstance" };
         // SAFETY: the symbol is that function's, and this is the instance's last use.
         unsafe {
-            let free: unsafe extern "C" fn(*mut c_void) = std::mem::transmute(self.fmu.address(symbol));
+            let free: fmi2FreeInstance = mem::transmute(self.fmu.address(symbol));
             free(self.address);
         }
     }
@@ -291,96 +292,51 @@ impl Drop for Instance<'_> {
 // of arrays has as many elements as their counts say, or is refused before it is accessed.
 impl<'f> Instance<'f> {
     /// A new instance.
-    #[allow(clippy::type_complexity, reason = "the functions of the standards")]
     pub fn new(fmu: &'f Fmu, interface: Interface) -> Self {
         let messages = Box::new(Messages::default());
-        let environment: *const Messages = &raw const *messages;
+        let environment = (&raw const *messages).cast_mut().cast();
         let token = CString::new(fmu.description.guid()).unwrap();
-        let (name, token) = (c"importer".as_ptr(), token.as_ptr());
-        let resources = fmu.resources.as_ptr();
-        let nothing: *const c_void = ptr::null();
-        // SAFETY: the types are those of the standards' headers; `callbacks` is valid during the call.
+        let (name, token, resources) = (c"importer".as_ptr(), token.as_ptr(), fmu.resources.as_ptr());
+        // SAFETY: each symbol is that function's; `callbacks` is valid during the call.
         let address = unsafe {
-            if fmu.description.is_fmi3() {
-                let callback = log_3 as *const c_void;
-                let symbol = fmu.address(match interface {
-                    Interface::ModelExchange => "fmi3InstantiateModelExchange",
-                    Interface::CoSimulation | Interface::EventMode => "fmi3InstantiateCoSimulation",
-                    Interface::ScheduledExecution => "fmi3InstantiateScheduledExecution",
-                });
-                match interface {
-                    Interface::CoSimulation | Interface::EventMode => {
-                        let instantiate: unsafe extern "C" fn(
-                            Text,
-                            Text,
-                            Text,
-                            u8,
-                            u8,
-                            u8,
-                            u8,
-                            Address,
-                            usize,
-                            *const Messages,
-                            Address,
-                            Address,
-                        ) -> *mut c_void = std::mem::transmute(symbol);
-                        let events = u8::from(interface == Interface::EventMode);
-                        instantiate(
-                            name,
-                            token,
-                            resources,
-                            0,
-                            1,
-                            events,
-                            1,
-                            nothing,
-                            0,
-                            environment,
-                            callback,
-                            nothing,
-                        )
-                    }
-                    // Those of Scheduled Execution have three more callbacks, which may be NULL.
-                    _ => {
-                        let instantiate: unsafe extern "C" fn(
-                            Text,
-                            Text,
-                            Text,
-                            u8,
-                            u8,
-                            *const Messages,
-                            Address,
-                            Address,
-                            Address,
-                            Address,
-                        ) -> *mut c_void = std::mem::transmute(symbol);
-                        instantiate(
-                            name,
-                            token,
-                            resources,
-                            0,
-                            1,
-                            environment,
-                            callback,
-                            nothing,
-                            nothing,
-                            nothing,
-                        )
-                    }
+            match interface {
+                _ if !fmu.description.is_fmi3() => {
+                    let callbacks =
+                        [log_2 as *const c_void, ptr::null(), ptr::null(), ptr::null(), environment];
+                    let instantiate: fmi2Instantiate = mem::transmute(fmu.address("fmi2Instantiate"));
+                    let of = c_int::from(interface != Interface::ModelExchange);
+                    instantiate(name, of, token, resources, (&raw const callbacks).cast(), 0, 1)
                 }
-            } else {
-                let callbacks = [log_2 as *const c_void, nothing, nothing, nothing, environment.cast()];
-                let instantiate: unsafe extern "C" fn(
-                    *const c_char,
-                    c_int,
-                    *const c_char,
-                    *const c_char,
-                    *const [*const c_void; 5],
-                    c_int,
-                    c_int,
-                ) -> *mut c_void = std::mem::transmute(fmu.address("fmi2Instantiate"));
-                let of = c_int::from(interface != Interface::ModelExchange);
-                instantiate(name, of, token, resources, &raw const callbacks, 0, 1)
+                Interface::CoSimulation | Interface::EventMode => {
+                    let instantiate: fmi3InstantiateCoSimulation =
+                        mem::transmute(fmu.address("fmi3InstantiateCoSimulation"));
+                    let events = u8::from(interface == Interface::EventMode);
+                    let required = ptr::null();
+                    instantiate(
+                        name,
+                        token,
+                        resources,
+                        0,
+                        1,
+                        events,
+                        1,
+                        required,
+                        0,
+                        environment,
+                        Some(log_3),
+                        None,
+                    )
+                }
+                Interface::ModelExchange => {
+                    let instantiate: fmi3InstantiateModelExchange =
+                        mem::transmute(fmu.address("fmi3InstantiateModelExchange"));
+                    instantiate(name, token, resources, 0, 1, environment, Some(log_3))
+                }
+                Interface::ScheduledExecution => {
+                    let instantiate: fmi3InstantiateScheduledExecution =
+                        mem::transmute(fmu.address("fmi3InstantiateScheduledExecution"));
+                    instantiate(name, token, resources, 0, 1, environment, Some(log_3), None, None, None)
+                }
             }
         };
         assert!(!address.is_null(), "{messages:?}");
@@ -601,7 +557,7 @@ impl<'f> Instance<'f> {
         };
         // FMI 2.0.5, section 3.2.3, note 8: that of an FMU without states, which need not leave Event Mode.
         let stays = function.name == "fmi2SetTime" && self.fmu.counts.0 == 0;
-        let states = if stays { "EC" } else { function.states };
+        let states = if stays { "EC" } else { function.states() };
         is_of && is_capable && states.contains(self.at.state.letter())
     }
 

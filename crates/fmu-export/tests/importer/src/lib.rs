@@ -1,6 +1,6 @@
 //! An importer that breaks the rules: it calls the C functions of an exported FMU's library in any order, with any
-//! arguments. One [table](functions) for each version of FMI has the functions, their arguments, and the states that they
-//! are allowed in, from the standards' headers and text, independent of the exporter.
+//! arguments. The exporter's table for each version of FMI has the functions and their arguments; the states that they are
+//! allowed in are [listed](functions) here, from the standards' text, independent of the exporter.
 //!
 //! `bash tests/run` exports the test models and tests them; `FMUS` is the folder of others, such as those with compiled
 //! sources:

@@ -1,11 +1,11 @@
 //! The functions of an FMU's library, with the types that each version of FMI declares.
 
-use std::ffi::{c_char, c_int, c_void};
+use std::ffi::{c_int, c_void};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, anyhow};
-use fmu_export::fmi2::c_types::{Boolean, Component, EventInfo, FmuState, ValueReference};
+use fmu_export::fmi2::c_types::{Component, ValueReference};
 use fmu_io::temporary::Folder;
 use libloading::Library;
 
@@ -35,152 +35,147 @@ struct Symbols {
 }
 
 impl Symbols {
-    /// The word for a state in the names of functions.
-    fn state(&self) -> &'static str {
-        if self.prefix == "fmi3" { "FMUState" } else { "FMUstate" }
-    }
-
     /// A function that the library must have.
     ///
     /// # Safety
     /// `Function` is the type that the standard declares for this name.
     unsafe fn get<Function: Copy>(&self, name: &str) -> Result<Function> {
-        let name = format!("{}{}", self.prefix, name.replace("FMUState", self.state()));
         // SAFETY: the caller's promise.
-        let symbol = unsafe { self.library.get::<Function>(&name) }.ok();
+        let symbol = unsafe { self.library.get::<Function>(name) }.ok();
         symbol.map(|symbol| *symbol).with_context(|| format!("its library has no {name}"))
     }
 }
 
-/// Declares functions of an instance that a library has together, with their names and further arguments.
+/// The types of FMI 2.0's functions, with a plain number as a status.
+mod fmi2 {
+    use std::ffi::c_int as Status;
+
+    use fmu_export::fmi2::c_types::{
+        Boolean, Byte, Component, Enumeration, EventInfo, FmuState, Integer, String, ValueReference,
+    };
+
+    use super::CallbackFunctions;
+
+    fmu_export::fmi2_calls!(fmu_export::function_types);
+}
+
+/// The types of FMI 3.0's functions, with a plain number as a status.
+mod fmi3 {
+    use std::ffi::c_int as Status;
+
+    use fmu_export::fmi3::c_types::{
+        Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FmuState, Instance,
+        IntermediateUpdateCallback, PreemptionCallback, String, ValueReference,
+    };
+
+    use super::Environment as InstanceEnvironment;
+
+    type LogMessageCallback = unsafe extern "C" fn(InstanceEnvironment, Status, String, String);
+
+    fmu_export::fmi3_calls!(fmu_export::function_types);
+}
+
+/// Declares functions of an instance that a library has together, with their names, in both versions if their types are
+/// the same.
 macro_rules! functions {
+    (@load $symbols:ident $version:ident $name:ident) => {
+        $symbols.get::<$version::$name>(stringify!($name))?
+    };
+    (@load $symbols:ident $version:ident $name:ident $of_fmi3:ident) => {
+        if $symbols.prefix == "fmi3" {
+            functions!(@load $symbols fmi3 $of_fmi3)
+        } else {
+            functions!(@load $symbols $version $name)
+        }
+    };
     ($(
         $(#[$meta:meta])*
-        $table:ident { $($field:ident: $name:ident($($argument:ty),*)),* $(,)? }
+        $table:ident: $version:ident { $($field:ident: $name:ident $(/ $of_fmi3:ident)?),* $(,)? }
     )*) => {$(
         $(#[$meta])*
         pub struct $table {
-            $(pub $field: unsafe extern "C" fn(Component $(, $argument)*) -> c_int),*
+            $(pub $field: $version::$name),*
         }
 
         impl $table {
             /// # Safety
             /// The library is one of the version.
             unsafe fn load(symbols: &Symbols) -> Result<Self> {
-                // SAFETY: the standard declares these types for these names; a C `bool` is a byte, and a pointer to
-                // numbers one to bytes.
-                unsafe { Ok(Self { $($field: symbols.get(stringify!($name))?),* }) }
+                // SAFETY: the standard declares these types for these names.
+                unsafe { Ok(Self { $($field: functions!(@load symbols $version $name $($of_fmi3)?)),* }) }
             }
         }
     )*};
 }
 
-type References = *const ValueReference;
-
 functions! {
     /// Of both versions and interfaces.
-    Common { exit_initialization_mode: ExitInitializationMode(), terminate: Terminate() }
+    Common: fmi2 {
+        exit_initialization_mode: fmi2ExitInitializationMode / fmi3ExitInitializationMode,
+        terminate: fmi2Terminate / fmi3Terminate,
+        free_instance: fmi2FreeInstance / fmi3FreeInstance,
+    }
 
     /// Of saved states.
-    States {
-        get: GetFMUState(*mut FmuState),
-        set: SetFMUState(FmuState),
-        free: FreeFMUState(*mut FmuState),
+    States: fmi2 {
+        get: fmi2GetFMUstate / fmi3GetFMUState,
+        set: fmi2SetFMUstate / fmi3SetFMUState,
+        free: fmi2FreeFMUstate / fmi3FreeFMUState,
     }
 
     /// Of FMI 2.0.
-    Common2 {
-        setup_experiment: SetupExperiment(Boolean, f64, f64, Boolean, f64),
-        enter_initialization_mode: EnterInitializationMode(),
-        set_string: SetString(References, usize, *const c_void),
+    Common2: fmi2 {
+        setup_experiment: fmi2SetupExperiment,
+        enter_initialization_mode: fmi2EnterInitializationMode,
+        set_string: fmi2SetString,
     }
 
     /// Of FMI 3.0.
-    Common3 {
-        enter_initialization_mode: EnterInitializationMode(bool, f64, f64, bool, f64),
-        set_string: SetString(References, usize, *const c_void, usize),
-    }
+    Common3: fmi3 { enter_initialization_mode: fmi3EnterInitializationMode, set_string: fmi3SetString }
 
     /// Of co-simulation.
-    Step2 { do_step: DoStep(f64, f64, Boolean) }
-    Step3 { do_step: DoStep(f64, f64, bool, *mut u8, *mut u8, *mut u8, *mut f64) }
+    Step2: fmi2 { do_step: fmi2DoStep }
+    Step3: fmi3 { do_step: fmi3DoStep }
 
     /// What a step in FMI 2.0 says.
-    RealStatus2 { get: GetRealStatus(c_int, *mut f64) }
-    BooleanStatus2 { get: GetBooleanStatus(c_int, *mut Boolean) }
+    RealStatus2: fmi2 { get: fmi2GetRealStatus }
+    BooleanStatus2: fmi2 { get: fmi2GetBooleanStatus }
 
     /// Of Model Exchange, in both versions.
-    Exchange {
-        enter_event_mode: EnterEventMode(),
-        enter_continuous_time_mode: EnterContinuousTimeMode(),
-        set_time: SetTime(f64),
-        set_states: SetContinuousStates(*const f64, usize),
-        states: GetContinuousStates(*mut f64, usize),
-        nominals: GetNominalsOfContinuousStates(*mut f64, usize),
-        indicators: GetEventIndicators(*mut f64, usize),
+    Exchange: fmi2 {
+        enter_event_mode: fmi2EnterEventMode / fmi3EnterEventMode,
+        enter_continuous_time_mode: fmi2EnterContinuousTimeMode / fmi3EnterContinuousTimeMode,
+        set_time: fmi2SetTime / fmi3SetTime,
+        set_states: fmi2SetContinuousStates / fmi3SetContinuousStates,
+        states: fmi2GetContinuousStates / fmi3GetContinuousStates,
+        nominals: fmi2GetNominalsOfContinuousStates / fmi3GetNominalsOfContinuousStates,
+        derivatives: fmi2GetDerivatives / fmi3GetContinuousStateDerivatives,
+        indicators: fmi2GetEventIndicators / fmi3GetEventIndicators,
     }
 
     /// Of Model Exchange, in one version.
-    Exchange2 {
-        derivatives: GetDerivatives(*mut f64, usize),
-        new_discrete_states: NewDiscreteStates(*mut EventInfo),
-        completed_integrator_step: CompletedIntegratorStep(Boolean, *mut Boolean, *mut Boolean),
+    Exchange2: fmi2 {
+        new_discrete_states: fmi2NewDiscreteStates,
+        completed_integrator_step: fmi2CompletedIntegratorStep,
     }
-    Exchange3 {
-        derivatives: GetContinuousStateDerivatives(*mut f64, usize),
-        completed_integrator_step: CompletedIntegratorStep(bool, *mut u8, *mut u8),
-    }
+    Exchange3: fmi3 { completed_integrator_step: fmi3CompletedIntegratorStep }
 
-    Directional2 { get: GetDirectionalDerivative(References, usize, References, usize, *const f64, *mut f64) }
-    Directional3 {
-        get: GetDirectionalDerivative(References, usize, References, usize, *const f64, usize, *mut f64, usize),
-    }
+    Directional2: fmi2 { get: fmi2GetDirectionalDerivative }
+    Directional3: fmi3 { get: fmi3GetDirectionalDerivative }
 
     /// Of Event Mode in FMI 3.0.
-    Events3 {
-        enter_event_mode: EnterEventMode(),
-        enter_step_mode: EnterStepMode(),
-        update_discrete_states: UpdateDiscreteStates(*mut u8, *mut u8, *mut u8, *mut u8, *mut u8, *mut f64),
-        set_clock: SetClock(References, usize, *const bool),
-        get_interval: GetIntervalDecimal(References, usize, *mut f64, *mut c_int),
-        get_shift: GetShiftDecimal(References, usize, *mut f64),
+    Events3: fmi3 {
+        enter_event_mode: fmi3EnterEventMode,
+        enter_step_mode: fmi3EnterStepMode,
+        update_discrete_states: fmi3UpdateDiscreteStates,
+        set_clock: fmi3SetClock,
+        get_interval: fmi3GetIntervalDecimal,
+        get_shift: fmi3GetShiftDecimal,
     }
 }
 
-type Instantiate2 = unsafe extern "C" fn(
-    *const c_char,
-    c_int,
-    *const c_char,
-    *const c_char,
-    *const CallbackFunctions,
-    Boolean,
-    Boolean,
-) -> Component;
-type InstantiateCoSimulation3 = unsafe extern "C" fn(
-    *const c_char,
-    *const c_char,
-    *const c_char,
-    bool,
-    bool,
-    bool,
-    bool,
-    References,
-    usize,
-    Environment,
-    LogMessage,
-    *const c_void,
-) -> Component;
-type InstantiateModelExchange3 = unsafe extern "C" fn(
-    *const c_char,
-    *const c_char,
-    *const c_char,
-    bool,
-    bool,
-    Environment,
-    LogMessage,
-) -> Component;
-/// `fmi3LogMessageCallback`.
-type LogMessage = unsafe extern "C" fn(Environment, c_int, *const c_char, *const c_char);
+// Of every type of numbers: a pointer to numbers is one to bytes.
+type References = *const ValueReference;
 type Get2 = unsafe extern "C" fn(Component, References, usize, *mut c_void) -> c_int;
 type Get3 = unsafe extern "C" fn(Component, References, usize, *mut c_void, usize) -> c_int;
 type Set2 = unsafe extern "C" fn(Component, References, usize, *const c_void) -> c_int;
@@ -188,9 +183,9 @@ type Set3 = unsafe extern "C" fn(Component, References, usize, *const c_void, us
 
 /// The function that makes an instance.
 pub enum Instantiate {
-    Two(Instantiate2),
-    CoSimulation3(InstantiateCoSimulation3),
-    ModelExchange3(InstantiateModelExchange3),
+    Two(fmi2::fmi2Instantiate),
+    CoSimulation3(fmi3::fmi3InstantiateCoSimulation),
+    ModelExchange3(fmi3::fmi3InstantiateModelExchange),
 }
 
 impl Instantiate {
@@ -219,7 +214,6 @@ pub struct Functions {
     pub instantiate: Instantiate,
     pub of_version: OfVersion,
     pub common: Common,
-    pub free_instance: unsafe extern "C" fn(Component),
     pub states: Option<States>,
     pub step2: Option<Step2>,
     pub step3: Option<Step3>,
@@ -260,9 +254,9 @@ impl Functions {
         unsafe {
             Ok(Self {
                 instantiate: match (is_fmi3, is_exchange) {
-                    (false, _) => Instantiate::Two(it.get("Instantiate")?),
-                    (true, false) => Instantiate::CoSimulation3(it.get("InstantiateCoSimulation")?),
-                    (true, true) => Instantiate::ModelExchange3(it.get("InstantiateModelExchange")?),
+                    (false, _) => Instantiate::Two(it.get("fmi2Instantiate")?),
+                    (true, false) => Instantiate::CoSimulation3(it.get("fmi3InstantiateCoSimulation")?),
+                    (true, true) => Instantiate::ModelExchange3(it.get("fmi3InstantiateModelExchange")?),
                 },
                 of_version: if is_fmi3 {
                     OfVersion::Three(Common3::load(it)?, accessors(it, &NUMBERS_OF_FMI3)?)
@@ -270,12 +264,11 @@ impl Functions {
                     OfVersion::Two(Common2::load(it)?, accessors(it, &NUMBERS_OF_FMI2)?)
                 },
                 common: Common::load(it)?,
-                free_instance: it.get("FreeInstance")?,
                 states: States::load(it).ok(),
                 step2: (!is_fmi3 && !is_exchange).then(|| Step2::load(it)).transpose()?,
                 step3: (is_fmi3 && !is_exchange).then(|| Step3::load(it)).transpose()?,
-                real_status2: RealStatus2::load(it).ok(),
-                boolean_status2: BooleanStatus2::load(it).ok(),
+                real_status2: (!is_fmi3).then(|| RealStatus2::load(it).ok()).flatten(),
+                boolean_status2: (!is_fmi3).then(|| BooleanStatus2::load(it).ok()).flatten(),
                 exchange: is_exchange.then(|| Exchange::load(it)).transpose()?,
                 exchange2: (!is_fmi3 && is_exchange).then(|| Exchange2::load(it)).transpose()?,
                 exchange3: (is_fmi3 && is_exchange).then(|| Exchange3::load(it)).transpose()?,
@@ -292,7 +285,7 @@ impl Functions {
 
     /// The word for a state in the names of functions.
     pub fn state(&self) -> &'static str {
-        self.symbols.state()
+        if self.is_fmi3() { "FMUState" } else { "FMUstate" }
     }
 
     /// A function of a name in two parts.
@@ -352,8 +345,9 @@ unsafe fn accessors<Get: Copy, Set: Copy>(
     numbers: &[(&str, Memory)],
 ) -> Result<Vec<(Get, Set)>> {
     let of = |(name, _): &(&str, Memory)| {
+        let [get, set] = ["Get", "Set"].map(|access| format!("{}{access}{name}", symbols.prefix));
         // SAFETY: the caller's promise.
-        unsafe { Ok((symbols.get(&format!("Get{name}"))?, symbols.get(&format!("Set{name}"))?)) }
+        unsafe { Ok((symbols.get(&get)?, symbols.get(&set)?)) }
     };
     numbers.iter().map(of).collect()
 }

@@ -11,13 +11,15 @@ mod live;
 mod logger;
 
 use std::cell::Cell;
-use std::ffi::{CStr, CString, c_int, c_void};
+use std::ffi::{CStr, CString, c_int};
 use std::ptr;
 use std::sync::Arc;
 
 use fmu_export::fmi2::c_types::{
     CO_SIMULATION, Component, EventInfo, FALSE, FmuState, MODEL_EXCHANGE, TRUE, ValueReference,
+    status_kind::{LAST_SUCCESSFUL_TIME, TERMINATED},
 };
+use fmu_export::fmi3::c_types as fmi3;
 
 pub use self::functions::{Functions, NumberType};
 use self::functions::{Instantiate, OfVersion};
@@ -26,13 +28,6 @@ use self::live::{Call, Live};
 use self::logger::{CallbackFunctions, log_message};
 use super::messages::{Called, Function, Message, Status};
 use super::numbers::Numbers;
-
-/// A clock's value when it ticks.
-static TICKS: bool = true;
-/// `fmi2LastSuccessfulTime` of `fmi2StatusKind`.
-const LAST_SUCCESSFUL_TIME: c_int = 2;
-/// `fmi2Terminated`, beside it.
-const TERMINATED: c_int = 3;
 
 /// The status of a function that the FMU's interface does not have; no caller gets there.
 const MISUSED: c_int = 3;
@@ -113,22 +108,28 @@ impl Handle {
                     let kind = if functions.exchange.is_some() { MODEL_EXCHANGE } else { CO_SIMULATION };
                     instantiate(name, kind, guid, resources, &raw const *callbacks, FALSE, TRUE)
                 }
-                Instantiate::ModelExchange3(instantiate) => {
-                    instantiate(name, guid, resources, false, true, environment, log_message)
-                }
+                Instantiate::ModelExchange3(instantiate) => instantiate(
+                    name,
+                    guid,
+                    resources,
+                    fmi3::FALSE,
+                    fmi3::TRUE,
+                    environment,
+                    Some(log_message),
+                ),
                 Instantiate::CoSimulation3(instantiate) => instantiate(
                     name,
                     guid,
                     resources,
-                    false,
-                    true,
-                    functions.events3.is_some(),
-                    false,
+                    fmi3::FALSE,
+                    fmi3::TRUE,
+                    fmi3::Boolean::from(functions.events3.is_some()),
+                    fmi3::FALSE,
                     ptr::null(),
                     0,
                     environment,
-                    log_message,
-                    ptr::null(),
+                    Some(log_message),
+                    None,
                 ),
             }
         });
@@ -208,10 +209,10 @@ impl Handle {
                 OfVersion::Two(common, _) => (common.enter_initialization_mode)(component),
                 OfVersion::Three(common, _) => (common.enter_initialization_mode)(
                     component,
-                    self.tolerance.get().is_some(),
+                    self.tolerance.get().is_some().into(),
                     self.tolerance.get().unwrap_or(0.0),
                     start_time,
-                    stop_time.is_some(),
+                    stop_time.is_some().into(),
                     stop_time.unwrap_or(0.0),
                 ),
             }
@@ -235,9 +236,16 @@ impl Handle {
         let called = self.call("DoStep", |component| unsafe {
             match (&self.functions.step2, &self.functions.step3) {
                 (Some(of), _) => (of.do_step)(component, time, size, FALSE),
-                (_, Some(of)) => {
-                    (of.do_step)(component, time, size, false, event, terminates, early, &raw mut reached)
-                }
+                (_, Some(of)) => (of.do_step)(
+                    component,
+                    time,
+                    size,
+                    fmi3::FALSE,
+                    event,
+                    terminates,
+                    early,
+                    &raw mut reached,
+                ),
                 _ => MISUSED,
             }
         });
@@ -337,10 +345,11 @@ impl Handle {
 
     /// Lets a clock tick (FMI 3.0).
     pub fn tick(&self, clock: ValueReference) -> Called {
+        let ticks: fmi3::Clock = fmi3::TRUE;
         // SAFETY: the component is alive, both arrays have one element.
         self.call("SetClock", |component| unsafe {
             match &self.functions.events3 {
-                Some(events) => (events.set_clock)(component, &raw const clock, 1, &raw const TICKS),
+                Some(events) => (events.set_clock)(component, &raw const clock, 1, &raw const ticks),
                 None => MISUSED,
             }
         })
@@ -403,16 +412,16 @@ impl Handle {
 
     /// Gets all numbers of a kind.
     pub fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Called {
-        let Functions { exchange, exchange2, exchange3, .. } = &*self.functions;
-        let common = exchange.as_ref();
+        let exchange = self.functions.exchange.as_ref();
         let (name, get) = match vector {
-            Vector::States => ("GetContinuousStates", common.map(|of| of.states)),
-            Vector::Nominals => ("GetNominalsOfContinuousStates", common.map(|of| of.nominals)),
-            Vector::Indicators => ("GetEventIndicators", common.map(|of| of.indicators)),
-            Vector::Derivatives if self.functions.is_fmi3() => {
-                ("GetContinuousStateDerivatives", exchange3.as_ref().map(|of| of.derivatives))
+            Vector::States => ("GetContinuousStates", exchange.map(|of| of.states)),
+            Vector::Nominals => ("GetNominalsOfContinuousStates", exchange.map(|of| of.nominals)),
+            Vector::Indicators => ("GetEventIndicators", exchange.map(|of| of.indicators)),
+            Vector::Derivatives => {
+                let name =
+                    if self.functions.is_fmi3() { "GetContinuousStateDerivatives" } else { "GetDerivatives" };
+                (name, exchange.map(|of| of.derivatives))
             }
-            Vector::Derivatives => ("GetDerivatives", exchange2.as_ref().map(|of| of.derivatives)),
         };
         // SAFETY: the component is alive, and the pointer is to as many numbers.
         self.call(name, |component| unsafe {
@@ -429,7 +438,7 @@ impl Handle {
         let called = self.call("CompletedIntegratorStep", |component| unsafe {
             match (&self.functions.exchange2, &self.functions.exchange3) {
                 (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
-                (_, Some(of)) => (of.completed_integrator_step)(component, true, event3, ends3),
+                (_, Some(of)) => (of.completed_integrator_step)(component, fmi3::TRUE, event3, ends3),
                 _ => MISUSED,
             }
         });
@@ -512,7 +521,7 @@ impl Handle {
     /// Sets one text.
     pub fn set_string(&self, reference: ValueReference, value: &CStr) -> Called {
         let text = value.as_ptr();
-        let texts: *const c_void = (&raw const text).cast();
+        let texts = &raw const text;
         // SAFETY: the component is alive, both arrays have one element.
         self.call("SetString", |component| unsafe {
             match &self.functions.of_version {
@@ -567,7 +576,7 @@ impl Drop for Handle {
         if !self.is_dead.get() {
             let call = Call::Of(self.functions.function(["FreeInstance", ""]), self.time.get());
             // SAFETY: the component is alive, and this is the last call.
-            self.live.call(call, || unsafe { (self.functions.free_instance)(self.component) });
+            self.live.call(call, || unsafe { (self.functions.common.free_instance)(self.component) });
         }
         self.live.print();
         self.functions.take_back(Arc::clone(&self.callbacks));
