@@ -301,3 +301,40 @@ fn model_h(module: &Module<'_>, pages: u32, instance: &str, declarations: &[Stri
     text += "\n#if defined(HIDES)\n#pragma GCC visibility pop\n#endif\n\n#endif\n";
     Ok(text)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Declares the names in a version's table of calls.
+    macro_rules! names {
+        ($table:ident $($owner:ident {
+            $($name:ident $parameters:tt $(-> $result:ty)? $(: $phases:tt)?;)*
+        })*) => {
+            const $table: &[&str] = &[$($(stringify!($name),)*)*];
+        };
+    }
+
+    fmu_export::fmi2_calls!(names, FMI2);
+    fmu_export::fmi3_calls!(names, FMI3);
+
+    #[test]
+    fn the_sources_define_the_functions_of_the_table() {
+        for (version, table) in [(Version::Two, FMI2), (Version::Three, FMI3)] {
+            let (file, text) = functions(version);
+            // Each is the first argument of the macro that defines it; this one of FMI 3.0 defines two.
+            let first_argument = |text: &str| text.split([',', ')']).next().unwrap_or_default().to_owned();
+            let prefix = format!("fmi{version}");
+            let named = text.split('(').map(first_argument).filter(|name| name.starts_with(&prefix));
+            let one_by_one = named.filter(|name| !name.contains("##"));
+            let types = text.split("\nGET_AND_SET(").skip(1).map(first_argument);
+            let by_type =
+                types.flat_map(|data_type| ["Get", "Set"].map(|of| format!("{prefix}{of}{data_type}")));
+            let mut defined: Vec<_> = one_by_one.chain(by_type).collect();
+            let mut expected = table.to_vec();
+            defined.sort();
+            expected.sort_unstable();
+            assert_eq!(defined, expected, "{file}");
+        }
+    }
+}
