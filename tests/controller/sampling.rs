@@ -5,7 +5,8 @@ use std::ptr;
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Variables};
 use fmu_export::Variables as _;
-use fmu_export::fmi2::{c_api, c_types};
+use fmu_export::fmi2::c_api::co_simulation;
+use fmu_export::fmi2::c_types;
 
 use crate::bench::Bench;
 use crate::random::Random;
@@ -180,7 +181,7 @@ fn a_long_step_interpolates_the_inputs_to_each_sample() {
     let mut samples = 0;
     // SAFETY: a component from instantiate, used here alone, with pointers to single elements that live on.
     unsafe {
-        let component = c_api::instantiate::<BoostController>(
+        let component = co_simulation::fmi2Instantiate::<BoostController>(
             c"controller".as_ptr(),
             c_types::CO_SIMULATION,
             guid.as_ptr(),
@@ -193,22 +194,37 @@ fn a_long_step_interpolates_the_inputs_to_each_sample() {
         let mode = reference("mode");
         let (open_loop, twenty, rising, first) = (ControlMode::OpenLoop as i32, 20.0, 100.0, 1);
         let ok = |status: c_types::Status| assert_eq!(status, c_types::Status::Ok);
-        ok(c_api::set_integer::<BoostController>(component, &raw const mode, 1, &raw const open_loop));
-        ok(c_api::setup_experiment::<BoostController>(component, 0, 0.0, 0.0, 0, 0.0));
-        ok(c_api::enter_initialization_mode::<BoostController>(component));
-        ok(c_api::exit_initialization_mode::<BoostController>(component));
-        ok(c_api::set_real::<BoostController>(component, &raw const pwm_reference, 1, &raw const twenty));
-        ok(c_api::set_real_input_derivatives::<BoostController>(
+        ok(co_simulation::fmi2SetInteger::<BoostController>(
+            component,
+            &raw const mode,
+            1,
+            &raw const open_loop,
+        ));
+        ok(co_simulation::fmi2SetupExperiment::<BoostController>(component, 0, 0.0, 0.0, 0, 0.0));
+        ok(co_simulation::fmi2EnterInitializationMode::<BoostController>(component));
+        ok(co_simulation::fmi2ExitInitializationMode::<BoostController>(component));
+        ok(co_simulation::fmi2SetReal::<BoostController>(
+            component,
+            &raw const pwm_reference,
+            1,
+            &raw const twenty,
+        ));
+        ok(co_simulation::fmi2SetRealInputDerivatives::<BoostController>(
             component,
             &raw const pwm_reference,
             1,
             &raw const first,
             &raw const rising,
         ));
-        ok(c_api::do_step::<BoostController>(component, 0.0, 0.05, 1));
-        ok(c_api::get_real::<BoostController>(component, &raw const duty, 1, &raw mut value));
-        ok(c_api::get_integer::<BoostController>(component, &raw const count, 1, &raw mut samples));
-        c_api::free_instance::<BoostController>(component);
+        ok(co_simulation::fmi2DoStep::<BoostController>(component, 0.0, 0.05, 1));
+        ok(co_simulation::fmi2GetReal::<BoostController>(component, &raw const duty, 1, &raw mut value));
+        ok(co_simulation::fmi2GetInteger::<BoostController>(
+            component,
+            &raw const count,
+            1,
+            &raw mut samples,
+        ));
+        co_simulation::fmi2FreeInstance::<BoostController>(component);
     }
     // Samples at 0, 12.5, 25 and 37.5 ms; the last took 20 % + 100 %/s · 37.5 ms, to rounding.
     assert_eq!(samples, 4);

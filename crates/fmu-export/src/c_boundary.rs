@@ -31,7 +31,7 @@ use arguments::{c_string, check_count, elements, not_null, write_elements};
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.
-pub(crate) fn silence_panics() {
+pub fn silence_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     #[cfg(not(target_family = "wasm"))]
     ONCE.call_once(|| std::panic::set_hook(Box::new(crate::panics::note)));
@@ -83,12 +83,25 @@ macro_rules! exported_model {
 macro_rules! exports {
     (@CoSimulation ModelExchange $functions:tt) => {};
     (@ModelExchange CoSimulation $functions:tt) => {};
-    (@Library $offered:ident { $($name:ident($($parameter:ident: $type:ty),* $(,)?) $(-> $result:ty)?;)* }) => {$(
+    (@Library $offered:ident { $($name:ident $parameters:tt $(-> $result:ty)?;)* }) => {$(
+        $crate::exports! { @$name $parameters $(-> $result)? }
+    )*};
+    // A function that makes an instance.
+    (@$name:ident (instanceName: $text:ty, $($parameter:ident: $type:ty),* $(,)?) -> $result:ty) => {
+        $crate::exported_function! {
+            $name(instanceName: $text, $($parameter: $type),*) -> $result,
+            |F| {
+                functions::silence_panics();
+                functions::$name::<F::Model>(instanceName, $($parameter),*)
+            }
+        }
+    };
+    (@$name:ident ($($parameter:ident: $type:ty),*) $(-> $result:ty)?) => {
         $crate::exported_function! {
             $name($($parameter: $type),*) $(-> $result)?,
             |F| functions::$name::<F::Model>($($parameter),*)
         }
-    )*};
+    };
     // This function calls the locks itself, since none holds while it notifies the importer of clocks.
     (@ScheduledExecution locked $functions:tt) => { $crate::exports! { @ScheduledExecution All $functions } };
     (@$interface:ident locked { $($name:ident($($parameter:ident: $type:ty),* $(,)?): $phases:tt;)* }) => {$(

@@ -5,7 +5,7 @@ use std::ffi::CString;
 use std::fs;
 use std::ptr;
 
-use fmu_export::fmi2::c_api;
+use fmu_export::fmi2::c_api::co_simulation;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
 use fmu_export::{Context, Dual, Error, InputsOf, Model, Step, Variables as _};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
@@ -171,7 +171,7 @@ struct Fmu(Component);
 impl Drop for Fmu {
     fn drop(&mut self) {
         // SAFETY: the component is this importer's and used no more.
-        unsafe { c_api::free_instance::<Oscillator>(self.0) }
+        unsafe { co_simulation::fmi2FreeInstance::<Oscillator>(self.0) }
     }
 }
 
@@ -189,32 +189,43 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
     // SAFETY: all arguments are valid during the call.
     let fmu = Fmu(unsafe {
         let (name, guid, callbacks) = (name.as_ptr(), guid.as_ptr(), &raw const callbacks);
-        c_api::instantiate::<Oscillator>(name, CO_SIMULATION, guid, ptr::null(), callbacks, FALSE, FALSE)
+        co_simulation::fmi2Instantiate::<Oscillator>(
+            name,
+            CO_SIMULATION,
+            guid,
+            ptr::null(),
+            callbacks,
+            FALSE,
+            FALSE,
+        )
     });
     assert!(!fmu.0.is_null());
     let get = |reference: u32| {
         let mut value = f64::NAN;
         // SAFETY: one reference and room for one value.
-        let status = unsafe { c_api::get_real::<Oscillator>(fmu.0, &raw const reference, 1, &raw mut value) };
+        let status = unsafe {
+            co_simulation::fmi2GetReal::<Oscillator>(fmu.0, &raw const reference, 1, &raw mut value)
+        };
         (status, value)
     };
     let set = |reference: u32, value: f64| -> Status {
         // SAFETY: one reference and one value.
-        unsafe { c_api::set_real::<Oscillator>(fmu.0, &raw const reference, 1, &raw const value) }
+        unsafe { co_simulation::fmi2SetReal::<Oscillator>(fmu.0, &raw const reference, 1, &raw const value) }
     };
     // SAFETY: the component is valid.
     let call = |function: unsafe fn(Component) -> Status| unsafe { function(fmu.0) };
     // SAFETY: the component is valid.
-    let status = unsafe { c_api::setup_experiment::<Oscillator>(fmu.0, FALSE, 0.0, 0.0, FALSE, 0.0) };
+    let status =
+        unsafe { co_simulation::fmi2SetupExperiment::<Oscillator>(fmu.0, FALSE, 0.0, 0.0, FALSE, 0.0) };
     assert_eq!(status, OK);
     // The start value of the position, by its value reference; 8 is nobody's.
     assert_eq!((set(3, 2.0), set(100, 1.0)), (OK, OK));
     assert_ne!(set(8, 1.0), OK);
-    assert_eq!(call(c_api::enter_initialization_mode::<Oscillator>), OK);
-    assert_eq!(call(c_api::exit_initialization_mode::<Oscillator>), OK);
+    assert_eq!(call(co_simulation::fmi2EnterInitializationMode::<Oscillator>), OK);
+    assert_eq!(call(co_simulation::fmi2ExitInitializationMode::<Oscillator>), OK);
     assert_eq!([get(3), get(1), get(4), get(50)], [(OK, 2.0), (OK, 0.0), (OK, 0.0), (OK, 1.0 - 4.0 * 2.0)]);
     // SAFETY: the component is valid.
-    assert_eq!(unsafe { c_api::do_step::<Oscillator>(fmu.0, 0.0, 0.5, FALSE) }, OK);
+    assert_eq!(unsafe { co_simulation::fmi2DoStep::<Oscillator>(fmu.0, 0.0, 0.5, FALSE) }, OK);
     assert_eq!([get(3), get(1), get(2)], [(OK, 2.0), (OK, -3.5), (OK, 3.5 * 3.5 / 2.0)]);
     // The position changes as it is told, and by its derivative over time; the other's derivative by the stiffness.
     let along = |unknown: u32, known: u32| {
@@ -223,7 +234,9 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
         let (seed, value) = (&raw const seed, &raw mut derivative);
         // SAFETY: one unknown, one known and one seed, and room for one value.
         let status = unsafe {
-            c_api::get_directional_derivative::<Oscillator>(fmu.0, unknown, 1, known, 1, seed, value)
+            co_simulation::fmi2GetDirectionalDerivative::<Oscillator>(
+                fmu.0, unknown, 1, known, 1, seed, value,
+            )
         };
         (status, derivative)
     };
@@ -231,8 +244,9 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
     let (position, order, mut rate) = (3, 1, f64::NAN);
     let (position, order) = (&raw const position, &raw const order);
     // SAFETY: one reference, one order and room for one value.
-    let status =
-        unsafe { c_api::get_real_output_derivatives::<Oscillator>(fmu.0, position, 1, order, &raw mut rate) };
+    let status = unsafe {
+        co_simulation::fmi2GetRealOutputDerivatives::<Oscillator>(fmu.0, position, 1, order, &raw mut rate)
+    };
     assert_eq!((status, rate), (OK, -3.5));
     // An output is not set between steps, though it is a state.
     assert_ne!(set(3, 1.0), OK);

@@ -10,6 +10,8 @@ use core::ffi::{CStr, c_void};
 use core::ptr;
 use std::ffi::CString;
 
+pub use crate::c_boundary::silence_panics;
+
 use super::c_types::{
     Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, Enumeration, EventInfo,
     FALSE, FmuState, Integer, MODEL_EXCHANGE, Status, String, ValueReference, status_kind,
@@ -84,7 +86,6 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     _visible: Boolean,
     logging_on: Boolean,
 ) -> Component {
-    c_boundary::silence_panics();
     if functions.is_null() {
         return ptr::null_mut();
     }

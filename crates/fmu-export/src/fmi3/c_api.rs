@@ -24,6 +24,7 @@ use crate::variables::Variables;
 
 pub use self::clocks::*;
 pub use self::instantiation::{fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange};
+pub use crate::c_boundary::silence_panics;
 
 mod clocks;
 mod instantiation;

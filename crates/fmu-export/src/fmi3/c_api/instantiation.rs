@@ -3,7 +3,7 @@
 use core::ffi::CStr;
 
 use crate::c_boundary::arguments::{c_string, elements};
-use crate::c_boundary::{self, silence_panics};
+use crate::c_boundary::{self};
 use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{
@@ -117,7 +117,6 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     log_message: Option<LogMessageCallback>,
     intermediate_update: Option<IntermediateUpdateCallback>,
 ) -> Instance {
-    silence_panics();
     let event_mode_used = event_mode_used != FALSE;
     let has_event_mode = M::Variables::DESCRIPTION.capabilities.event_mode;
     let has_clocks = M::Variables::DESCRIPTION.interfaces.co_simulation && !M::Variables::CLOCKS.is_empty();
@@ -201,7 +200,6 @@ pub unsafe fn fmi3InstantiateModelExchange<M: Model>(
     environment: InstanceEnvironment,
     log_message: Option<LogMessageCallback>,
 ) -> Instance {
-    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     // SAFETY: the strings are the importer's (see the module).
     unsafe {

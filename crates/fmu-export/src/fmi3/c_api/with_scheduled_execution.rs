@@ -1,7 +1,7 @@
 //! The functions of Scheduled Execution.
 
 use super::instantiation::{Options, instantiate};
-use crate::c_boundary::{Exported, call, silence_panics};
+use crate::c_boundary::{Exported, call};
 use crate::calling_sequence::Interface;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
@@ -27,7 +27,6 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: ScheduledExecution>(
     lock_preemption: Option<PreemptionCallback>,
     unlock_preemption: Option<PreemptionCallback>,
 ) -> Instance {
-    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     #[cfg(target_family = "wasm")]
     let (clock_update, lock_preemption, unlock_preemption) = (

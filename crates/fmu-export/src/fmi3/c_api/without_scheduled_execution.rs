@@ -1,7 +1,7 @@
 //! The Scheduled Execution functions of an FMU without it.
 
 use super::instantiation::{Options, instantiate};
-use crate::c_boundary::{refusals, silence_panics};
+use crate::c_boundary::refusals;
 use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
@@ -26,7 +26,6 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     _lock_preemption: Option<PreemptionCallback>,
     _unlock_preemption: Option<PreemptionCallback>,
 ) -> Instance {
-    silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     // SAFETY: the strings are the importer's (see the module).
     unsafe {

@@ -9,6 +9,8 @@ use std::marker::PhantomData;
 use std::ptr;
 
 use fmu_export::description::{ValueReference, Version};
+use fmu_export::fmi2::c_api::model_exchange;
+use fmu_export::fmi3::c_api::event_mode;
 use fmu_export::{ClockedModel, EventMode, Integrated, SampledModel, Simulation, Variables as _, fmi2, fmi3};
 use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
 
@@ -25,23 +27,23 @@ struct Importer<M: EventMode>(*mut c_void, Interface, PhantomData<M>);
 
 /// Calls a function that has the same arguments in both versions. It must succeed.
 macro_rules! call {
-    ($importer:ident, $function:ident $(, $argument:expr)*) => {{
+    ($importer:ident, $of_fmi2:ident / $of_fmi3:ident $(, $argument:expr)*) => {{
         // SAFETY: the instance is the importer's, and used by one thread; what is passed outlives the call.
         let ok = unsafe {
             if const { Self::IS_FMI2 } {
-                    fmi2::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
+                    model_exchange::$of_fmi2::<M>($importer.0 $(, $argument)*) == fmi2::c_types::Status::Ok
                 } else {
-                    fmi3::c_api::$function::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
+                    event_mode::$of_fmi3::<M>($importer.0 $(, $argument)*) == fmi3::c_types::Status::Ok
                 }
         };
-        assert!(ok, "{} of {:?}", stringify!($function), $importer.1);
+        assert!(ok, "{} of {:?}", stringify!($of_fmi3), $importer.1);
     }};
 }
 
 impl<M: EventMode> Drop for Importer<M> {
     fn drop(&mut self) {
         // SAFETY: the instance is this importer's, and this its last use.
-        unsafe { fmi3::c_api::free_instance::<M>(self.0) }
+        unsafe { event_mode::fmi3FreeInstance::<M>(self.0) }
     }
 }
 
@@ -64,11 +66,11 @@ impl<M: EventMode> Importer<M> {
                     component_environment: none,
                 };
                 let of = i32::from(interface != Interface::ModelExchange);
-                fmi2::c_api::instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
+                model_exchange::fmi2Instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
             } else if interface == Interface::ModelExchange {
-                fmi3::c_api::instantiate_model_exchange::<M>(name, token, ptr::null(), 0, 0, none, None)
+                event_mode::fmi3InstantiateModelExchange::<M>(name, token, ptr::null(), 0, 0, none, None)
             } else {
-                fmi3::c_api::instantiate_co_simulation::<M>(
+                event_mode::fmi3InstantiateCoSimulation::<M>(
                     name,
                     token,
                     ptr::null(),
@@ -92,10 +94,10 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::setup_experiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
-                fmi2::c_api::enter_initialization_mode::<M>(self.0);
+                model_exchange::fmi2SetupExperiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                model_exchange::fmi2EnterInitializationMode::<M>(self.0);
             } else {
-                fmi3::c_api::enter_initialization_mode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                event_mode::fmi3EnterInitializationMode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
             }
         }
     }
@@ -117,9 +119,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_real::<M>(self.0, from, N, to)
+                model_exchange::fmi2GetReal::<M>(self.0, from, N, to)
             } else {
-                fmi3::c_api::get_float64::<M>(self.0, from, N, to, N)
+                event_mode::fmi3GetFloat64::<M>(self.0, from, N, to, N)
             }
         };
         assert_eq!(status as i32, 0, "{names:?}");
@@ -133,9 +135,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::set_real::<M>(self.0, to, 1, from)
+                model_exchange::fmi2SetReal::<M>(self.0, to, 1, from)
             } else {
-                fmi3::c_api::set_float64::<M>(self.0, to, 1, from, 1)
+                event_mode::fmi3SetFloat64::<M>(self.0, to, 1, from, 1)
             }
         };
         status as i32 == 0
@@ -145,11 +147,11 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::do_step::<M>(self.0, time, size, 1)
+                model_exchange::fmi2DoStep::<M>(self.0, time, size, 1)
             } else {
                 let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
                 let flags = (&raw mut needed, &raw mut ends, &raw mut early);
-                fmi3::c_api::do_step_to_event::<M>(
+                event_mode::fmi3DoStep::<M>(
                     self.0,
                     time,
                     size,
@@ -170,12 +172,12 @@ impl<M: EventMode> Importer<M> {
         unsafe {
             if const { Self::IS_FMI2 } {
                 let mut info = fmi2::c_types::EventInfo::default();
-                let status = fmi2::c_api::new_discrete_states::<M>(self.0, &raw mut info);
+                let status = model_exchange::fmi2NewDiscreteStates::<M>(self.0, &raw mut info);
                 assert_eq!(status as i32, 0);
                 return (info.next_event_time_defined == 1).then_some(info.next_event_time);
             }
             let ([mut again, mut ends, mut nominals, mut values, mut is_defined], mut next) = ([0; 5], 0.0);
-            let status = fmi3::c_api::update_discrete_states::<M>(
+            let status = event_mode::fmi3UpdateDiscreteStates::<M>(
                 self.0,
                 &raw mut again,
                 &raw mut ends,
@@ -194,9 +196,9 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+                model_exchange::fmi2GetDerivatives::<M>(self.0, rates.as_mut_ptr(), N)
             } else {
-                fmi3::c_api::get_continuous_state_derivatives::<M>(self.0, rates.as_mut_ptr(), N)
+                event_mode::fmi3GetContinuousStateDerivatives::<M>(self.0, rates.as_mut_ptr(), N)
             }
         };
         assert_eq!(status as i32, 0);
@@ -211,9 +213,17 @@ impl<M: EventMode> Importer<M> {
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::get_directional_derivative::<M>(self.0, rows.as_ptr(), N, known, 1, seed, found)
+                model_exchange::fmi2GetDirectionalDerivative::<M>(
+                    self.0,
+                    rows.as_ptr(),
+                    N,
+                    known,
+                    1,
+                    seed,
+                    found,
+                )
             } else {
-                fmi3::c_api::get_directional_derivative::<M>(
+                event_mode::fmi3GetDirectionalDerivative::<M>(
                     self.0,
                     rows.as_ptr(),
                     N,
@@ -233,7 +243,7 @@ impl<M: EventMode> Importer<M> {
         for (row, found) in rows.iter().zip(&mut backwards) {
             // SAFETY: see above.
             let status = unsafe {
-                fmi3::c_api::get_adjoint_derivative::<M>(self.0, row, 1, known, 1, seed, 1, found, 1)
+                event_mode::fmi3GetAdjointDerivative::<M>(self.0, row, 1, known, 1, seed, 1, found, 1)
             };
             assert_eq!(status as i32, 0);
         }
@@ -244,49 +254,55 @@ impl<M: EventMode> Importer<M> {
     fn restored(&mut self) -> Self {
         let other = Self::new(self.1);
         let (mut state, mut copy, mut size) = (ptr::null_mut(), ptr::null_mut(), 0);
-        call!(self, get_fmu_state, &raw mut state);
-        call!(self, serialized_fmu_state_size, state, &raw mut size);
+        call!(self, fmi2GetFMUstate / fmi3GetFMUState, &raw mut state);
+        call!(self, fmi2SerializedFMUstateSize / fmi3SerializedFMUStateSize, state, &raw mut size);
         let mut bytes = vec![0_u8; size];
-        call!(self, serialize_fmu_state, state, bytes.as_mut_ptr().cast(), size);
-        call!(self, free_fmu_state, &raw mut state);
-        call!(other, deserialize_fmu_state, bytes.as_ptr().cast(), size, &raw mut copy);
-        call!(other, set_fmu_state, copy);
-        call!(other, free_fmu_state, &raw mut copy);
+        call!(self, fmi2SerializeFMUstate / fmi3SerializeFMUState, state, bytes.as_mut_ptr().cast(), size);
+        call!(self, fmi2FreeFMUstate / fmi3FreeFMUState, &raw mut state);
+        call!(
+            other,
+            fmi2DeSerializeFMUstate / fmi3DeserializeFMUState,
+            bytes.as_ptr().cast(),
+            size,
+            &raw mut copy
+        );
+        call!(other, fmi2SetFMUstate / fmi3SetFMUState, copy);
+        call!(other, fmi2FreeFMUstate / fmi3FreeFMUState, &raw mut copy);
         other
     }
 
     fn enter_event_mode(&mut self) {
-        call!(self, enter_event_mode);
+        call!(self, fmi2EnterEventMode / fmi3EnterEventMode);
     }
 
     /// From Event Mode to the mode in which time passes.
     fn leave_event_mode(&mut self) {
         if self.1 == Interface::ModelExchange {
-            call!(self, enter_continuous_time_mode);
+            call!(self, fmi2EnterContinuousTimeMode / fmi3EnterContinuousTimeMode);
         } else {
             // SAFETY: see above.
-            let status = unsafe { fmi3::c_api::enter_step_mode::<M>(self.0) };
+            let status = unsafe { event_mode::fmi3EnterStepMode::<M>(self.0) };
             assert_eq!(status as i32, 0);
         }
     }
 
     fn exit_initialization(&mut self) {
-        call!(self, exit_initialization_mode_with_events);
+        call!(self, fmi2ExitInitializationMode / fmi3ExitInitializationMode);
     }
 
     fn reset(&mut self) {
-        call!(self, reset);
+        call!(self, fmi2Reset / fmi3Reset);
     }
 
     fn set_time(&mut self, time: f64) {
-        call!(self, set_time, time);
+        call!(self, fmi2SetTime / fmi3SetTime, time);
     }
 
     fn tick(&mut self, clock: &str) {
         let (reference, ticks) = (Self::reference(clock), 1);
         // SAFETY: see above.
         let status =
-            unsafe { fmi3::c_api::clocks::set_clock::<M>(self.0, &raw const reference, 1, &raw const ticks) };
+            unsafe { event_mode::fmi3SetClock::<M>(self.0, &raw const reference, 1, &raw const ticks) };
         assert_eq!(status as i32, 0);
     }
 }

@@ -4,7 +4,7 @@ use std::ffi::CString;
 use std::marker::PhantomData;
 use std::ptr;
 
-use fmu_export::fmi3::c_api;
+use fmu_export::fmi3::c_api::event_mode;
 use fmu_export::fmi3::c_types::{Instance, Status};
 use fmu_export::{Equations, Integrated, Simulation, Variables as _};
 use fmu_export_equations::{BouncingBall, Falling, Stairs};
@@ -18,7 +18,7 @@ struct Slave<E: Equations>(Instance, PhantomData<E>);
 impl<E: Equations> Drop for Slave<E> {
     fn drop(&mut self) {
         // SAFETY: the instance belongs to this slave, and this is its last use.
-        unsafe { c_api::free_instance::<Integrated<E>>(self.0) }
+        unsafe { event_mode::fmi3FreeInstance::<Integrated<E>>(self.0) }
     }
 }
 
@@ -37,7 +37,7 @@ impl<E: Equations> Slave<E> {
         let token = CString::new(E::Variables::DESCRIPTION.guid).unwrap();
         // SAFETY: see above.
         unsafe {
-            let instance = c_api::instantiate_co_simulation::<Integrated<E>>(
+            let instance = event_mode::fmi3InstantiateCoSimulation::<Integrated<E>>(
                 c"events".as_ptr(),
                 token.as_ptr(),
                 ptr::null(),
@@ -53,9 +53,9 @@ impl<E: Equations> Slave<E> {
             );
             assert!(!instance.is_null());
             let status =
-                c_api::enter_initialization_mode::<Integrated<E>>(instance, 1, TOLERANCE, 0.0, 0, 0.0);
+                event_mode::fmi3EnterInitializationMode::<Integrated<E>>(instance, 1, TOLERANCE, 0.0, 0, 0.0);
             assert_eq!(status, Status::Ok);
-            assert_eq!(c_api::exit_initialization_mode_with_events::<Integrated<E>>(instance), Status::Ok);
+            assert_eq!(event_mode::fmi3ExitInitializationMode::<Integrated<E>>(instance), Status::Ok);
             Self(instance, PhantomData)
         }
     }
@@ -65,7 +65,7 @@ impl<E: Equations> Slave<E> {
         let mut reached = f64::NAN;
         // SAFETY: see above.
         let status = unsafe {
-            c_api::do_step_to_event::<Integrated<E>>(
+            event_mode::fmi3DoStep::<Integrated<E>>(
                 self.0,
                 time,
                 size,
@@ -87,7 +87,7 @@ impl<E: Equations> Slave<E> {
     /// From Step Mode to Event Mode, through the event, and back.
     fn handle_event(&mut self) -> Option<f64> {
         // SAFETY: see above.
-        assert_eq!(unsafe { c_api::enter_event_mode::<Integrated<E>>(self.0) }, Status::Ok);
+        assert_eq!(unsafe { event_mode::fmi3EnterEventMode::<Integrated<E>>(self.0) }, Status::Ok);
         self.leave_event_mode()
     }
 
@@ -100,7 +100,7 @@ impl<E: Equations> Slave<E> {
             assert_eq!((status, flags[1]), (Status::Ok, 0));
         }
         // SAFETY: see above.
-        assert_eq!(unsafe { c_api::enter_step_mode::<Integrated<E>>(self.0) }, Status::Ok);
+        assert_eq!(unsafe { event_mode::fmi3EnterStepMode::<Integrated<E>>(self.0) }, Status::Ok);
         (flags[4] == 1).then_some(next)
     }
 
@@ -108,7 +108,7 @@ impl<E: Equations> Slave<E> {
         let [again, terminate, nominals, values, is_defined] = flags;
         // SAFETY: see above.
         unsafe {
-            c_api::update_discrete_states::<Integrated<E>>(
+            event_mode::fmi3UpdateDiscreteStates::<Integrated<E>>(
                 self.0, again, terminate, nominals, values, is_defined, next,
             )
         }
@@ -123,7 +123,7 @@ impl<E: Equations> Slave<E> {
         // SAFETY: see above.
         let status = unsafe {
             let (references, values) = (references.as_ptr(), values.as_mut_ptr());
-            c_api::get_float64::<Integrated<E>>(self.0, references, N, values, N)
+            event_mode::fmi3GetFloat64::<Integrated<E>>(self.0, references, N, values, N)
         };
         assert_eq!(status, Status::Ok);
         values
@@ -135,7 +135,7 @@ impl<E: Equations> Slave<E> {
             described.find(|(_, variable)| variable.name() == name).expect("there is such a variable");
         let (references, values) = (&raw const reference, &raw const value);
         // SAFETY: see above.
-        let status = unsafe { c_api::set_float64::<Integrated<E>>(self.0, references, 1, values, 1) };
+        let status = unsafe { event_mode::fmi3SetFloat64::<Integrated<E>>(self.0, references, 1, values, 1) };
         assert_eq!(status, Status::Ok);
     }
 }
@@ -184,7 +184,7 @@ fn an_event_that_leaves_a_limit_exceeded_is_an_error() {
     slave.leave_event_mode();
     assert!(slave.step(0.0, 0.7).event_handling_needed);
     // SAFETY: see above.
-    assert_eq!(unsafe { c_api::enter_event_mode::<Integrated<Falling>>(slave.0) }, Status::Ok);
+    assert_eq!(unsafe { event_mode::fmi3EnterEventMode::<Integrated<Falling>>(slave.0) }, Status::Ok);
     assert_eq!(slave.update_discrete_states(&mut [1; 5], &mut 0.0), Status::Error);
 }
 

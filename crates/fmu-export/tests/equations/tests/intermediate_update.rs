@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_void};
 use std::ptr;
 
-use fmu_export::fmi3::c_api;
+use fmu_export::fmi3::c_api::event_mode;
 use fmu_export::fmi3::c_types::{Instance, Status, ValueReference};
 use fmu_export::{Integrated, Variables as _};
 use fmu_export_equations::{Decay, decay};
@@ -38,7 +38,7 @@ fn get(instance: Instance, name: &str) -> (Status, f64) {
     let (reference, mut value) = (reference(name), f64::NAN);
     let (references, values) = (&raw const reference, &raw mut value);
     // SAFETY: the instance is alive; both arrays have an element.
-    let status = unsafe { c_api::get_float64_with_updates::<Model>(instance, references, 1, values, 1) };
+    let status = unsafe { event_mode::fmi3GetFloat64::<Model>(instance, references, 1, values, 1) };
     (status, value)
 }
 
@@ -46,7 +46,7 @@ fn set(instance: Instance, name: &str, value: f64) -> Status {
     let reference = reference(name);
     let (references, values) = (&raw const reference, &raw const value);
     // SAFETY: as above.
-    unsafe { c_api::set_float64_with_updates::<Model>(instance, references, 1, values, 1) }
+    unsafe { event_mode::fmi3SetFloat64::<Model>(instance, references, 1, values, 1) }
 }
 
 unsafe extern "C" fn update(
@@ -90,7 +90,7 @@ fn instantiate(importer: *mut Importer, early_return_allowed: bool, event_mode_u
     let registered = [reference("x"), reference("target")];
     // SAFETY: the strings and the array outlive the call; the importer outlives the instance.
     unsafe {
-        let instance = c_api::instantiate_co_simulation::<Model>(
+        let instance = event_mode::fmi3InstantiateCoSimulation::<Model>(
             c"updates".as_ptr(),
             token.as_ptr(),
             ptr::null(),
@@ -106,11 +106,11 @@ fn instantiate(importer: *mut Importer, early_return_allowed: bool, event_mode_u
         );
         assert!(!instance.is_null());
         (*importer).instance = Some(instance);
-        let status = c_api::enter_initialization_mode::<Model>(instance, 1, TOLERANCE, 0.0, 0, 0.0);
+        let status = event_mode::fmi3EnterInitializationMode::<Model>(instance, 1, TOLERANCE, 0.0, 0, 0.0);
         assert_eq!(status, Status::Ok);
-        assert_eq!(c_api::exit_initialization_mode_with_events::<Model>(instance), Status::Ok);
+        assert_eq!(event_mode::fmi3ExitInitializationMode::<Model>(instance), Status::Ok);
         if event_mode_used {
-            assert_eq!(c_api::enter_step_mode::<Model>(instance), Status::Ok);
+            assert_eq!(event_mode::fmi3EnterStepMode::<Model>(instance), Status::Ok);
         }
         instance
     }
@@ -123,7 +123,7 @@ fn step(instance: Instance, time: f64, size: f64) -> (Status, bool, f64) {
     // SAFETY: the instance is alive; the results outlive the call.
     let status = unsafe {
         let [needed, terminate, early] = results;
-        c_api::do_step_to_event::<Model>(instance, time, size, 1, needed, terminate, early, &raw mut reached)
+        event_mode::fmi3DoStep::<Model>(instance, time, size, 1, needed, terminate, early, &raw mut reached)
     };
     assert!(status != Status::Ok || [needed, terminate] == [0; 2]);
     (status, early == 1, reached)
@@ -131,7 +131,7 @@ fn step(instance: Instance, time: f64, size: f64) -> (Status, bool, f64) {
 
 fn free(instance: Instance) {
     // SAFETY: this is its last use.
-    unsafe { c_api::free_instance::<Model>(instance) }
+    unsafe { event_mode::fmi3FreeInstance::<Model>(instance) }
 }
 
 fn assert_near(found: f64, expected: f64) {
@@ -205,7 +205,7 @@ fn get_rate(instance: Instance, name: &str) -> (Status, f64) {
     let (references, orders, values) = (&raw const reference, &raw const order, &raw mut value);
     // SAFETY: the instance is alive; the arrays have an element each.
     let status =
-        unsafe { c_api::get_output_derivatives::<Model>(instance, references, 1, orders, values, 1) };
+        unsafe { event_mode::fmi3GetOutputDerivatives::<Model>(instance, references, 1, orders, values, 1) };
     (status, value)
 }
 
@@ -237,11 +237,11 @@ fn derivatives_by_time_are_got() {
     for (function, seeds, expected) in [
         // Seconds change as time does, and x as itself.
         (
-            c_api::get_directional_derivative::<Model> as unsafe fn(_, _, _, _, _, _, _, _, _) -> _,
+            event_mode::fmi3GetDirectionalDerivative::<Model> as unsafe fn(_, _, _, _, _, _, _, _, _) -> _,
             [4.0, 3.0],
             [4.0, 3.0],
         ),
-        (c_api::get_adjoint_derivative::<Model>, [2.0, 5.0], [2.0, 5.0]),
+        (event_mode::fmi3GetAdjointDerivative::<Model>, [2.0, 5.0], [2.0, 5.0]),
     ] {
         let mut found = [f64::NAN; 2];
         // SAFETY: the instance is alive; the arrays have two elements each.
@@ -276,7 +276,7 @@ fn other_calls_than_those_for_registered_variables_end_the_simulation() {
         |instance| {
             let mut state = ptr::null_mut();
             // SAFETY: the instance is alive, and the state the test's.
-            unsafe { c_api::get_fmu_state::<Model>(instance, &raw mut state) }
+            unsafe { event_mode::fmi3GetFMUState::<Model>(instance, &raw mut state) }
         },
     ];
     for (number, call) in calls.into_iter().enumerate() {

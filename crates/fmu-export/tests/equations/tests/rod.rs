@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_void};
 use std::ptr;
 
-use fmu_export::fmi2::c_api;
+use fmu_export::fmi2::c_api::co_simulation;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Status};
 use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step, Variables};
 use fmu_export_equations::{BouncingBall, Decay, Field, Robertson, Rod};
@@ -99,7 +99,7 @@ fn saved_state_is_small<E: Equations>(least: usize) {
     };
     // SAFETY: strings and callbacks outlive the calls; handles are used until they are freed.
     unsafe {
-        let instance = c_api::instantiate::<Integrated<E>>(
+        let instance = co_simulation::fmi2Instantiate::<Integrated<E>>(
             c"model".as_ptr(),
             CO_SIMULATION,
             token.as_ptr(),
@@ -108,30 +108,37 @@ fn saved_state_is_small<E: Equations>(least: usize) {
             0,
             0,
         );
-        assert_eq!(c_api::setup_experiment::<Integrated<E>>(instance, 1, 1e-6, 0.0, 0, 0.0), Status::Ok);
-        assert_eq!(c_api::enter_initialization_mode::<Integrated<E>>(instance), Status::Ok);
-        assert_eq!(c_api::exit_initialization_mode::<Integrated<E>>(instance), Status::Ok);
+        assert_eq!(
+            co_simulation::fmi2SetupExperiment::<Integrated<E>>(instance, 1, 1e-6, 0.0, 0, 0.0),
+            Status::Ok
+        );
+        assert_eq!(co_simulation::fmi2EnterInitializationMode::<Integrated<E>>(instance), Status::Ok);
+        assert_eq!(co_simulation::fmi2ExitInitializationMode::<Integrated<E>>(instance), Status::Ok);
         for step in 0..30 {
             let start = 0.1 * f64::from(step);
-            assert_eq!(c_api::do_step::<Integrated<E>>(instance, start, 0.1, 1), Status::Ok);
+            assert_eq!(co_simulation::fmi2DoStep::<Integrated<E>>(instance, start, 0.1, 1), Status::Ok);
         }
         let mut states = [ptr::null_mut::<c_void>(); 2];
         let mut held = 0;
         for state in &mut states {
             // Of the second: the first also allocates the table of handles, which has room for eleven.
             let (status, _, bytes) =
-                counted(|| c_api::get_fmu_state::<Integrated<E>>(instance, &raw mut *state));
+                counted(|| co_simulation::fmi2GetFMUstate::<Integrated<E>>(instance, &raw mut *state));
             assert_eq!(status, Status::Ok);
             held = usize::try_from(bytes).unwrap();
         }
         let mut size = 0;
-        let status = c_api::serialized_fmu_state_size::<Integrated<E>>(instance, states[1], &raw mut size);
+        let status =
+            co_simulation::fmi2SerializedFMUstateSize::<Integrated<E>>(instance, states[1], &raw mut size);
         assert_eq!(status, Status::Ok);
         assert!(size > least, "{size} bytes");
         assert!(held > least && held <= 2 * size, "{held} bytes held, {size} serialized");
         for state in &mut states {
-            assert_eq!(c_api::free_fmu_state::<Integrated<E>>(instance, &raw mut *state), Status::Ok);
+            assert_eq!(
+                co_simulation::fmi2FreeFMUstate::<Integrated<E>>(instance, &raw mut *state),
+                Status::Ok
+            );
         }
-        c_api::free_instance::<Integrated<E>>(instance);
+        co_simulation::fmi2FreeInstance::<Integrated<E>>(instance);
     }
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr;
 
-use fmu_export::fmi3::c_api;
+use fmu_export::fmi3::c_api::co_simulation;
 use fmu_export::fmi3::c_types::Status;
 use fmu_export::{Integrated, Variables as _};
 use fmu_export_equations::{Ending, ending};
@@ -33,7 +33,7 @@ fn step(size: f64) -> (Status, [u8; 2], f64, Vec<String>) {
     // SAFETY: the strings outlive the call, messages and results the instance, which is freed last.
     unsafe {
         let (name, nothing) = (c"ending".as_ptr(), ptr::null_mut());
-        let instance = c_api::instantiate_co_simulation::<Model>(
+        let instance = co_simulation::fmi3InstantiateCoSimulation::<Model>(
             name,
             token.as_ptr(),
             nothing,
@@ -47,12 +47,20 @@ fn step(size: f64) -> (Status, [u8; 2], f64, Vec<String>) {
             Some(log),
             None,
         );
-        let status = c_api::enter_initialization_mode::<Model>(instance, 0, 0.0, 0.0, 0, 0.0);
+        let status = co_simulation::fmi3EnterInitializationMode::<Model>(instance, 0, 0.0, 0.0, 0, 0.0);
         assert_eq!(status, Status::Ok);
-        assert_eq!(c_api::exit_initialization_mode::<Model>(instance), Status::Ok);
-        let status =
-            c_api::do_step::<Model>(instance, 0.0, size, 1, needed, terminate, early, &raw mut reached);
-        c_api::free_instance::<Model>(instance);
+        assert_eq!(co_simulation::fmi3ExitInitializationMode::<Model>(instance), Status::Ok);
+        let status = co_simulation::fmi3DoStep::<Model>(
+            instance,
+            0.0,
+            size,
+            1,
+            needed,
+            terminate,
+            early,
+            &raw mut reached,
+        );
+        co_simulation::fmi3FreeInstance::<Model>(instance);
         (status, [*terminate, *early], reached, messages.into_inner())
     }
 }
