@@ -22,7 +22,7 @@ class Report(HTMLParser):
         text = file.read_text()
         self.feed(text)
         self.size = len(text.encode())
-        library = re.compile(r'<script type="text/javascript">.*?</script>', re.DOTALL)
+        library = re.compile(r"<script>/\*\*\n\* plotly\.js.*?</script>", re.DOTALL)
         self.text = library.sub("", text)
         assert len(library.findall(text)) == 1
 

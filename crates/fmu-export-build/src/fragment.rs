@@ -236,16 +236,12 @@ impl Reading<'_> {
     ) -> Result<(), Error> {
         for (key, value) in attributes {
             match (key.as_str(), element) {
-                ("id", _) => {
-                    if value.starts_with(PAGE_ID) || !self.ids.insert(value.clone()) {
-                        return Err(place.refuse(format!("another element has the id '{value}'")));
-                    }
+                ("id", _) if value.starts_with(PAGE_ID) || !self.ids.insert(value.clone()) => {
+                    return Err(place.refuse(format!("another element has the id '{value}'")));
                 }
-                ("src", "img") | ("href" | "xlink:href", "image") => {
-                    if !value.starts_with("data:") {
-                        let reason = "pictures are SVG files in <img>, or begin with data:";
-                        return Err(place.refuse(format!("{key}=\"{value}\": {reason}")));
-                    }
+                ("src", "img") | ("href" | "xlink:href", "image") if !value.starts_with("data:") => {
+                    let reason = "pictures are SVG files in <img>, or begin with data:";
+                    return Err(place.refuse(format!("{key}=\"{value}\": {reason}")));
                 }
                 ("href" | "xlink:href", _) => {
                     if let Some(target) = value.strip_prefix('#') {
