@@ -1,9 +1,9 @@
 //! The look of pages for people, shared with a project's other documents: style sheet, and frame with a table of
 //! contents that folds on phones and marks the current section.
 
-mod sha256;
-
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use quick_xml::escape::escape;
+use sha2::{Digest as _, Sha256};
 
 /// The pages' style sheet, light and dark. Its colours are properties of `:root`, light ones first.
 pub const STYLE: &str = include_str!("page/style.css");
@@ -55,7 +55,8 @@ impl Document<'_> {
     fn policy(&self) -> String {
         let navigation = Some(NAVIGATION).filter(|_| !self.contents.is_empty());
         let scripts = navigation.iter().chain(self.scripts);
-        let hashes = scripts.map(|script| format!("'sha256-{}'", sha256::base64(script)));
+        let hashes =
+            scripts.map(|script| format!("'sha256-{}'", BASE64_STANDARD.encode(Sha256::digest(script))));
         let script_sources = hashes.chain(self.script_sources.iter().map(ToString::to_string));
         format!(
             "default-src 'none'; script-src {}; style-src 'unsafe-inline'; img-src {}; base-uri 'none'; \
