@@ -21,7 +21,7 @@ use std::ffi::CString;
 
 use crate::calling_sequence::{Function, Interface, Phase};
 use crate::context::{Context, Experiment};
-use crate::description::{Causality, ModelDescription, ValueReference, Version};
+use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::floating_point::in_default_environment;
@@ -125,11 +125,9 @@ impl<M: Model> Instance<M> {
 
     const DESCRIPTION: &'static ModelDescription = M::Variables::DESCRIPTION;
 
-    /// Event Mode of Co-Simulation, and so intermediate updates.
+    /// Event Mode of Co-Simulation in FMI 3.0, and so intermediate updates.
     pub(crate) const EVENT_MODE: Offer = Offer {
-        is_made: Self::DESCRIPTION.capabilities.event_mode
-            && Self::DESCRIPTION.interfaces.co_simulation
-            && matches!(Self::DESCRIPTION.version, Version::Three),
+        is_made: Self::DESCRIPTION.capabilities.event_mode && Self::DESCRIPTION.interfaces.co_simulation,
         refusal: "not supported by this FMU (hasEventMode is false)",
     };
     /// Events that the importer handles: in Model Exchange, and in Event Mode of Co-Simulation.

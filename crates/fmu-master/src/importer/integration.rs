@@ -189,8 +189,7 @@ impl Hybrid for Evolution<'_> {
         let Self { integration, calls, start, size, place, relative, .. } = self;
         let Integration { integrator, events, look, time, states, nominals, equations } = &mut **integration;
         let tolerance = Tolerance { relative: *relative, nominals };
-        let mut solved =
-            Solved { calls: &mut *calls, equations, tolerance, start: *start, size: *size, failure: None };
+        let mut solved = Solved { calls, equations, tolerance, start: *start, size: *size, failure: None };
         let step = integrator.step(&mut solved, (*place, target), states, &tolerance, trials.count);
         let reached = match (step, solved.failure.take()) {
             (Ok(reached), None) => reached,
