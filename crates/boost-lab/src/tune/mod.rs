@@ -14,6 +14,7 @@ mod monotone;
 mod procedure;
 mod report;
 mod response_fit;
+pub mod rest;
 mod schedule;
 mod speed_fit;
 
@@ -533,8 +534,11 @@ impl Tuning<'_> {
         let lift_off =
             "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
-            let description =
-                if name == schedule::lambda_parameter(schedule.strategy) { "as requested" } else { "" };
+            let description = if name == schedule::lambda_parameter(schedule.strategy) {
+                schedule.source_of_lambda
+            } else {
+                ""
+            };
             parameter(name, description.to_owned(), value, unit)
         });
         let mut parameters: Vec<_> = given.collect();
