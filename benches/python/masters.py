@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 STEP = 1 / 80
 """The size of a step in s."""
 STEPS = 124 * 80
-SCENARIO = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
+SCENARIO = ROOT / "boost" / "lab" / "scenarios" / "figure_13.toml"
 """Steps of the boost reference over time."""
 
 LOOPS, REPETITIONS = 5, 20

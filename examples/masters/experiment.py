@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIO = tomllib.loads((ROOT / "crates/boost-lab/scenarios/figure_13.toml").read_text())
+SCENARIO = tomllib.loads((ROOT / "boost/lab/scenarios/figure_13.toml").read_text())
 STEP = SCENARIO["step"]
 """The communication step (s): the controller's sample time."""
 

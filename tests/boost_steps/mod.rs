@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 /// Steps of the boost reference: times (s) and values (Pa).
 pub static BOOST_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
-    pairs(include_str!("../../crates/boost-lab/scenarios/figure_13.toml"), |inputs| {
+    pairs(include_str!("../../boost/lab/scenarios/figure_13.toml"), |inputs| {
         &inputs["boost_reference"]["steps"]
     })
 });

@@ -349,7 +349,7 @@ fn boost_over_steps_and_ramps(ambient: (f64, f64)) -> [Vec<f64>; 2] {
         boost[0].push(control.boost_pressure());
     });
     let mut control = start(145e3, 2500.0);
-    let scenario = include_str!("../../crates/boost-lab/scenarios/ramps.toml");
+    let scenario = include_str!("../../boost/lab/scenarios/ramps.toml");
     let ramps = pairs(scenario, |inputs| &inputs["engine_speed"]["points"]);
     for ((begin, from), (end, to)) in ramps.iter().copied().zip(ramps[1..].iter().copied()) {
         while control.time() < end {

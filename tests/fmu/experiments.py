@@ -16,7 +16,7 @@ ON_TOLERANCE = 20.0
 """The tolerance against the reference solver (Pa): 0.01 % of the full scale of boost pressure."""
 
 
-SCENARIOS = Path(__file__).parents[2] / "crates" / "boost-lab" / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "boost" / "lab" / "scenarios"
 """The paper's experiments as the laboratory runs them, which define the inputs."""
 
 

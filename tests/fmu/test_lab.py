@@ -490,7 +490,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
     (tmp_path / "target").mkdir()
     (tmp_path / "target" / "fmu").symlink_to(exported)
     (tmp_path / "target" / "release").symlink_to(TARGET / "debug")
-    for folder in ["crates", "examples", "parameters"]:
+    for folder in ["boost", "examples", "parameters"]:
         (tmp_path / folder).symlink_to(ROOT / folder)
     return tmp_path
 

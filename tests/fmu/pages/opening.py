@@ -40,7 +40,7 @@ def files(lab: Run, exported: Path, live: Path, tmp_path_factory: pytest.TempPat
 
     plant = ["--plant", exported / "BoostPlant.fmu"]
     both = [*plant, "--controller", exported / "BoostController.fmu"]
-    steps = ROOT / "crates" / "boost-lab" / "scenarios" / "figure_13.toml"
+    steps = ROOT / "boost" / "lab" / "scenarios" / "figure_13.toml"
     bench, plot = folder / "bench.csv", folder / "steps.html"
     run("reproduce", "--fmus", exported, "--out", folder / "reproduction")
     run("simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)

@@ -13,7 +13,7 @@ from picture import take
 from playwright.sync_api import Browser, Page
 from report import Report
 
-SCENARIOS = ROOT / "crates" / "boost-lab" / "scenarios"
+SCENARIOS = ROOT / "boost" / "lab" / "scenarios"
 
 PICTURES = TARGET / "live"
 

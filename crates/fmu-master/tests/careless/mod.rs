@@ -118,7 +118,7 @@ pub fn misbehaving_library() -> &'static [u8] {
 pub fn compiled(source: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let library = folder.path().join("careless");
-    let source = format!("{}/../fmu-master/tests/careless/{source}", env!("CARGO_MANIFEST_DIR"));
+    let source = format!("{}/../../crates/fmu-master/tests/careless/{source}", env!("CARGO_MANIFEST_DIR"));
     let arguments = ["-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o"];
     let compiler = Command::new("cc").args(arguments).arg(&library).arg(source).arg("-lm").status();
     assert!(compiler.expect("a C compiler is there").success());

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use self::careless::{DESCRIPTION, library};
 
-#[path = "../../fmu-master/tests/careless/mod.rs"]
+#[path = "../../../crates/fmu-master/tests/careless/mod.rs"]
 mod careless;
 
 /// The valid part of the study.
