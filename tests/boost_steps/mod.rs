@@ -4,9 +4,10 @@ use std::sync::LazyLock;
 
 /// Steps of the boost reference: times (s) and values (Pa).
 pub static BOOST_STEPS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
-    pairs(include_str!("../../boost/lab/scenarios/figure_13.toml"), |inputs| {
-        &inputs["boost_reference"]["steps"]
-    })
+    pairs(
+        include_str!("../../boost/lab/scenarios/figure_13.toml"),
+        |inputs| &inputs["boost_reference"]["steps"],
+    )
 });
 
 /// The pairs of numbers in a list among a scenario's inputs.
