@@ -101,12 +101,12 @@ fn the_first_sample_of_the_reference_model_by_hand() {
     bench.sample(0, &inputs);
     let locals = bench.variables.locals;
     assert_eq!((locals.proportional_term, locals.integral_term, locals.derivative_term), (0.0, 0.0, 0.0));
-    // 43.9864 + 1.04121 / -3209.5 · 1000 / 0.16.
-    assert_close(locals.feedforward_pwm, 43.9864 - 1041.21 / 3209.5 / 0.16);
+    // 43.9864 + 1.04121 / -3209.5 · 1000 / 0.146.
+    assert_close(locals.feedforward_pwm, 43.9864 - 1041.21 / 3209.5 / 0.146);
     assert_eq!(locals.reference_model_pressure, 125e3);
     bench.sample(1, &inputs);
-    // One Euler step of 1000 Pa / 0.16 s.
-    assert_close(bench.variables.locals.reference_model_pressure, 125e3 + 1000.0 / 0.16 * 0.0125);
+    // One Euler step of 1000 Pa / 0.146 s.
+    assert_close(bench.variables.locals.reference_model_pressure, 125e3 + 1000.0 / 0.146 * 0.0125);
 }
 
 #[test]

@@ -93,11 +93,15 @@ def test_maps_of_split_range_are_those_of_the_controller(tuned: Path, controller
     )
 
 
-def test_lag_and_share_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
-    """The lag of 0.08 s within a sample, in which it is measured; the share within half of its last digit."""
+def test_numbers_of_the_law_are_those_of_the_controller(tuned: Path, controller_fmu: Fmu) -> None:
+    """Within half of the last digit; λ as one of those tried."""
     found = values(tuned / "schedule.ssv")
-    for name, accuracy in [("actuator_lag", 0.0125), ("speed_feedforward.share", 5e-3)]:
+    numbers = [("actuator_lag", 5e-4), ("speed_feedforward.share", 5e-3), ("feedback_lambda", 1e-9)]
+    for name, accuracy in numbers:
         assert found[name] == pytest.approx(float(controller_fmu.variables[name].start), abs=accuracy), name
+    root = etree.parse(tuned / "schedule.ssv").getroot()
+    (source,) = root.xpath("//ssv:Parameter[@name='feedback_lambda']/@description", namespaces=ns)
+    assert source == "the shortest with which the pump sustains noise of 100 Pa at rest"
 
 
 def test_calibration_tools_read_the_same_values(tuned: Path) -> None:
@@ -246,7 +250,8 @@ def test_loop_is_tuned_to_another_plant(
 
 def test_an_interrupted_tuning_is_resumed(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:
     """From the journal of an end within a line: the same bytes, and no finished part is repeated."""
-    line = ["tune", "--plant", exported / "BoostPlant.fmu", "--out", tmp_path]
+    both = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
+    line = ["tune", *both, "--out", tmp_path]
     journal = tmp_path / "journal.jsonl"
     # The settings, 12 sweeps and some points.
     lines = (tuned / "journal.jsonl").read_bytes().splitlines(keepends=True)

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use super::{HTML, JOURNAL, JSON};
 use crate::mapping;
-use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json};
+use crate::study::case::{Rig, Source};
+use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
 use cargo_fmu::run::{self, journal::digest};
 use clap::Args;
@@ -27,7 +28,8 @@ pub struct Arguments {
     /// Plant parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// The controller; its start values give grid, lambda and nominal voltage [default: this repository's]
+    /// The controller; its start values give grid and nominal voltage [default: this repository's], and runs with it
+    /// the feedback's lambda of `split_range`
     #[arg(long, value_name = "FILE.fmu")]
     controller: Option<PathBuf>,
     /// The strategy whose schedule is tuned
@@ -39,7 +41,7 @@ pub struct Arguments {
     /// Boost references of the grid rows (Pa), ascending [default: the controller's]
     #[arg(long, value_name = "PA,...", value_delimiter = ',', value_parser = super::positive())]
     boost_references: Option<Vec<f64>>,
-    /// Desired closed-loop time constant (s) [default: the controller's]
+    /// Desired closed-loop time constant (s) [default: found with --controller, else the controller's]
     #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     lambda: Option<f64>,
     /// The folder for schedule.ssv, schedule.dcm, report.html and report.json, and for the journal from which an interrupted
@@ -63,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
-    let task = Task {
+    let mut task = Task {
         plant: run::open(&arguments.plant, plant_map.as_deref())?,
         plant_map,
         plant_parameters: super::parameter_sets(&arguments.parameters)?,
@@ -84,8 +86,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
-    let tuning = task.run(&journal, &|duration| bar.inc(whole(duration)))?;
+    let mut tuning = task.run(&journal, &|duration| bar.inc(whole(duration)))?;
     bar.finish_and_clear();
+    if let (Some(controller), None, Strategy::SplitRange) =
+        (&arguments.controller, arguments.lambda, arguments.strategy)
+    {
+        let source = |file: &PathBuf, map| Source { file: file.clone(), map };
+        let plant = source(&arguments.plant, task.plant_map.clone());
+        let mut rig = Rig::new(plant, source(controller, None), 0)?;
+        let threads = super::threads(None, [&*rig.plant, &*rig.controller])?;
+        if let Some(lambda) = rest::shortest_lambda(&mut rig, &tuning, &threads)? {
+            task.schedule.find_lambda(lambda);
+            tuning = task.run(&journal, &|_| {})?;
+        } else {
+            complain("note: no feedback_lambda was found with which a vacuum pump sustains noise at rest");
+        }
+    }
     for note in &tuning.notes {
         complain(&format!("note: {note}"));
     }

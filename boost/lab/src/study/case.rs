@@ -134,6 +134,7 @@ impl Rig {
         case.scenario(strategy, has_input, &recorded(fmus), self.seed)
     }
 
+    /// A case as a scenario; its FMUs are the controller and the plant.
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
         let none = std::path::Path::new("");
         let name = format!("case {}", case.number);

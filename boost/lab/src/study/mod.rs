@@ -13,7 +13,7 @@
 pub mod case;
 pub mod criteria;
 pub mod draw;
-mod names;
+pub mod names;
 mod optimum;
 mod reach;
 mod report;

@@ -3,7 +3,7 @@
 use fmu_master::Fmu;
 
 /// The variables recorded for each case, if the FMUs have them.
-const RECORDED: [&str; 12] = [
+const RECORDED: [&str; 13] = [
     "boost_reference",
     "boost_pressure",
     "engine_speed",
@@ -15,6 +15,7 @@ const RECORDED: [&str; 12] = [
     FLOWS[1],
     ALARM,
     MODEL,
+    PUMP,
     "supply_voltage_measured",
 ];
 pub const BOOST: &str = "boost_pressure";
@@ -22,6 +23,8 @@ pub const SHAFT: &str = "hp_turbo_speed";
 /// Negative when a compressor surges.
 pub const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];
 pub const ALARM: &str = "fault_code";
+/// The command to the vacuum pump, 0 or 1.
+pub const PUMP: &str = "vacuum_pump";
 /// The controller's target.
 pub const MODEL: &str = "reference_model_pressure";
 

@@ -3,8 +3,9 @@
 
 use super::speed_fit::SpeedResponse;
 
-/// The duration of the ramp for which the share is the best (s): that for which the share of this repository's plant is
-/// the best of the study of random plants and ambient conditions, 0.75.
+/// The duration of the ramp for which the share is the best (s): between the time constant of the response to the
+/// reference and its rise time, with which the share is 0.70 and 0.78. Of 1000 random plants and ambient conditions about
+/// as many stay within 2 kPa with each.
 const RAMP: f64 = 0.8;
 
 /// The time (s) until the rate of change of boost after a duty step has risen to 1 − 1/e of its peak.

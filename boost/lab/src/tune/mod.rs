@@ -14,6 +14,7 @@ mod monotone;
 mod procedure;
 mod report;
 mod response_fit;
+pub mod rest;
 mod schedule;
 mod speed_fit;
 
@@ -249,26 +250,12 @@ impl Task {
         greatest(holds.map(|hold| hold.duty))
     }
 
-    /// The boost reference (Pa) at which the high-pressure shaft reaches its limit at rest, at least the pressure at
-    /// which the low-pressure wastegate starts to open.
+    /// The largest boost reference (Pa) at which the high-pressure shaft keeps its limit at rest.
     fn boost_limit(&self, sweep: &Sweep) -> Option<f64> {
         let (allocation, split) = (self.schedule.allocation.as_ref()?, self.procedure.split_range.as_ref()?);
-        let holds = || sweep.holds.iter();
-        let over_shaft_speed =
-            rising(holds().filter_map(|hold| Some((hold.shaft_speed?, hold.boost_pressure))));
-        let Some(&(fastest, _)) =
-            over_shaft_speed.last().filter(|(speed, _)| *speed >= split.shaft_speed_limit)
-        else {
-            return Some(allocation.boost_limit);
-        };
-        let at = |points, place: f64| Monotone::through(points).and_then(|pressure| pressure.at(place));
-        // As the duty falls, boost pressure and shaft speed rise.
-        let shut = at(
-            rising(holds().map(|hold| (-hold.duty, hold.boost_pressure))),
-            -allocation.parameters.low_pressure_start,
-        );
-        let reached = at(over_shaft_speed, split.shaft_speed_limit.min(fastest));
-        Some(reached.into_iter().chain(shut).fold(0.0, f64::max).min(allocation.boost_limit))
+        let of_shaft = sweep.holds.iter().filter_map(|hold| Some((hold.shaft_speed?, hold.boost_pressure)));
+        let reached = limit_of_shaft(of_shaft.collect(), split.shaft_speed_limit);
+        Some(reached.map_or(allocation.boost_limit, |reached| reached.min(allocation.boost_limit)))
     }
 
     /// Duty over boost pressure, from the points of a sweep with ascending pressure.
@@ -373,6 +360,17 @@ impl Task {
             && self.schedule.takes(ScheduleTable::TimeConstant, model.time_constant.value)
             && self.schedule.takes(ScheduleTable::Delay, model.delay.value)
     }
+}
+
+/// The largest boost pressure (Pa) at which a shaft keeps a speed (rpm), from its speeds over ascending boost pressures;
+/// none if it keeps it at all of them. If it keeps it at none, the pressure at which it is slowest.
+///
+/// The bypass, open at low boost pressure, unloads the shaft: its speed rises with boost pressure only from its least on.
+fn limit_of_shaft(over_boost: Vec<(f64, f64)>, limit: f64) -> Option<f64> {
+    let slowest = least(over_boost.iter().map(|(speed, _)| *speed));
+    let over_speed = rising(over_boost.into_iter().skip_while(|(speed, _)| *speed > slowest));
+    over_speed.last().filter(|(fastest, _)| *fastest >= limit)?;
+    Monotone::through(over_speed)?.at(limit.max(slowest))
 }
 
 /// The points beyond all previous ones.
@@ -536,8 +534,11 @@ impl Tuning<'_> {
         let lift_off =
             "wastegate lift-off: the largest duty of the sweeps below which boost pressure rises no further";
         let given = schedule.given().into_iter().map(|(name, value, unit)| {
-            let description =
-                if name == schedule::lambda_parameter(schedule.strategy) { "as requested" } else { "" };
+            let description = if name == schedule::lambda_parameter(schedule.strategy) {
+                schedule.source_of_lambda
+            } else {
+                ""
+            };
             parameter(name, description.to_owned(), value, unit)
         });
         let mut parameters: Vec<_> = given.collect();
@@ -579,5 +580,23 @@ impl Tuning<'_> {
             parameters,
             units: schedule.description.units.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Speeds (rpm) over boost pressures (Pa), with a bypass that unloads the shaft at low boost pressure.
+    const OVER_BOOST: [(f64, f64); 5] =
+        [(230e3, 130e3), (220e3, 150e3), (190e3, 170e3), (200e3, 180e3), (240e3, 220e3)];
+
+    #[test]
+    fn the_limit_of_a_shaft_is_above_its_least_speed() {
+        let limit = |speed| limit_of_shaft(OVER_BOOST.to_vec(), speed);
+        assert_eq!(limit(200e3), Some(180e3));
+        assert!(limit(205e3).is_some_and(|boost| (180e3..190e3).contains(&boost)));
+        assert_eq!(limit(180e3), Some(170e3), "too fast everywhere");
+        assert_eq!(limit(250e3), None, "fast enough nowhere");
     }
 }

@@ -89,6 +89,12 @@ pub struct Schedule {
     pub sample_time: f64,
     /// The desired closed-loop time constant (s).
     pub lambda: f64,
+    /// Where it is from.
+    #[serde(skip)]
+    pub source_of_lambda: &'static str,
+    /// The desired time constant of the response to the reference (s); none for the strategy `by_speed`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_lambda: Option<f64>,
     /// The allocation of a virtual duty to the three valves; none for the strategy `by_speed`.
     #[serde(skip)]
     pub allocation: Option<Allocation>,
@@ -169,24 +175,26 @@ impl Schedule {
             }
             ranges.push(range);
         }
-        let allocation = match strategy {
+        let start_of = |name, unit| start(parameter(controller, name, unit)?);
+        let (allocation, reference_lambda) = match strategy {
             Strategy::SplitRange => {
                 for column in 0..engine_speeds.len() {
                     parameter(controller, &boost_limit_parameter(column), "Pa")?;
                 }
                 parameter(controller, ACTUATOR_LAG, "s")?;
                 parameter(controller, RAMP_SHARE, "1")?;
-                Some(Allocation::read(controller)?)
+                (Some(Allocation::read(controller)?), Some(start_of("reference_lambda", "s")?))
             }
-            Strategy::BySpeed => None,
+            Strategy::BySpeed => (None, None),
         };
-        let start_of = |name, unit| start(parameter(controller, name, unit)?);
         parameter(controller, LEAST_DUTY, "%")?;
         let schedule = Self {
             controller: controller.attribute("modelName").to_owned(),
             nominal_voltage: start_of("nominal_voltage", "V")?,
             sample_time: start_of("sample_time", "s")?,
             lambda: start_of(lambda_parameter(strategy), "s")?,
+            source_of_lambda: "the controller's",
+            reference_lambda,
             description: controller.clone(),
             strategy,
             allocation,
@@ -205,7 +213,9 @@ impl Schedule {
         boost_references: Option<Vec<f64>>,
         lambda: Option<f64>,
     ) -> Result<Self> {
-        self.lambda = lambda.unwrap_or(self.lambda);
+        if let Some(lambda) = lambda {
+            (self.lambda, self.source_of_lambda) = (lambda, "as requested");
+        }
         for (name, given, own) in [
             ("engine speeds", engine_speeds, &mut self.engine_speeds),
             ("boost references", boost_references, &mut self.boost_references),
@@ -219,6 +229,12 @@ impl Schedule {
         }
         self.check()?;
         Ok(self)
+    }
+
+    /// Takes the λ of the feedback (s) that was found by runs at rest.
+    pub fn find_lambda(&mut self, lambda: f64) {
+        (self.lambda, self.source_of_lambda) =
+            (lambda, "the shortest with which the pump sustains noise of 100 Pa at rest");
     }
 
     /// The controller's name for a value of a map.
