@@ -54,7 +54,7 @@ const AT_EVENTS: Phases = Phases::of(&[EventMode, StepEventMode]);
 /// of an instance, in all interfaces or one, with the states in which they may be called.
 ///
 /// `fmi3_calls!(name)` passes the table to the macro `name`, `fmi3_calls!(name, tokens)` after these tokens. Types are
-/// those in scope there.
+/// those in scope there, but for `Option`, which a model may call an enumeration.
 #[macro_export]
 macro_rules! fmi3_calls {
     ($macro:path $(, $($tokens:tt)*)?) => { $macro! { $($($tokens)*)?
@@ -65,18 +65,22 @@ macro_rules! fmi3_calls {
                 instanceName: String, instantiationToken: String, resourcePath: String, visible: Boolean,
                 loggingOn: Boolean, eventModeUsed: Boolean, earlyReturnAllowed: Boolean,
                 requiredIntermediateVariables: *const ValueReference, nRequiredIntermediateVariables: usize,
-                instanceEnvironment: InstanceEnvironment, logMessage: Option<LogMessageCallback>,
-                intermediateUpdate: Option<IntermediateUpdateCallback>,
+                instanceEnvironment: InstanceEnvironment,
+                logMessage: ::core::option::Option<LogMessageCallback>,
+                intermediateUpdate: ::core::option::Option<IntermediateUpdateCallback>,
             ) -> Instance;
             fmi3InstantiateModelExchange(
                 instanceName: String, instantiationToken: String, resourcePath: String, visible: Boolean,
-                loggingOn: Boolean, instanceEnvironment: InstanceEnvironment, logMessage: Option<LogMessageCallback>,
+                loggingOn: Boolean, instanceEnvironment: InstanceEnvironment,
+                logMessage: ::core::option::Option<LogMessageCallback>,
             ) -> Instance;
             fmi3InstantiateScheduledExecution(
                 instanceName: String, instantiationToken: String, resourcePath: String, visible: Boolean,
-                loggingOn: Boolean, instanceEnvironment: InstanceEnvironment, logMessage: Option<LogMessageCallback>,
-                clockUpdate: Option<ClockUpdateCallback>, lockPreemption: Option<PreemptionCallback>,
-                unlockPreemption: Option<PreemptionCallback>,
+                loggingOn: Boolean, instanceEnvironment: InstanceEnvironment,
+                logMessage: ::core::option::Option<LogMessageCallback>,
+                clockUpdate: ::core::option::Option<ClockUpdateCallback>,
+                lockPreemption: ::core::option::Option<PreemptionCallback>,
+                unlockPreemption: ::core::option::Option<PreemptionCallback>,
             ) -> Instance;
         }
         All {
