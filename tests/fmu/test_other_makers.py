@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 from fmu import ROOT, TARGET, csv_lines
 from fmu.test_validate import MODESTPY, OPEN_MODELICA, REFERENCE
 
-PUBLISHED = ROOT / "crates" / "cargo-fmu" / "tests" / "ladder" / "reference"
+PUBLISHED = ROOT / "tests" / "fmu" / "ladder" / "reference"
 
 REFERENCE_FMUS = [
     f"fmi{version}/{model}"

@@ -114,7 +114,7 @@ def write(path: Path, *parameters: tuple[str, str]) -> Path:
     [
         ([("tank.volume", 'Real value="NaN"')], "tank.volume cannot be used: NaN m3 is not within"),
         ([("tank.volume", 'Real value="1" unit="N"')], "the unit N does not convert to m3"),
-        ([("tank.volume", 'Real value="1" unit="gallon"')], "the unit gallon is not defined"),
+        ([("tank.volume", 'Real value="1" unit="gallon"')], "the unit 'gallon' is not known"),
         ([("tank.volume", 'Real value="much"')], "the parameter tank.volume: 'much' is not a number"),
         ([("lambda", 'Real value="1"'), ("lambda", 'Real value="2"')], "the parameter lambda occurs twice"),
         (

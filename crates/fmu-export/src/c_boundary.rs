@@ -67,13 +67,14 @@ macro_rules! exported_model {
 
         trait Exported {
             type Model: $crate::Model;
+            const CHECKED: () = $crate::check_interfaces::<Self::Model>();
         }
 
         impl Exported for Fmu {
             type Model = $model;
         }
 
-        const _: () = $crate::check_interfaces::<<Fmu as Exported>::Model>();
+        const _: () = <Fmu as Exported>::CHECKED;
     };
 }
 

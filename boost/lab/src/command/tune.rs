@@ -97,6 +97,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let threads = super::threads(None, [&*rig.plant, &*rig.controller])?;
         if let Some(lambda) = rest::shortest_lambda(&mut rig, &tuning, &threads)? {
             task.schedule.find_lambda(lambda);
+            // Opened again, the journal has every part of the run before.
+            drop(journal);
+            let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
             tuning = task.run(&journal, &|_| {})?;
         } else {
             complain("note: no feedback_lambda was found with which a vacuum pump sustains noise at rest");

@@ -30,16 +30,19 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
 ) -> Instance {
     silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
-    #[cfg(target_family = "wasm")]
-    let (clock_update, lock_preemption, unlock_preemption) = (
-        clock_update.map(|_| host::clock_update as ClockUpdateCallback),
-        lock_preemption.map(|_| host::lock_preemption as PreemptionCallback),
-        unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
-    );
     let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
-    let interface =
-        if offer.is_made { Ok(Interface::ScheduledExecution) } else { Err(Error::new(offer.refusal)) };
-    let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
+    let (interface, options) = if const { instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
+        #[cfg(target_family = "wasm")]
+        let (clock_update, lock_preemption, unlock_preemption) = (
+            clock_update.map(|_| host::clock_update as ClockUpdateCallback),
+            lock_preemption.map(|_| host::lock_preemption as PreemptionCallback),
+            unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
+        );
+        let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
+        (Ok(Interface::ScheduledExecution), Options { preemption, clock_update, ..Options::default() })
+    } else {
+        (Err(Error::new(offer.refusal)), Options::default())
+    };
     // SAFETY: the strings are the importer's (see the module).
     unsafe {
         instantiate::<M>(
@@ -47,7 +50,7 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
             interface,
             strings,
             logging_on,
-            Options { preemption, clock_update, ..Options::default() },
+            options,
             environment,
             log_message,
         )
@@ -82,8 +85,8 @@ pub unsafe fn fmi3ActivateModelPartition<M: Model>(
     clock: ValueReference,
     time: f64,
 ) -> Status {
-    let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
-    if !offer.is_made {
+    if const { !instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
+        let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
         // SAFETY: the instance is the importer's (see the module).
         return unsafe { refuse::<M>(instance, Function::fmi3ActivateModelPartition, offer) };
     }
