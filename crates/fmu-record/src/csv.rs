@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use anyhow::Result;
 use csv::{ReaderBuilder, StringRecord, Trim};
 
-use crate::data::DataColumn;
+use crate::cells::DataColumn;
 use crate::table::{Column, Table};
 
 /// What begins a comment.

@@ -1,6 +1,6 @@
 //! Measured data: the columns of a file over its first one, the time. docs/simulate.md in the repository has the rule.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Error, Result, anyhow, bail};
@@ -8,6 +8,7 @@ use fmu_io::reading;
 use fmu_io::terminal::number;
 use fmu_terms::{Linear, UnitTable, like, spelled};
 
+use crate::cells::{Cell, DataColumn, as_number};
 use crate::table::Column;
 use crate::{csv, parquet};
 
@@ -18,83 +19,6 @@ pub struct Data {
     columns: Vec<DataColumn>,
     /// The line of each row; none in Parquet.
     lines: Vec<u64>,
-}
-
-/// A column: its heading, and its cells.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DataColumn {
-    /// With the numbers; NaN in place of words.
-    pub(crate) column: Column,
-    /// The cells that are not numbers, by row.
-    words: BTreeMap<usize, String>,
-}
-
-/// A cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Cell<'a> {
-    /// A number.
-    Number(f64),
-    /// Anything else.
-    Word(&'a str),
-}
-
-/// A number.
-#[must_use]
-pub fn as_number(cell: Cell<'_>) -> Option<f64> {
-    match cell {
-        Cell::Number(number) => Some(number),
-        Cell::Word(_) => None,
-    }
-}
-
-/// A Boolean as 0 or 1, from 0 and 1 or the words, in any case.
-#[must_use]
-#[allow(clippy::float_cmp)] // whole numbers
-pub fn as_truth(cell: Cell<'_>) -> Option<f64> {
-    match cell {
-        Cell::Number(number) => [0.0, 1.0].into_iter().find(|known| *known == number),
-        Cell::Word(word) if word.eq_ignore_ascii_case("true") => Some(1.0),
-        Cell::Word(word) if word.eq_ignore_ascii_case("false") => Some(0.0),
-        Cell::Word(_) => None,
-    }
-}
-
-impl DataColumn {
-    /// The name in the heading.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.column.name
-    }
-
-    /// The unit in the heading or below it; empty if there is none.
-    #[must_use]
-    pub fn unit(&self) -> &str {
-        &self.column.unit
-    }
-
-    /// Appends a cell, which may be a number.
-    pub(crate) fn push(&mut self, text: &str) {
-        let number = text.parse().unwrap_or_else(|_| {
-            self.words.insert(self.column.values.len(), text.to_owned());
-            f64::NAN
-        });
-        self.push_number(number);
-    }
-
-    /// Appends a number.
-    pub(crate) fn push_number(&mut self, number: f64) {
-        self.column.values.push(number);
-    }
-
-    fn cell(&self, row: usize) -> Cell<'_> {
-        self.words.get(&row).map_or(Cell::Number(self.column.values[row]), |word| Cell::Word(word))
-    }
-}
-
-impl From<Column> for DataColumn {
-    fn from(column: Column) -> Self {
-        Self { column, words: BTreeMap::new() }
-    }
 }
 
 impl Data {
@@ -187,8 +111,8 @@ impl Data {
     /// The time, and columns of numbers, which need not be finite.
     pub(crate) fn into_numbers(self) -> Result<(Vec<f64>, Vec<Column>)> {
         for column in &self.columns {
-            if let Some(row) = column.words.keys().next() {
-                return Err(self.refused(column, *row, "a number"));
+            if let Some(row) = column.first_word() {
+                return Err(self.refused(column, row, "a number"));
             }
         }
         Ok((self.time, self.columns.into_iter().map(|column| column.column).collect()))
@@ -232,6 +156,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::cells::as_truth;
 
     fn read(text: &str) -> Result<Data, String> {
         let folder = tempfile::tempdir().unwrap();

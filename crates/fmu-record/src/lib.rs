@@ -2,7 +2,8 @@
 //!
 //! A [`Record`] has the time in s and a column of doubles for each variable, with its unit. It is written to and read
 //! from CSV files and, with the feature `parquet`, Parquet files; every double reads back bit for bit. A [`Table`] also
-//! writes integers, Booleans, texts and missing values. [`Data`] is measured data. [`numbers`] formats numbers and their units for readers.
+//! writes integers, Booleans, texts and missing values. [`Data`] is measured data. [`numbers`] formats numbers and their
+//! units for readers.
 //!
 //! ```
 //! use std::fs::File;
@@ -26,6 +27,7 @@
 //! # }
 //! ```
 
+mod cells;
 mod csv;
 mod data;
 mod format;
@@ -35,7 +37,8 @@ mod parquet;
 mod record;
 mod table;
 
-pub use data::{Cell, Data, DataColumn, as_number, as_truth};
+pub use cells::{Cell, DataColumn, as_number, as_truth};
+pub use data::Data;
 pub use format::TableFormat;
 pub use record::Record;
 pub use table::{Cells, Column, Table, TableColumn};

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
-use crate::data::DataColumn;
+use crate::cells::DataColumn;
 use crate::table::Table;
 
 const REASON: &str = "this program is compiled without Parquet; use a file that ends with .csv";

@@ -20,7 +20,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::record::Field;
 use parquet::schema::types::Type;
 
-use crate::data::DataColumn;
+use crate::cells::DataColumn;
 use crate::table::{Cells, Column, Table};
 
 /// The metadata key of a Parquet file for the units of the columns, a JSON object.
