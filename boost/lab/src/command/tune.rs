@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
-    let mut task = Task {
+    let task = Task {
         plant: run::open(&arguments.plant, plant_map.as_deref())?,
         plant_map,
         plant_parameters: super::parameter_sets(&arguments.parameters)?,
@@ -92,15 +92,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (&arguments.controller, arguments.lambda, arguments.strategy)
     {
         let source = |file: &PathBuf, map| Source { file: file.clone(), map };
-        let plant = source(&arguments.plant, task.plant_map.clone());
+        let plant = source(&arguments.plant, tuning.task.plant_map.clone());
         let mut rig = Rig::new(plant, source(controller, None), 0)?;
         let threads = super::threads(None, [&*rig.plant, &*rig.controller])?;
         if let Some(lambda) = rest::shortest_lambda(&mut rig, &tuning, &threads)? {
-            task.schedule.find_lambda(lambda);
-            // Opened again, the journal has every part of the run before.
-            drop(journal);
-            let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
-            tuning = task.run(&journal, &|_| {})?;
+            tuning.task.schedule.find_lambda(lambda);
         } else {
             complain("note: no feedback_lambda was found with which a vacuum pump sustains noise at rest");
         }

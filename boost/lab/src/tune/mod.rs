@@ -134,8 +134,8 @@ impl Feedback {
     }
 }
 
-pub struct Tuning<'a> {
-    pub task: &'a Task,
+pub struct Tuning {
+    pub task: Task,
     pub sweeps: Vec<Sweep>,
     /// The points with responses.
     pub points: Vec<Point>,
@@ -195,11 +195,7 @@ impl Task {
 
     /// Tunes. Finished parts are read from the journal, others written to it; several threads call `progress` with the
     /// seconds of [`duration`](Self::duration) that each sweep or point took.
-    pub fn run<'a>(
-        &'a self,
-        journal: &TuningJournal,
-        progress: &(impl Fn(f64) + Sync),
-    ) -> Result<Tuning<'a>> {
+    pub fn run(self, journal: &TuningJournal, progress: &(impl Fn(f64) + Sync)) -> Result<Tuning> {
         let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
             .context("cannot tune to this plant")?;
         let threads = threads(None, [&*self.plant])?;
@@ -238,7 +234,8 @@ impl Task {
         let points = points.into_iter().flatten().collect();
         let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
         let boost_limits = sweeps.iter().filter_map(|sweep| self.boost_limit(sweep)).collect();
-        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, notes: bench.notes })
+        let notes = bench.notes;
+        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, notes })
     }
 
     /// The largest duty of a sweep (%) below which boost pressure hardly rises.
@@ -415,7 +412,7 @@ impl Cell {
     }
 }
 
-impl Tuning<'_> {
+impl Tuning {
     /// How many points of the grid are identified, and what the others are.
     pub fn counts(&self) -> [String; 2] {
         let count = |basis| self.cells.iter().filter(|cell| cell.basis == basis).count();
@@ -520,7 +517,7 @@ impl Tuning<'_> {
             Some(fastest) if fastest < limit => {
                 format!("high-pressure shaft speed does not exceed {fastest:.0} rpm")
             }
-            Some(_) => format!("high-pressure shaft at {limit} rpm, or low-pressure wastegate about to open"),
+            Some(_) => format!("high-pressure shaft at {limit} rpm, or slowest if it always exceeds that"),
         }
     }
 

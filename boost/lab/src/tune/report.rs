@@ -53,7 +53,7 @@ struct JsonCell<'a> {
     responses: Option<&'a Point>,
 }
 
-pub fn json(tuning: &Tuning<'_>) -> Result<String> {
+pub fn json(tuning: &Tuning) -> Result<String> {
     let schedule = &tuning.task.schedule;
     let cells = tuning.cells.iter().map(|cell| JsonCell {
         engine_speed: schedule.engine_speeds[cell.column],
@@ -80,7 +80,7 @@ pub fn json(tuning: &Tuning<'_>) -> Result<String> {
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }
 
-pub fn html(tuning: &Tuning<'_>) -> String {
+pub fn html(tuning: &Tuning) -> String {
     let title = format!(
         "{} tuned to {}",
         tuning.task.schedule.controller,
@@ -96,8 +96,8 @@ pub fn html(tuning: &Tuning<'_>) -> String {
     report.page(STYLE)
 }
 
-fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
-    let (task, procedure) = (tuning.task, &tuning.task.procedure);
+fn introduction(report: &mut Report, tuning: &Tuning) {
+    let (task, procedure) = (&tuning.task, &tuning.task.procedure);
     let [identified, others] = tuning.counts();
     let holds = tuning.sweeps.iter().flat_map(|sweep| &sweep.holds);
     let sweep_drift = greatest(holds.map(|hold| hold.drift.abs()));
@@ -145,7 +145,7 @@ fn introduction(report: &mut Report, tuning: &Tuning<'_>) {
     }
 }
 
-fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
+fn identified_maps(report: &mut Report, tuning: &Tuning) {
     let map = |title: &str, map: ScheduleTable, factor: f64, decimals: usize| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: factor * cell.value(map),
@@ -178,7 +178,7 @@ fn identified_maps(report: &mut Report, tuning: &Tuning<'_>) {
     ));
 }
 
-fn feedback_maps(report: &mut Report, tuning: &Tuning<'_>) {
+fn feedback_maps(report: &mut Report, tuning: &Tuning) {
     let map = |title: &str, decimals: usize, value: fn(&Cell) -> f64| {
         heat_map(tuning, title, decimals, |cell| Shown {
             value: value(cell),
@@ -220,7 +220,7 @@ struct Shown {
 }
 
 /// A map as a table with cells coloured by value, highest boost reference at the top.
-fn heat_map(tuning: &Tuning<'_>, title: &str, decimals: usize, shown: impl Fn(&Cell) -> Shown) -> String {
+fn heat_map(tuning: &Tuning, title: &str, decimals: usize, shown: impl Fn(&Cell) -> Shown) -> String {
     let schedule = &tuning.task.schedule;
     let scale = 10_f64.powf(decimals as f64);
     let shown = |cell: &Cell| {
@@ -271,7 +271,7 @@ fn shade(strength: f64) -> String {
     )
 }
 
-fn static_maps(report: &mut Report, tuning: &Tuning<'_>) {
+fn static_maps(report: &mut Report, tuning: &Tuning) {
     let schedule = &tuning.task.schedule;
     let mut panel = Panel::new("duty (%)", "boost pressure (kPa)").height(300);
     for (sweep, &color) in tuning.sweeps.iter().zip(color::CYCLE.iter().cycle()) {
@@ -289,7 +289,7 @@ fn static_maps(report: &mut Report, tuning: &Tuning<'_>) {
     );
 }
 
-fn responses(report: &mut Report, tuning: &Tuning<'_>) {
+fn responses(report: &mut Report, tuning: &Tuning) {
     let mut ranked: Vec<_> =
         tuning.points.iter().filter_map(|point| Some((point, point.model.as_ref()?))).collect();
     ranked.sort_by(|(_, one), (_, other)| one.determination.total_cmp(&other.determination));
@@ -332,7 +332,7 @@ fn responses(report: &mut Report, tuning: &Tuning<'_>) {
     );
 }
 
-fn points(report: &mut Report, tuning: &Tuning<'_>) {
+fn points(report: &mut Report, tuning: &Tuning) {
     let schedule = &tuning.task.schedule;
     let headings = [
         "rpm",

@@ -29,7 +29,7 @@ const PER_SECOND: f64 = 100.0;
 
 /// The shortest λ (s), from the actuator's lag to the reference's time constant; none if the loop has no vacuum pump, or
 /// no λ is sustained.
-pub fn shortest_lambda(rig: &mut Rig, tuning: &Tuning<'_>, threads: &ThreadPool) -> Result<Option<f64>> {
+pub fn shortest_lambda(rig: &mut Rig, tuning: &Tuning, threads: &ThreadPool) -> Result<Option<f64>> {
     let [(_, _, _, lag), _] = tuning.dynamics();
     let (Some(lag), Some(longest)) = (lag, tuning.task.schedule.reference_lambda) else { return Ok(None) };
     if !has(&rig.plant, "input", PUMP) || !has(&rig.controller, "output", PUMP) {
@@ -54,7 +54,7 @@ pub fn shortest_lambda(rig: &mut Rig, tuning: &Tuning<'_>, threads: &ThreadPool)
 }
 
 /// The loop at rest with noise: at each engine speed, at the middle one of the identified references.
-fn at_rest(rig: &Rig, tuning: &Tuning<'_>) -> Vec<Case> {
+fn at_rest(rig: &Rig, tuning: &Tuning) -> Vec<Case> {
     let schedule = &tuning.task.schedule;
     let constant = |value| Signal::Steps(vec![(0.0, value)]);
     let ambient = ["ambient_pressure", "ambient_temperature"].map(|name| {
@@ -85,7 +85,7 @@ fn at_rest(rig: &Rig, tuning: &Tuning<'_>) -> Vec<Case> {
 }
 
 /// The same loop with the tuned controller and the plant that it is tuned to.
-fn tuned(mut scenario: Scenario, tuning: &Tuning<'_>) -> Result<Scenario> {
+fn tuned(mut scenario: Scenario, tuning: &Tuning) -> Result<Scenario> {
     let [controller, plant] = scenario.fmus.as_mut_slice() else { bail!("a case has two FMUs") };
     controller.parameters.push((tuning.parameter_set("schedule"), controller.location.clone()));
     let sets = tuning.task.plant_parameters.iter();
@@ -94,7 +94,7 @@ fn tuned(mut scenario: Scenario, tuning: &Tuning<'_>) -> Result<Scenario> {
 }
 
 /// The share of the judged time with the pump on; 1 with an alarm, after which the pump may be off.
-fn share_on(rig: &Rig, mut scenario: Scenario, tuning: &Tuning<'_>, lambda: f64) -> Result<f64> {
+fn share_on(rig: &Rig, mut scenario: Scenario, tuning: &Tuning, lambda: f64) -> Result<f64> {
     let controller = &mut scenario.fmus[0];
     controller.values.push(Assignment {
         name: lambda_parameter(tuning.task.schedule.strategy).to_owned(),
