@@ -1,7 +1,5 @@
 //! How the built-in integrator solves the equations of a model.
 
-use core::fmt;
-
 use crate::integrator::{Method, RODAS5P};
 
 /// The relative tolerance if the importer gives none.
@@ -36,16 +34,4 @@ impl<V> Integration<V> {
         tolerance: |_, asked| asked.unwrap_or(DEFAULT_TOLERANCE),
         samples_inputs: false,
     };
-}
-
-impl<V> fmt::Debug for Integration<V> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { method, longest_step, error_scales, tolerance: _, samples_inputs } = self;
-        f.debug_struct("Integration")
-            .field("method", method)
-            .field("longest_step", longest_step)
-            .field("error_scales", error_scales)
-            .field("samples_inputs", samples_inputs)
-            .finish_non_exhaustive()
-    }
 }

@@ -1,5 +1,4 @@
-//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings export those of one of the
-//! modules here.
+//! The functions of FMI 2.0, generic over the model. [`fmi2_co_simulation!`] and its siblings export them.
 //!
 //! [`fmi2_co_simulation!`]: crate::fmi2_co_simulation
 
@@ -234,8 +233,7 @@ c_functions! {
         });
         Ok(status)
     };
-    fmi2EnterContinuousTimeMode() if EVENTS,
-        Instance::enter_continuous_time_mode;
+    fmi2EnterContinuousTimeMode() if EVENTS, Instance::enter_continuous_time_mode;
     /// Does nothing: the description has `completedIntegratorStepNotNeeded`.
     fmi2CompletedIntegratorStep(
         _no_set_fmu_state_prior: Boolean, event_mode: *mut Boolean, terminate: *mut Boolean,
