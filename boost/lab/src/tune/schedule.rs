@@ -234,7 +234,7 @@ impl Schedule {
     /// Takes the λ of the feedback (s) that was found by runs at rest.
     pub fn find_lambda(&mut self, lambda: f64) {
         (self.lambda, self.source_of_lambda) =
-            (lambda, "the shortest with which the pump sustains noise of 100 Pa at rest");
+            (lambda, "the shortest with which the pump sustains noise at rest");
     }
 
     /// The controller's name for a value of a map.
