@@ -242,8 +242,8 @@ def test_loop_is_tuned_to_another_plant(
     assert max(retuned.down) <= 900
     assert max(retuned.end_error) <= 2 + ON_TOLERANCE
     if name == "weak_turbine":
-        # Near the highest pressure, the reference model needs the duty of the lift-off: without it boost overshoots by
-        # more than the solver's error beyond what it does with it.
+        # Near the highest pressure, the reference model needs the duty of the lift-off: without it boost
+        # overshoots by more than the solver's error beyond what it does with it.
         maps = {name: value for name, value in found.items() if name != "pwm_min"}
         ahead = steps("with the maps alone", maps)
         assert max(ahead.up) > max(retuned.up) + ON_TOLERANCE
