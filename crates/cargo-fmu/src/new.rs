@@ -218,8 +218,7 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
 }
 
 /// Types used by the templates, after which no model can be named.
-const USED_TYPES: [&str; 20] = [
-    "Clocked",
+const USED_TYPES: [&str; 19] = [
     "Context",
     "Equations",
     "Error",

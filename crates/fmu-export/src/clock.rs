@@ -18,9 +18,11 @@ pub struct Clock {
     pub(crate) has_ticked: bool,
     /// In Scheduled Execution, the time of the last tick in s.
     pub(crate) activated: Option<f64>,
+    /// How many samples it has activated.
+    samples: u64,
 }
 
-crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated });
+crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated, samples });
 
 /// The state of a reported interval: `fmi3IntervalQualifier`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +83,13 @@ impl Clock {
             self.interval = None;
             self.is_new = false;
         }
+    }
+
+    /// Counts a sample. Returns its number, from 0.
+    pub(crate) fn count(&mut self) -> u64 {
+        let number = self.samples;
+        self.samples += 1;
+        number
     }
 
     /// Reports the interval to the importer, and how it relates to the last report.

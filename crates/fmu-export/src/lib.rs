@@ -8,7 +8,7 @@
 //   fmi2, fmi3                            the functions of an FMI version
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
+//   integrated, sampled                   models of equations (integrated) and sampled ones as models
 //   equations, integration                the trait of models of equations, and how they are integrated
 //   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
 //   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
@@ -29,7 +29,6 @@ mod c_boundary;
 mod calling_sequence;
 mod checksum;
 mod clock;
-mod clocked;
 mod context;
 mod dependencies;
 pub mod description;
@@ -70,7 +69,6 @@ mod variables;
 pub mod wasm;
 
 pub use clock::Clock;
-pub use clocked::{Clocked, ClockedModel};
 pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
@@ -96,8 +94,8 @@ pub use variables::Variables;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a
-/// type that implements [`Model`], or after `equations`, [`Equations`], after `sampled`, [`Sampled`], after `clocked`,
-/// [`Clocked`]. `struct` before the type's name declares it, for a model without other memory.
+/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`]. `struct` before
+/// the type's name declares it, for a model without other memory.
 ///
 /// ```ignore
 /// fmu_export::fmu!(struct Lag);
@@ -133,14 +131,6 @@ macro_rules! fmu {
         $crate::fmu!(@variables);
         variables::export_functions!($crate::SampledModel<$model>);
     };
-    (clocked struct $model:ident) => {
-        $crate::fmu!(@struct $model);
-        $crate::fmu!(clocked $model);
-    };
-    (clocked $model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::ClockedModel<$model>);
-    };
     ($model:ident) => {
         $crate::fmu!(@variables);
         variables::export_functions!($model);
@@ -168,8 +158,8 @@ macro_rules! fmu {
     };
     ($($other:tt)*) => {
         ::core::compile_error!(::core::concat!(
-            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)`, \
-             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
+            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)` and \
+             `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
         ));
     };
 }

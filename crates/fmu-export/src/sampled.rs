@@ -1,5 +1,5 @@
 //! Sampled models, such as digital controllers: sample k is at `startTime + k · period`, whatever the importer's
-//! steps.
+//! steps, or at a tick of one of the clocks that the importer activates (FMI 3.0.2, section 2.2.8).
 //!
 //! Samples are counted in integers, so they do not drift in long experiments. The master's time does drift in
 //! co-simulation: computing communication points by `t += h` adds up to half a unit in the last place of t per step,
@@ -7,6 +7,7 @@
 //! so times whose difference such rounding explains count as equal.
 
 use crate::audit::check_calculated_parameters;
+use crate::clock::Clock;
 use crate::context::Context;
 use crate::display::Shown;
 use crate::error::Error;
@@ -23,12 +24,13 @@ const MOST_COINCIDENCE: f64 = 0.05;
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;
 
-/// A model that computes at its samples; nothing changes in between.
+/// A model that computes at its samples; nothing changes in between. It has one [`period`](Sampled::period), or its JSON
+/// declares named clocks, variables of type `Clock` in the field `clocks`, each tick of which is a sample.
 ///
 /// `Clone` and [`Persistent`] must cover its whole memory, as in [`Model`].
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(clocked {Self})` if it implements \
-               `Model`, `Equations` or `Clocked`",
+    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})` or `fmu!(equations {Self})` if it implements `Model` or \
+               `Equations`",
     label = "exported as a `Sampled`"
 )]
 pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
@@ -38,8 +40,18 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
     const LONGEST_STEP: f64 = f64::MAX;
 
-    /// The sample period in s, finite and above 0. It may depend on fixed parameters.
-    fn period(variables: &Self::Variables) -> f64;
+    /// The sample period in s, finite and above 0. It may depend on fixed parameters. Models whose JSON declares clocks
+    /// omit it.
+    fn period(variables: &Self::Variables) -> f64 {
+        const {
+            assert!(
+                Self::Variables::HAS_CLOCKS,
+                "a `Sampled` model needs `fn period`, or clocks in its JSON: variables of the type Clock"
+            );
+        }
+        let _ = variables;
+        f64::NAN
+    }
 
     /// Rejects contradictory parameters.
     ///
@@ -61,22 +73,35 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Computes the outputs before the first sample, which is at the start time. Called on a new model, possibly
-    /// several times, like [`Model::initialize`].
+    /// Computes the outputs before the first sample, which is at the start time if there is a period, and sets clock
+    /// intervals that depend on parameters. Called on a new model, possibly several times, like [`Model::initialize`].
     ///
     /// # Errors
     /// When no such outputs exist.
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<SampledModel<Self>>,
+        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let _ = (variables, inputs, context);
         Ok(())
     }
 
-    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals.
+    /// Recomputes, at a time (s) between samples, what belongs to no clock and depends on inputs or tunable parameters
+    /// that have changed, including the intervals of tunable clocks.
+    fn refresh(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &<Self::Variables as Variables>::Inputs,
+    ) {
+        let _ = (time, variables, inputs);
+    }
+
+    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals. If the model
+    /// has clocks, exactly one input clock [ticks](Clock::ticks); simultaneous ticks are one call each, ordered by
+    /// `priority`.
     ///
     /// # Errors
     /// When the model cannot continue.
@@ -84,7 +109,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         &mut self,
         sample: Sample,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<SampledModel<Self>>,
+        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error>;
 }
@@ -92,18 +117,18 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
 /// Identifies a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Its number, from 0.
+    /// Its number, from 0; with clocks, among the ticks of the same clock.
     pub number: u64,
     /// Its time in s.
     pub time: f64,
 }
 
-/// A sampled model as a [`Model`], also for Model Exchange, where each sample is a time event.
+/// A sampled model as a [`Model`], also for Model Exchange, where each sample is an event.
 #[derive(Clone, Debug, Default)]
 pub struct SampledModel<S> {
     /// The sampled model.
     pub sampled: S,
-    /// How many samples were executed.
+    /// How many samples of the period were executed.
     executed: u64,
     /// The start time in s.
     start_time: f64,
@@ -139,12 +164,13 @@ impl<S: Sampled> Model for SampledModel<S> {
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         S::check_parameters(variables)?;
         let period = S::period(variables);
-        if period > 0.0 && period.is_finite() {
-            Ok(())
+        let (is_right, rule) = if S::Variables::HAS_CLOCKS {
+            (period.is_nan(), "the clocks in the JSON have intervals of their own: omit `period`")
         } else {
-            let shown = Shown(period);
-            Err(Error::new(format!("the sample period is {shown} s; it must be finite and above 0")))
-        }
+            (period > 0.0 && period.is_finite(), "it must be finite and above 0")
+        };
+        let reason = || Error::new(format!("the sample period is {} s; {rule}", Shown(period)));
+        if is_right { Ok(()) } else { Err(reason()) }
     }
 
     fn initialize(
@@ -154,8 +180,8 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self { start_time: context.experiment.start_time, ..Self::default() };
-        // In Scheduled Execution only.
-        if !S::Variables::CLOCKS.is_empty() {
+        // The clock of the period, in Scheduled Execution only.
+        if !S::Variables::HAS_CLOCKS && !S::Variables::CLOCKS.is_empty() {
             let period = S::period(variables);
             if let Some(clock) = variables.clock_mut(0) {
                 clock.set_interval(period);
@@ -163,7 +189,9 @@ impl<S: Sampled> Model for SampledModel<S> {
         }
         calculate_parameters(self, variables);
         self.sampled.initialize(variables, inputs, context)?;
-        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))
+        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))?;
+        self.sampled.refresh(context.experiment.start_time, variables, inputs);
+        Ok(())
     }
 
     fn calculate_parameters(
@@ -180,6 +208,9 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        if S::Variables::HAS_CLOCKS {
+            return Ok(());
+        }
         let period = S::period(variables);
         let until = self.end_of_samples(step, period);
         loop {
@@ -203,6 +234,10 @@ impl<S: Sampled> Model for SampledModel<S> {
         }
     }
 
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        self.sampled.refresh(time, variables, inputs);
+    }
+
     fn tick(
         &mut self,
         time: f64,
@@ -210,9 +245,12 @@ impl<S: Sampled> Model for SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let sample = Sample { number: self.executed, time };
-        self.executed += 1;
-        self.sampled.sample(sample, variables, inputs, context)
+        // Inputs come first, of which only one ticks.
+        let positions = 0..S::Variables::CLOCKS.len();
+        let ticks = |&position: &usize| variables.clock(position).is_some_and(Clock::ticks);
+        let clock = positions.into_iter().find(ticks).and_then(|position| variables.clock_mut(position));
+        let number = clock.map_or(0, Clock::count);
+        self.sampled.sample(Sample { number, time }, variables, inputs, context)
     }
 
     fn next_event(
@@ -221,7 +259,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         variables: &mut Self::Variables,
         _inputs: &InputsOf<Self>,
     ) -> Option<f64> {
-        Some(self.next_sample(S::period(variables)).time)
+        (!S::Variables::HAS_CLOCKS).then(|| self.next_sample(S::period(variables)).time)
     }
 
     fn event(
@@ -231,7 +269,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        if event.is_due {
+        if event.is_due && !S::Variables::HAS_CLOCKS {
             let sample = self.next_sample(S::period(variables));
             self.executed += 1;
             self.sampled.sample(sample, variables, inputs, context)?;
@@ -247,6 +285,9 @@ impl<S: Sampled> Model for SampledModel<S> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
+        if S::Variables::HAS_CLOCKS {
+            return Ok(None);
+        }
         let end = step.end();
         loop {
             let period = S::period(variables);

@@ -1,7 +1,7 @@
 //! Sampled models.
 
-use fmu_export::{Context, Error, InputsOf, Persistent, Sample, Sampled, SampledModel, Simulation};
-use fmu_export_equations::stairs;
+use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel, Simulation};
+use fmu_export_equations::{TunedTicks, stairs, tuned_ticks};
 
 /// Counts its samples.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -18,7 +18,7 @@ impl Sampled for Counter {
         &mut self,
         sample: Sample,
         variables: &mut Self::Variables,
-        _inputs: &InputsOf<SampledModel<Self>>,
+        _inputs: &stairs::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.outputs.steps += 1;
@@ -57,4 +57,36 @@ fn a_period_that_is_not_finite_and_above_zero_is_refused() {
     simulation.step(0.75).unwrap();
     assert_eq!(simulation.variables.outputs.steps, 2);
     assert_eq!(simulation.variables.outputs.last_step.to_bits(), 0.5_f64.to_bits());
+}
+
+/// Its JSON declares a clock, and it has a period, too.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Both;
+
+impl Sampled for Both {
+    type Variables = tuned_ticks::Variables;
+
+    fn period(_variables: &Self::Variables) -> f64 {
+        0.5
+    }
+
+    fn sample(
+        &mut self,
+        _sample: Sample,
+        _variables: &mut Self::Variables,
+        _inputs: &tuned_ticks::Inputs,
+        _context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_period_beside_clocks_is_refused() {
+    let error = Simulation::<SampledModel<Both>>::default().initialize().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "the sample period is 0.5 s; the clocks in the JSON have intervals of their own: omit `period`"
+    );
+    Simulation::<SampledModel<TunedTicks>>::default().initialize().unwrap();
 }
