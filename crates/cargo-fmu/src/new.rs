@@ -218,13 +218,12 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
 }
 
 /// Types used by the templates, after which no model can be named.
-const USED_TYPES: [&str; 19] = [
+const USED_TYPES: [&str; 17] = [
     "Context",
     "Equations",
     "Error",
     "Event",
     "Inputs",
-    "Integrated",
     "Locals",
     "Mode",
     "Number",
@@ -234,7 +233,6 @@ const USED_TYPES: [&str; 19] = [
     "Persistent",
     "Sample",
     "Sampled",
-    "SampledModel",
     "Simulation",
     "States",
     "Variables",

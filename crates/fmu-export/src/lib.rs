@@ -77,15 +77,18 @@ pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+#[doc(hidden)]
 pub use integrated::{Integrate, Integrated};
 pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use integrator::{Part, TwoRates};
-pub use model::{InputsOf, Model, Step};
 #[doc(hidden)]
-pub use model::{Serves, check_interfaces};
+pub use model::Serves;
+pub use model::{Fmu, InputsOf, Model, Step};
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
-pub use sampled::{Sample, Sampled, SampledModel};
+#[doc(hidden)]
+pub use sampled::SampledModel;
+pub use sampled::{Sample, Sampled};
 pub use simulation::Simulation;
 #[doc(hidden)]
 pub use stops::{EventsLeft, Stop, Stops};
@@ -120,20 +123,17 @@ macro_rules! fmu {
         $crate::fmu!(equations $model, $integrator);
     };
     (equations $model:ident $(, $integrator:ty)?) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::Integrated<$model $(, $integrator)?>);
+        $crate::fmu!(@exported $model, $crate::Integrated<$model $(, $integrator)?>);
     };
     (sampled struct $model:ident) => {
         $crate::fmu!(@struct $model);
         $crate::fmu!(sampled $model);
     };
     (sampled $model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::SampledModel<$model>);
+        $crate::fmu!(@exported $model, $crate::SampledModel<$model>);
     };
     ($model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($model);
+        $crate::fmu!(@exported $model, $model);
     };
     (@struct $model:ident) => {
         /// The model.
@@ -141,7 +141,7 @@ macro_rules! fmu {
         pub struct $model;
         $crate::persistent!($model {});
     };
-    (@variables) => {
+    (@exported $exported:ident, $model:ty) => {
         /// The model's variables.
         pub mod variables {
             include!(env!(
@@ -155,6 +155,12 @@ macro_rules! fmu {
         }
         #[allow(unused_imports)]
         use variables::*;
+
+        impl $crate::Fmu for $exported {
+            type Model = $model;
+        }
+
+        variables::export_functions!($exported);
     };
     ($($other:tt)*) => {
         ::core::compile_error!(::core::concat!(

@@ -264,6 +264,19 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     fn enter_step_mode(&mut self) {}
 }
 
+/// What [`fmu!`](crate::fmu) exports, and [`Simulation`](crate::Simulation) runs: a model of any kind.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is no FMU: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements `Model`, \
+               `Equations` or `Sampled`"
+)]
+pub trait Fmu {
+    /// What the runtime makes of it: itself if it is a [`Model`].
+    type Model: Model;
+    /// Its interfaces are possible.
+    #[doc(hidden)]
+    const CHECKED: () = check_interfaces::<Self::Model>();
+}
+
 /// What the runtime can do with a kind of models beside co-simulation.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
@@ -283,8 +296,7 @@ impl Serves {
 }
 
 /// Refuses, while the model is compiled, interfaces for which it cannot be exported.
-#[doc(hidden)]
-pub const fn check_interfaces<M: Model>() {
+const fn check_interfaces<M: Model>() {
     let ModelDescription { interfaces, capabilities, .. } = M::Variables::DESCRIPTION;
     let Serves { model_exchange, event_mode, scheduled_execution } = M::SERVES;
     assert!(

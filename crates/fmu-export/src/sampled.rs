@@ -12,7 +12,7 @@ use crate::context::Context;
 use crate::display::Shown;
 use crate::error::Error;
 use crate::events::{Event, Events};
-use crate::model::{InputsOf, Model, Serves, Step, calculate_parameters};
+use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::persistence::Persistent;
 use crate::stops::{Stop, Stops, due_until};
 use crate::variables::Variables;
@@ -137,6 +137,10 @@ pub struct SampledModel<S> {
 }
 
 crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, start_time, rounding });
+
+impl<S: Sampled> Fmu for SampledModel<S> {
+    type Model = Self;
+}
 
 impl<S: Sampled> SampledModel<S> {
     fn next_sample(&self, period: f64) -> Sample {
