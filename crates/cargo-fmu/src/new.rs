@@ -60,6 +60,8 @@ enum Template {
     NeuralLayer,
     /// A sampled PI controller
     Sampled,
+    /// Two sampled controllers, each with a clock of its own
+    Cascade,
 }
 
 /// The files of a template.
@@ -98,6 +100,7 @@ impl Template {
             Self::Resource => files!("resource", "resources/y.txt"),
             Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),
             Self::Sampled => files!("sampled"),
+            Self::Cascade => files!("cascade"),
         }
     }
 }

@@ -69,7 +69,8 @@ impl<F: Fmu> Simulation<F> {
         model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
     }
 
-    /// Advances by a communication step of a size in seconds with constant inputs.
+    /// Advances by a communication step of a size in seconds with constant inputs. Clocks whose interval does not change
+    /// tick.
     ///
     /// # Errors
     /// Those of the model; also when it requests the end, at [`Simulation::time`].

@@ -22,7 +22,7 @@ variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", h
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
     without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
     tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
-    tuned_ticks: "fmi3/tuned_ticks");
+    tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
