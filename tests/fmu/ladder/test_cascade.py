@@ -1,5 +1,5 @@
-"""The template of two sampled controllers, each with a clock of its own, in both versions of FMI: against the same
-controllers in a loop in Python."""
+"""The template of two sampled controllers, each with a clock of its own, in both versions of FMI: against the
+same controllers in a loop in Python."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from ctypes import c_double, c_int, c_uint32
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import groupby, pairwise
 from pathlib import Path
 
@@ -104,11 +105,12 @@ def test_model_exchange_of_fmi_2(
     """All samples of one time are one event."""
     fmu, cascade = exchange("Cascade", periods | inputs_at(Fraction(0)), 0.0), Cascade(**periods)
     for (time, loops), (after, _) in pairwise(samples):
+        inputs = inputs_at(time)
         if time:
             assert fmu.next_event == pytest.approx(float(time), rel=1e-15)
             fmu.advance(fmu.next_event)
-            fmu.event(lambda: fmu.set(inputs_at(time)))
-        assert [fmu.get(name) for name in OUTPUTS] == cascade.sample(loops, inputs_at(time)), float(time)
+            fmu.event(partial(fmu.set, inputs))
+        assert [fmu.get(name) for name in OUTPUTS] == cascade.sample(loops, inputs), float(time)
         assert fmu.next_event == pytest.approx(float(after), rel=1e-15)
 
 
