@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use anyhow::{Result, bail};
 use fmu_io::terminal::{in_line, number};
-use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, ValueType};
+use fmu_package::{Causality, FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::name_map::{Entry, Meaning, NameMap};
 use crate::{Interface, Port, Role};
@@ -97,7 +97,7 @@ impl<'a> Compatibility<'a> {
         if version != "2.0" && !fmu.is_fmi3() {
             problems.push(format!("it is FMI {version}; only FMI 2.0 and 3.0 can be coupled"));
         }
-        if fmu.interface("CoSimulation").is_none() {
+        if fmu.co_simulation_identifier().is_none() {
             problems.push("it does not support co-simulation".to_owned());
         }
         let matches: Vec<(Port<'a>, Match<'a>)> = interface
@@ -128,7 +128,7 @@ impl<'a> Compatibility<'a> {
 
     /// The FMU's inputs without a connection: they keep their start values.
     pub fn other_inputs(&self) -> impl Iterator<Item = &'a FmuVariable> {
-        self.fmu.of_causality("input").filter(|input| {
+        self.fmu.of_causality(Causality::Input).filter(|input| {
             !self.matches.iter().any(
                 |(_, found)| matches!(found, Match::Found { variable, .. } if variable.name == input.name),
             )
@@ -195,9 +195,9 @@ impl<'a> Match<'a> {
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
         }
-        let causality = port.kind.name();
+        let causality = port.kind.causality();
         if variable.causality != causality {
-            let own = Some(variable.causality.as_str()).filter(|own| !own.is_empty()).unwrap_or("local");
+            let own = Some(variable.causality.text()).filter(|own| !own.is_empty()).unwrap_or("local");
             problems.push(format!("its causality is {own}, not {causality}"));
         }
         let (to_interface, is_certain) = conversion(port, fmu, variable, meaning).unwrap_or_else(|problem| {
@@ -417,7 +417,7 @@ fn suggestions<'a>(port: &Port<'_>, name: &str, fmu: &'a FmuDescription) -> Vec<
         }
     };
     let mut candidates: Vec<_> = fmu
-        .of_causality(port.kind.name())
+        .of_causality(port.kind.causality())
         .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
         .map(|variable| (likeness(variable), variable.name.as_str()))
         .filter(|(likeness, _)| *likeness >= LIKENESS)

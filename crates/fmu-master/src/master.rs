@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_package::Linear;
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 
 use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
 use crate::noise::NoiseSource;
@@ -409,11 +409,11 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
 
 /// Rejects an input that no FMU has.
 fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
-    let mut names = fmus.iter().flat_map(|fmu| fmu.names("input"));
+    let mut names = fmus.iter().flat_map(|fmu| fmu.names(Causality::Input));
     if names.any(|known| known == name) {
         return Ok(());
     }
-    let names = fmus.iter().flat_map(|fmu| fmu.names("input"));
+    let names = fmus.iter().flat_map(|fmu| fmu.names(Causality::Input));
     bail!("no FMU has an input {name}{}", like(name, names))
 }
 
@@ -511,10 +511,10 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wi
 
 /// The outputs of an FMU with the names of another's inputs.
 fn wires_by_name<'a>(giver: (&Member, &'a Fmu), taker: (&Member, &Fmu)) -> Result<Vec<Wire<'a>>> {
-    let is_wired = |name: &&str| taker.1.names("input").any(|input| input == *name);
+    let is_wired = |name: &&str| taker.1.names(Causality::Input).any(|input| input == *name);
     // An input driven by its own signal needs no conversion.
     let is_driven = |name: &&str| taker.0.inputs.iter().any(|input| input.name == *name);
-    let names = giver.1.names("output").filter(is_wired).filter(|name| !is_driven(name));
+    let names = giver.1.names(Causality::Output).filter(is_wired).filter(|name| !is_driven(name));
     names
         .map(|name| Ok(Wire { output: name, input: name, conversion: conversion(name, giver, taker)? }))
         .collect()
@@ -546,7 +546,7 @@ fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<
     let members = scenario.fmus.iter().zip(fmus.iter().map(Arc::as_ref));
     let mut takers = members.filter(|(member, fmu)| {
         let is_own = member.inputs.iter().any(|own| own.name == input.name);
-        !is_own && fmu.names("input").any(|name| name == input.name)
+        !is_own && fmu.names(Causality::Input).any(|name| name == input.name)
     });
     let Some(first) = takers.next() else { return Ok(()) };
     for other in takers {

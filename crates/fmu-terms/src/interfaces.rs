@@ -54,7 +54,7 @@ impl fmt::Display for Version {
 }
 
 words! {
-    /// An interface of FMI, by the name of its element in modelDescription.xml.
+    /// An interface of FMI, by the name of its element in modelDescription.xml; parsed from `cs`, `me` and `se`.
     pub enum Interface {
         /// The importer integrates the FMU's states.
         ModelExchange = "ModelExchange",
@@ -107,22 +107,32 @@ impl Interfaces {
         }
     }
 
+    /// Whether an interface is among them.
+    #[must_use]
+    pub const fn include(self, interface: Interface) -> bool {
+        match interface {
+            Interface::CoSimulation => matches!(self, Self::CoSimulation | Self::Both),
+            Interface::ModelExchange => matches!(self, Self::ModelExchange | Self::Both),
+            Interface::ScheduledExecution => matches!(self, Self::ScheduledExecution),
+        }
+    }
+
     /// Whether they include co-simulation.
     #[must_use]
     pub const fn co_simulation(self) -> bool {
-        matches!(self, Self::CoSimulation | Self::Both)
+        self.include(Interface::CoSimulation)
     }
 
     /// Whether they include Model Exchange.
     #[must_use]
     pub const fn model_exchange(self) -> bool {
-        matches!(self, Self::ModelExchange | Self::Both)
+        self.include(Interface::ModelExchange)
     }
 
     /// Whether they include Scheduled Execution.
     #[must_use]
     pub const fn scheduled_execution(self) -> bool {
-        matches!(self, Self::ScheduledExecution)
+        self.include(Interface::ScheduledExecution)
     }
 
     /// Their names, for people.
@@ -133,6 +143,19 @@ impl Interfaces {
             Self::ModelExchange => Interface::ModelExchange.name(),
             Self::Both => "co-simulation and Model Exchange",
             Self::ScheduledExecution => Interface::ScheduledExecution.name(),
+        }
+    }
+}
+
+impl FromStr for Interface {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "cs" => Ok(Self::CoSimulation),
+            "me" => Ok(Self::ModelExchange),
+            "se" => Ok(Self::ScheduledExecution),
+            _ => Err(format!("'{text}' is not one of cs, me and se")),
         }
     }
 }

@@ -20,6 +20,7 @@ use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
 use fmu_record::Record;
+use fmu_terms::Causality;
 
 /// The time allowed after the fastest plant's arrival (s): three times the controller's `reference_lambda`, the desired
 /// time constant.
@@ -100,11 +101,11 @@ impl Rig {
             [&plant, &controller].map(|source| Fmu::open_with(&source.file, None, source.map.as_deref()));
         let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
         for (fmu, source, kind, name) in [
-            (&plant_fmu, &plant, "input", "hp_wastegate_pwm"),
-            (&plant_fmu, &plant, "input", "engine_speed"),
-            (&plant_fmu, &plant, "output", BOOST),
-            (&controller_fmu, &controller, "input", "boost_reference"),
-            (&controller_fmu, &controller, "input", BOOST),
+            (&plant_fmu, &plant, Causality::Input, "hp_wastegate_pwm"),
+            (&plant_fmu, &plant, Causality::Input, "engine_speed"),
+            (&plant_fmu, &plant, Causality::Output, BOOST),
+            (&controller_fmu, &controller, Causality::Input, "boost_reference"),
+            (&controller_fmu, &controller, Causality::Input, BOOST),
         ] {
             anyhow::ensure!(has(fmu, kind, name), "{} has no {kind} {name}", source.file.display());
         }
@@ -130,7 +131,7 @@ impl Rig {
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
         let fmus = [&*self.plant, &*self.controller];
-        let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, "input", name));
+        let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, Causality::Input, name));
         case.scenario(strategy, has_input, &recorded(fmus), self.seed)
     }
 

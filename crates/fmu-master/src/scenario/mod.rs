@@ -42,6 +42,7 @@ use fmu_io::reading;
 use fmu_io::terminal::number;
 use fmu_package::{Linear, ParameterSet, Value};
 use fmu_record::Data;
+use fmu_terms::Causality;
 use toml::de::DeValue;
 
 use crate::importer::{Fmu, Interface};
@@ -296,7 +297,7 @@ impl Scenario {
     pub fn inputs_of<'a>(&'a self, member: &Member, fmu: &Fmu, signal: &'a str) -> Vec<(&'a str, Linear)> {
         match &self.connections {
             None => {
-                let is_input = fmu.names("input").any(|name| name == signal);
+                let is_input = fmu.names(Causality::Input).any(|name| name == signal);
                 is_input.then_some((signal, Linear::IDENTITY)).into_iter().collect()
             }
             Some(connections) => {
@@ -314,7 +315,7 @@ impl Scenario {
     #[must_use]
     pub fn signals_of(&self, fmus: &[Arc<Fmu>]) -> Vec<String> {
         match &self.connections {
-            None => fmus.iter().flat_map(|fmu| fmu.names("input")).map(str::to_owned).collect(),
+            None => fmus.iter().flat_map(|fmu| fmu.names(Causality::Input)).map(str::to_owned).collect(),
             Some(connections) => {
                 let outside = connections.iter().filter(|connection| connection.source.is_none());
                 outside.map(|connection| connection.output.clone()).collect()
@@ -457,7 +458,10 @@ fn read_member(
 
 fn read_interface(node: &Node<'_>) -> Result<Interface> {
     const EXPECTED: &str = "\"cs\" for co-simulation or \"me\" for Model Exchange";
-    node.string(EXPECTED)?.parse().map_err(|_| node.unexpected(EXPECTED))
+    match node.string(EXPECTED)?.parse() {
+        Ok(interface @ (Interface::CoSimulation | Interface::ModelExchange)) => Ok(interface),
+        _ => Err(node.unexpected(EXPECTED)),
+    }
 }
 
 fn read_map(node: &Node<'_>, folder: &Path, maps: ReadMap) -> Result<Arc<dyn NameMap>> {
