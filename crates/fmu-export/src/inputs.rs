@@ -112,7 +112,7 @@ impl<I: Inputs> InputSignal<I> {
             sloped: false,
             changed: true,
         };
-        signal.update();
+        signal.update(false);
         signal
     }
 
@@ -204,12 +204,16 @@ impl<I: Inputs> InputSignal<I> {
         self.moved = false;
     }
 
-    /// Updates the inputs at the step's start, once for all values set by the importer.
-    pub(crate) fn update(&mut self) {
+    /// Updates the inputs at the step's start, once for all values set by the importer; `watches` for changes.
+    #[inline]
+    pub(crate) fn update(&mut self, watches: bool) {
         if !self.updated {
             let value = |position: usize| bound::<I>(position, self.reals[position].set);
-            let is_kept = |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
-            self.changed |= !(0..I::REALS.len()).all(is_kept);
+            if watches {
+                let is_kept =
+                    |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
+                self.changed |= !(0..I::REALS.len()).all(is_kept);
+            }
             self.bounded.set_reals(value);
             self.updated = true;
         }
@@ -293,7 +297,7 @@ impl<I: Inputs> InputSignal<I> {
 /// Reading recomputes derived fields.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        self.update();
+        self.update(true);
         let Self { bounded, updated: _, reals, moved, changed, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         reals.persist(archive)?;
@@ -358,7 +362,7 @@ mod tests {
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer limited");
         // Setting any value restores the set values.
         assert!(signal.set_value(1, 1.5));
-        signal.update();
+        signal.update(true);
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
         assert!(signal.is_free(0) && !signal.is_free(1));
     }
