@@ -51,6 +51,8 @@ pub struct InputSignal<I> {
     end: I,
     /// Whether `end` is current: the inputs had derivatives in the last step, and none has been set since.
     moved: bool,
+    /// Whether an input has moved in the last step, or been set to another value since.
+    changed: bool,
 }
 
 /// One Real input.
@@ -108,8 +110,9 @@ impl<I: Inputs> InputSignal<I> {
             updated: false,
             order: 0,
             sloped: false,
+            changed: true,
         };
-        signal.update();
+        signal.update(false);
         signal
     }
 
@@ -123,6 +126,16 @@ impl<I: Inputs> InputSignal<I> {
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.order == 0
+    }
+
+    /// Whether all inputs keep the values that they had at the end of the last step.
+    pub(crate) fn is_kept(&self) -> bool {
+        self.order == 0 && !self.changed
+    }
+
+    /// Declares that all inputs have the values that they had at the end of the last step.
+    pub(crate) fn kept(self) -> Self {
+        Self { changed: false, ..self }
     }
 
     /// The inputs at a time (s) after the step's start, by their Taylor polynomials.
@@ -183,17 +196,25 @@ impl<I: Inputs> InputSignal<I> {
         in_default_environment(|| self.find_order());
     }
 
-    /// Sets the inputs that are not Real.
+    /// Sets the inputs that are not Real, one of which has changed.
     pub(crate) fn set_others(&mut self, inputs: &I) {
+        self.changed = true;
         self.bounded.clone_from(inputs);
         self.updated = false;
         self.moved = false;
     }
 
-    /// Updates the inputs at the step's start, once for all values set by the importer.
-    pub(crate) fn update(&mut self) {
+    /// Updates the inputs at the step's start, once for all values set by the importer; `watches` for changes.
+    #[inline]
+    pub(crate) fn update(&mut self, watches: bool) {
         if !self.updated {
-            self.bounded.set_reals(|position| bound::<I>(position, self.reals[position].set));
+            let value = |position: usize| bound::<I>(position, self.reals[position].set);
+            if watches {
+                let is_kept =
+                    |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
+                self.changed |= !(0..I::REALS.len()).all(is_kept);
+            }
+            self.bounded.set_reals(value);
             self.updated = true;
         }
     }
@@ -215,6 +236,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Ends a step of a size (s): clears the derivatives.
     pub(crate) fn end_step(&mut self, size: f64) {
         self.moved = self.order > 0;
+        self.changed = self.moved;
         if self.moved || self.sloped {
             self.note_end(size);
         }
@@ -275,11 +297,12 @@ impl<I: Inputs> InputSignal<I> {
 /// Reading recomputes derived fields.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        self.update();
-        let Self { bounded, updated: _, reals, moved, end: _, order: _, sloped: _ } = self;
+        self.update(true);
+        let Self { bounded, updated: _, reals, moved, changed, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         reals.persist(archive)?;
         moved.persist(archive)?;
+        changed.persist(archive)?;
         self.find_end();
         self.find_order();
         self.find_sloped();
@@ -339,7 +362,7 @@ mod tests {
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer limited");
         // Setting any value restores the set values.
         assert!(signal.set_value(1, 1.5));
-        signal.update();
+        signal.update(true);
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
         assert!(signal.is_free(0) && !signal.is_free(1));
     }
