@@ -8,12 +8,13 @@ use anyhow::{Context, Error, Result, bail};
 use fmu_io::reading;
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::number;
+use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{
     ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
 };
 
 use crate::importer::extract;
-use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal};
+use crate::scenario::{Input, Location, Member, Scenario, Signal};
 
 /// The structure that every package has (SSP, section 3).
 const STRUCTURE: &str = "SystemStructure.ssd";
@@ -163,7 +164,8 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
             output: start.connector.clone(),
             target: target.clone(),
             input: end.connector.clone(),
-            conversion: by_units.then(connection.transformation),
+            conversion: Conversion::Function(by_units.then(connection.transformation)),
+            location: Location::argument("its connections"),
         });
     }
     scenario.connections = Some(connections);
@@ -202,6 +204,11 @@ fn take_start(
         }
         value => value.number().with_context(|| format!("{name} is not a number: {value}"))?,
     };
+    let mut connections = scenario.connections.iter().flatten();
+    if !connections.any(|connection| connection.source.is_none() && connection.output == name) {
+        // It drives nothing.
+        return Ok(());
+    }
     let location = Location::argument(&format!("the system's {name}"));
     scenario.inputs.retain(|input| input.name != name);
     scenario.inputs.push(Input { name: name.to_owned(), course: Signal::Constant(number).into(), location });

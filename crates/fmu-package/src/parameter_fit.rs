@@ -4,10 +4,11 @@ use std::io;
 
 use fmu_io::reading::broken;
 use fmu_io::terminal;
-use fmu_terms::{Linear, Unit, UnitTable, like, spelled};
+use fmu_terms::{Linear, Unit, like};
 
 use crate::model_description::FmuDescription;
 use crate::parameter_set::{Parameter, ParameterSet, Value};
+use crate::units::unit_conversion;
 use crate::variable::{FmuVariable, ValueType};
 
 impl ParameterSet {
@@ -56,9 +57,11 @@ impl Value {
         match (variable.value_type(), self) {
             (ValueType::Real, Self::Real(value, unit)) => {
                 let value = match unit {
-                    Some(unit) if *unit != variable.unit => conversion(unit, variable, units, fmu)
-                        .map_err(|reason| self.refused(variable, &reason))?
-                        .apply(*value),
+                    Some(unit) if *unit != variable.unit => {
+                        unit_conversion((unit, units), (&variable.unit, &fmu.units))
+                            .map_err(|reason| self.refused(variable, &reason))?
+                            .apply(*value)
+                    }
                     _ => *value,
                 };
                 Ok(Self::Real(value, Some(variable.unit.clone()).filter(|unit| !unit.is_empty())))
@@ -171,26 +174,8 @@ impl FmuVariable {
         if unit.is_empty() || self.unit.is_empty() || unit == self.unit {
             return Ok(Linear::IDENTITY);
         }
-        conversion(unit, self, &[], fmu)
+        unit_conversion((unit, &fmu.units), (&self.unit, &fmu.units))
     }
-}
-
-/// The conversion from a unit to the variable's.
-fn conversion(
-    unit: &str,
-    variable: &FmuVariable,
-    units: &[Unit],
-    fmu: &FmuDescription,
-) -> Result<Linear, String> {
-    let known = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
-    let base = match known {
-        Some(known) => known.base,
-        None => UnitTable::default().base(&spelled(unit))?,
-    };
-    let wanted = fmu.unit(&variable.unit).and_then(|unit| unit.base);
-    base.zip(wanted)
-        .and_then(|(own, wanted)| own.to(&wanted))
-        .ok_or_else(|| format!("the unit {unit} does not convert to {}", variable.unit))
 }
 
 #[cfg(test)]
