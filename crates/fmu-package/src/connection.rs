@@ -141,7 +141,12 @@ fn quoted(text: &str) -> String {
 /// # Errors
 /// When it is not a list of connections; the message names line and key, and what was expected.
 pub fn list(node: &Node<'_>) -> Result<Vec<Connection>> {
-    node.list(TABLE)?.iter().map(connection).collect()
+    let connections = node.list(TABLE)?;
+    if connections.is_empty() {
+        Err(node.unexpected(TABLE))
+    } else {
+        connections.iter().map(connection).collect()
+    }
 }
 
 fn connection(node: &Node<'_>) -> Result<Connection> {
@@ -206,6 +211,13 @@ pub fn read(file: &Path) -> Result<Vec<Connection>> {
     let connections = list(&root.required("connection", TABLE)?)?;
     root.finish()?;
     Ok(connections)
+}
+
+/// All connections in a line: equal texts connect equally.
+#[must_use]
+pub fn in_line(connections: &[Connection]) -> String {
+    let lines = connections.iter().map(|connection| connection.to_string().trim_end().replace('\n', ", "));
+    lines.collect::<Vec<_>>().join("; ")
 }
 
 /// Reads several files of connections.

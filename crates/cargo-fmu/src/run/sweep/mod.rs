@@ -19,7 +19,7 @@ use anyhow::{Context, Result};
 use fmu_io::document::Document;
 use fmu_io::temporary::remove_unfinished;
 use fmu_io::{reading, writing};
-use fmu_package::{FmuVariable, Value};
+use fmu_package::{FmuVariable, Value, connection};
 use rayon::ThreadPool;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
@@ -235,8 +235,7 @@ impl Loaded {
             }
         }
         if let Some(connections) = &scenario.connections {
-            let written = connections.iter().map(|connection| connection.to_string().replace('\n', " "));
-            set("scenario's connections".into(), written.collect::<Vec<_>>().join("; "));
+            set("scenario's connections".into(), connection::in_line(connections));
         }
         for input in &scenario.inputs {
             set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.course));

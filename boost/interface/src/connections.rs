@@ -1,0 +1,99 @@
+//! A file of all connections of the system with an FMU, for the user to edit.
+
+use fmu_io::document::Location;
+use fmu_io::terminal::in_line;
+use fmu_package::connection::{Connection, Conversion};
+use fmu_package::{Kind, Linear};
+
+use crate::compatibility::{Compatibility, Match};
+use crate::{Port, Role};
+
+/// Stands for the name that the user fills in.
+const OPEN: &str = "?";
+
+impl Compatibility<'_> {
+    /// The text of a file of all connections of the system: with the FMU's variables that were found or are similar.
+    /// Those that are open are comments.
+    #[must_use]
+    pub fn connections(&self) -> String {
+        let mut text = format!(
+            "# {} as the {}: all connections, for a scenario or --connections\n",
+            in_line(self.fmu.attribute("modelName")),
+            self.role.name()
+        );
+        let connectable = self.matches.iter().filter(|(port, _)| port.couples() || port.kind == Kind::Input);
+        for (port, found) in connectable {
+            let given = self.choices.get(port.name()).map(|choice| choice.connection.clone());
+            let connection = |name: &str| {
+                given.clone().unwrap_or_else(|| connection(port, self.role, name, conversion(port, found)))
+            };
+            let proposal = |name| table(&self::connection(port, self.role, name, Conversion::DECLARED));
+            let open = || commented(&table(&connection(OPEN)));
+            let lines = match found {
+                Match::Found { variable, .. } => table(&connection(&variable.name)),
+                Match::Missing { suggestions } | Match::Unknown { suggestions, .. } => {
+                    match suggestions.first() {
+                        Some(best) => proposal(best),
+                        None if port.is_required() => open(),
+                        None => continue,
+                    }
+                }
+                Match::Unconnected if port.is_required() => open(),
+                Match::Unconnected => continue,
+            };
+            let remarks = match found.remarks() {
+                none if none.is_empty() => none,
+                remarks => format!("# {}\n", in_line(&format!("{}: {remarks}", port.name()))),
+            };
+            text += &format!("\n{remarks}{lines}");
+        }
+        let others = self.interface.ports(self.role.other());
+        for port in others.filter(|port| port.kind == Kind::Input && !port.couples()) {
+            let connection = connection(&port, self.role.other(), port.name(), Conversion::DECLARED);
+            text += &format!("\n{}", table(&connection));
+        }
+        text
+    }
+
+    /// The interface's names for which the file proposes a similar name of the FMU.
+    pub fn proposed(&self) -> impl Iterator<Item = &str> {
+        self.matches.iter().filter_map(|(port, found)| match found {
+            Match::Missing { suggestions } | Match::Unknown { suggestions, .. }
+                if !suggestions.is_empty() =>
+            {
+                Some(port.name())
+            }
+            _ => None,
+        })
+    }
+}
+
+/// A signal needs its unit for a conversion; a variable declares its own.
+fn conversion(port: &Port<'_>, found: &Match<'_>) -> Conversion {
+    match found {
+        Match::Found { to_interface, .. } if *to_interface != Linear::IDENTITY && !port.couples() => {
+            Conversion::Units { from: Some(port.unit().name), to: None }
+        }
+        _ => Conversion::DECLARED,
+    }
+}
+
+/// The connection of a port with a variable of an FMU in a role.
+fn connection(port: &Port<'_>, role: Role, name: &str, conversion: Conversion) -> Connection {
+    let other = role.other().name().to_owned();
+    let [own_name, interface_name] = [name, port.name()].map(str::to_owned);
+    let (source, output, target, input) = match port.kind {
+        Kind::Input => (port.couples().then_some(other), interface_name, role.name().to_owned(), own_name),
+        Kind::Output => (Some(role.name().to_owned()), own_name, other, interface_name),
+    };
+    let location = Location::argument(port.name());
+    Connection { source, output, target, input, conversion, location }
+}
+
+fn table(connection: &Connection) -> String {
+    format!("[[connection]]\n{connection}")
+}
+
+fn commented(table: &str) -> String {
+    table.lines().map(|line| format!("# {line}\n")).collect()
+}
