@@ -70,14 +70,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
     let task = Task {
-        plant: open(&arguments.plant, Role::Plant, &connections)?,
-        connections,
         plant_parameters: super::parameter_sets(&arguments.parameters)?,
         schedule: schedule.with(
             arguments.engine_speeds.clone(),
             arguments.boost_references.clone(),
             arguments.lambda,
         )?,
+        plant: open(&arguments.plant, Role::Plant, &connections)?,
+        connections,
         procedure,
     };
     super::make_folder(out)?;
