@@ -25,7 +25,7 @@ pub fn run(
         let proposed: Vec<_> = compatibility.proposed().collect();
         let check = match proposed.as_slice() {
             [] => String::new(),
-            names => format!(" Those for {} are proposals, with candidates beside them.", names.join(", ")),
+            names => format!(" Those for {} are proposals in comments.", names.join(", ")),
         };
         print(&format!(
             "Wrote the connections {}; edit them and pass them with --connections.{check}\n",

@@ -12,8 +12,8 @@ use crate::{Port, Role};
 const OPEN: &str = "?";
 
 impl Compatibility<'_> {
-    /// The text of a file of all connections of the system: with the FMU's variables that were found or are similar.
-    /// Those that are open are comments.
+    /// The text of a file of all connections of the system. Those that are open are comments, with the most similar
+    /// variable if there is one.
     #[must_use]
     pub fn connections(&self) -> String {
         let mut text = format!(
@@ -27,19 +27,15 @@ impl Compatibility<'_> {
             let connection = |name: &str| {
                 given.clone().unwrap_or_else(|| connection(port, self.role, name, conversion(port, found)))
             };
-            let proposal = |name| table(&self::connection(port, self.role, name, Conversion::DECLARED));
-            let open = || commented(&table(&connection(OPEN)));
             let lines = match found {
                 Match::Found { variable, .. } => table(&connection(&variable.name)),
-                Match::Missing { suggestions } | Match::Unknown { suggestions, .. } => {
-                    match suggestions.first() {
-                        Some(best) => proposal(best),
-                        None if port.is_required() => open(),
-                        None => continue,
-                    }
+                Match::Missing { suggestions } | Match::Unknown { suggestions, .. }
+                    if !suggestions.is_empty() =>
+                {
+                    commented(&self::connection(port, self.role, suggestions[0], Conversion::DECLARED))
                 }
-                Match::Unconnected if port.is_required() => open(),
-                Match::Unconnected => continue,
+                _ if port.is_required() => commented(&connection(OPEN)),
+                _ => continue,
             };
             let remarks = match found.remarks() {
                 none if none.is_empty() => none,
@@ -94,6 +90,6 @@ fn table(connection: &Connection) -> String {
     format!("[[connection]]\n{connection}")
 }
 
-fn commented(table: &str) -> String {
-    table.lines().map(|line| format!("# {line}\n")).collect()
+fn commented(connection: &Connection) -> String {
+    table(connection).lines().map(|line| format!("# {line}\n")).collect()
 }

@@ -210,6 +210,11 @@ fn set(
             continue;
         };
         let value = location.locate(value(variable, text).and_then(|value| {
+            let value = match (value, driven) {
+                // A plain number is in the signal's unit.
+                (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.apply(number), None),
+                (value, _) => value,
+            };
             if let Some(meant) = value.meant_unit(variable, fmu.description()) {
                 let FmuVariable { name, start, unit, .. } = variable;
                 complain(&format!(
@@ -228,7 +233,6 @@ fn set(
     };
     let number = value.number();
     if let (Some(conversion), Some(number)) = (conversion, number) {
-        // A plain number is in the signal's own unit.
         let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
         for member in &mut scenario.fmus {
             member.inputs.retain(|input| input.name != name);
