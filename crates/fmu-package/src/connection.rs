@@ -19,7 +19,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
 use fmu_io::document::{Document, Location, Node};
 use fmu_io::reading;
 use fmu_terms::{Linear, Unit};
@@ -104,7 +104,7 @@ impl Connection {
             return Ok(Linear::IDENTITY);
         }
         let function = unit_conversion((from_unit, declared.1), (to_unit, &taker.units));
-        function.map_err(|reason| self.location.error(format!("{} to {}: {reason}", self.from(), self.to())))
+        function.map_err(|reason| anyhow!("{} to {}: {reason}", self.from(), self.to()))
     }
 }
 
