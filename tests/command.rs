@@ -148,15 +148,15 @@ fn connections_are_written_read_back_and_kept() {
     for (list, reason) in [
         (
             r#"{ from = "engine:pBoost", to = "controller:boost_pressure" }"#,
-            "there is no FMU engine: the system has plant and controller",
+            "engine is neither plant nor controller",
         ),
         (
             r#"{ from = "controller:command", to = "plant:duty" }"#,
-            "neither controller:command nor plant:duty is a variable of the interface",
+            "no variable of the interface: controller:command and plant:duty",
         ),
         (
             r#"{ from = "throttle", to = "plant:engine_speed" }"#,
-            "throttle and plant:engine_speed are different variables of the interface",
+            "two different variables of the interface: throttle and plant:engine_speed",
         ),
         (
             r#"{ from = "throttle", to = "plant:a" }, { from = "throttle", to = "plant:b" }"#,

@@ -36,9 +36,7 @@ pub fn choices(
         let Connection { source, output, target, input, location, .. } = connection;
         for fmu in source.iter().chain([target]) {
             if ![role, role.other()].iter().any(|role| role.name() == fmu) {
-                return Err(
-                    location.error(format!("there is no FMU {fmu}: the system has plant and controller"))
-                );
+                return Err(location.error(format!("{fmu} is neither plant nor controller")));
             }
         }
         let (kind, own, other) = if target == role.name() {
@@ -56,16 +54,15 @@ pub fn choices(
             interface.ports(role).find(is_meant).map(|port| port.name())
         };
         let [from, to] = [connection.from(), connection.to()];
+        let refused = |reason: &str| Err(location.error(format!("{reason}: {from} and {to}")));
         let (name, has_others_name) = match (port(other), port(own)) {
             (Some(theirs), Some(ours)) if theirs != ours => {
-                return Err(
-                    location.error(format!("{from} and {to} are different variables of the interface"))
-                );
+                return refused("two different variables of the interface");
             }
             (Some(name), _) => (name, true),
             (None, Some(name)) => (name, false),
             (None, None) => {
-                return Err(location.error(format!("neither {from} nor {to} is a variable of the interface")));
+                return refused("no variable of the interface");
             }
         };
         let choice = Choice {
@@ -90,15 +87,13 @@ pub fn choices(
 /// The conversion to the interface. If the other end does not have the interface's name, its units are not those of the
 /// interface.
 fn oriented(conversion: &Conversion, kind: Kind, has_others_name: bool) -> Conversion {
-    let (to_interface, own) = match (conversion, kind) {
-        (Conversion::Units { from, to }, Kind::Output) => {
-            (Conversion::Units { from: from.clone(), to: to.clone() }, from)
-        }
-        (Conversion::Units { from, to }, Kind::Input) => {
-            (Conversion::Units { from: to.clone(), to: from.clone() }, to)
-        }
-        (Conversion::Function(function), Kind::Output) => (Conversion::Function(*function), &None),
-        (Conversion::Function(function), Kind::Input) => (Conversion::Function(function.inverse()), &None),
+    let to_interface = match kind {
+        Kind::Input => conversion.inverse(),
+        Kind::Output => conversion.clone(),
     };
-    if has_others_name { to_interface } else { Conversion::Units { from: own.clone(), to: None } }
+    match to_interface {
+        whole if has_others_name => whole,
+        Conversion::Units { from, .. } => Conversion::Units { from, to: None },
+        Conversion::Function(_) => Conversion::DECLARED,
+    }
 }

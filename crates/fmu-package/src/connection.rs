@@ -64,6 +64,15 @@ pub enum Conversion {
 impl Conversion {
     /// By the declared units.
     pub const DECLARED: Self = Self::Units { from: None, to: None };
+
+    /// The other way round.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        match self.clone() {
+            Self::Units { from, to } => Self::Units { from: to, to: from },
+            Self::Function(function) => Self::Function(function.inverse()),
+        }
+    }
 }
 
 impl Connection {
