@@ -59,7 +59,7 @@ pub fn reference(wanted: &str) -> ValueReference {
 }
 
 /// The Real variables that a condition holds for.
-pub fn reals(condition: impl Fn(ValueReference, Causality, Initial) -> bool) -> Vec<ValueReference> {
+pub fn reals(condition: impl Fn(ValueReference, Causality, Option<Initial>) -> bool) -> Vec<ValueReference> {
     Variables::described()
         .filter(|(reference, variable)| {
             variable.data_type == DataType::Real
@@ -239,7 +239,7 @@ fn what_the_controller_reads_depends_on_no_input() {
 #[test]
 fn initialization_depends_on_what_is_declared() {
     let knowns: Vec<_> =
-        reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact);
+        reals(|_, causality, initial| causality == Causality::Input || initial == Some(Initial::Exact));
     let declared = declared_of_initialization(&knowns);
     let mut observed = nothing_observed(&declared);
     let mut random = Random(11);

@@ -62,7 +62,7 @@ fn point(random: &mut Random, mode: InitializationMode, way: usize) -> Variables
 
 /// The knowns of the initialization: inputs, parameters, and the start values that are used in every mode.
 fn knowns_of_initialization() -> Vec<ValueReference> {
-    reals(|_, causality, initial| causality == Causality::Input || initial == Initial::Exact)
+    reals(|_, causality, initial| causality == Causality::Input || initial == Some(Initial::Exact))
 }
 
 /// The inputs and the states.
@@ -80,7 +80,8 @@ fn parameters() -> Vec<ValueReference> {
 /// The calculated variables, except for the states.
 fn calculated() -> Vec<ValueReference> {
     reals(|_, causality, initial| {
-        causality == Causality::Output || causality == Causality::Local && initial == Initial::Calculated
+        causality == Causality::Output
+            || causality == Causality::Local && initial == Some(Initial::Calculated)
     })
 }
 
@@ -149,8 +150,9 @@ fn derivatives_are_those_of_the_equations() {
 fn derivatives_of_the_initialization_are_those_of_its_result() {
     let knowns = knowns_of_initialization();
     let mut unknowns = calculated();
-    unknowns
-        .extend(reals(|_, causality, initial| causality == Causality::Local && initial == Initial::Approx));
+    unknowns.extend(reals(|_, causality, initial| {
+        causality == Causality::Local && initial == Some(Initial::Approx)
+    }));
     for (mode, ways) in
         [(InitializationMode::Given, 2), (InitializationMode::Running, 2), (InitializationMode::Settled, 3)]
     {
@@ -223,8 +225,9 @@ fn adjoint_derivatives_are_the_directional_ones() {
 fn adjoint_derivatives_of_the_initialization_are_the_directional_ones() {
     let mut random = Random(41);
     let mut unknowns = calculated();
-    unknowns
-        .extend(reals(|_, causality, initial| causality == Causality::Local && initial == Initial::Approx));
+    unknowns.extend(reals(|_, causality, initial| {
+        causality == Causality::Local && initial == Some(Initial::Approx)
+    }));
     for mode in [InitializationMode::Given, InitializationMode::Settled] {
         // The settled derivatives are 0 up to rounding.
         let settled = mode == InitializationMode::Settled;

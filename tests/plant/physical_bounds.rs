@@ -43,7 +43,7 @@ fn random_parameters(random: &mut Random, share: f64) -> Variables {
         let mut variables = Variables::default();
         for (reference, variable) in Variables::described() {
             let is_parameter = variable.causality == Causality::Parameter
-                || variable.initial == Initial::Exact && variable.causality == Causality::Local;
+                || variable.initial == Some(Initial::Exact) && variable.causality == Causality::Local;
             if is_parameter && variable.data_type == DataType::Real && random.between(0.0, 1.0) < share {
                 let value = within(random, variable.min.max(-1e6), variable.max.min(1e6));
                 variables.set_real(reference, value);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, ValueType};
+use fmu_package::{Causality, FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::choice::{Choice, choices};
 use crate::likeness::suggestions;
@@ -88,7 +88,7 @@ impl<'a> Compatibility<'a> {
         if version != "2.0" && !fmu.is_fmi3() {
             problems.push(format!("it is FMI {version}; only FMI 2.0 and 3.0 can be coupled"));
         }
-        if fmu.interface("CoSimulation").is_none() {
+        if fmu.co_simulation_identifier().is_none() {
             problems.push("it does not support co-simulation".to_owned());
         }
         let matches: Vec<(Port<'a>, Match<'a>)> = interface
@@ -116,7 +116,7 @@ impl<'a> Compatibility<'a> {
 
     /// The FMU's inputs without a connection: they keep their start values.
     pub fn other_inputs(&self) -> impl Iterator<Item = &'a FmuVariable> {
-        self.fmu.of_causality("input").filter(|input| {
+        self.fmu.of_causality(Causality::Input).filter(|input| {
             !self.matches.iter().any(
                 |(_, found)| matches!(found, Match::Found { variable, .. } if variable.name == input.name),
             )
@@ -156,9 +156,9 @@ impl<'a> Match<'a> {
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
         }
-        let causality = port.kind.name();
+        let causality = port.kind.causality();
         if variable.causality != causality {
-            let own = Some(variable.causality.as_str()).filter(|own| !own.is_empty()).unwrap_or("local");
+            let own = Some(variable.causality.text()).filter(|own| !own.is_empty()).unwrap_or("local");
             problems.push(format!("its causality is {own}, not {causality}"));
         }
         let conversion = conversion(port, fmu, variable, to_interface);

@@ -94,13 +94,13 @@ impl Interface {
     /// The variables that couple an FMU in a role.
     pub fn ports(&self, role: Role) -> impl Iterator<Item = Port<'_>> {
         let ports = move |kind: Kind, counterpart: Kind| {
-            self.description(role).of_causality(kind.name()).map(move |variable| Port {
+            self.description(role).of_causality(kind.causality()).map(move |variable| Port {
                 interface: self,
                 variable,
                 kind,
                 counterpart: self
                     .description(role.other())
-                    .of_causality(counterpart.name())
+                    .of_causality(counterpart.causality())
                     .find(|other| other.name == variable.name),
             })
         };

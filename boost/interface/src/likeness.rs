@@ -24,7 +24,7 @@ pub fn suggestions<'a>(port: &Port<'_>, name: &str, fmu: &'a FmuDescription) -> 
         }
     };
     let mut candidates: Vec<_> = fmu
-        .of_causality(port.kind.name())
+        .of_causality(port.kind.causality())
         .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
         .map(|variable| (likeness(variable), variable.name.as_str()))
         .filter(|(likeness, _)| *likeness >= LIKENESS)

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fmu_io::terminal::number;
-use fmu_package::{FmuDescription, FmuVariable, Linear, Unit};
+use fmu_package::{Causality, FmuDescription, FmuVariable, Linear, Unit};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};
@@ -59,7 +59,7 @@ impl Compatibility<'_> {
             match namesake {
                 None => description.variables.push(variable),
                 Some((_, Match::Unconnected)) => {
-                    "local".clone_into(&mut variable.causality);
+                    variable.causality = Causality::Local.into();
                     description.variables.push(variable);
                 }
                 Some(_) => {}
@@ -128,7 +128,7 @@ mod tests {
             .iter()
             .map(|v| {
                 let FmuVariable { name, causality, unit, start, min, max, .. } = v;
-                [name, causality, unit, start, min, max].map(String::as_str)
+                [name.as_str(), causality.text(), unit, start, min, max]
             })
             .collect();
         assert_eq!(

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use fmu_io::reading;
 use fmu_io::terminal::{in_line, print};
 use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive};
+use fmu_terms::Word;
 use serde::Serialize;
 
 /// Output formats.
@@ -127,7 +128,7 @@ fn json(file: &Path, description: &FmuDescription) -> Result<String> {
         interfaces: description
             .interfaces
             .iter()
-            .map(|(name, attributes)| JsonInterface { name, attributes: by_name(attributes) })
+            .map(|(name, attributes)| JsonInterface { name: name.as_str(), attributes: by_name(attributes) })
             .collect(),
         default_experiment: by_name(&description.default_experiment),
         libraries: libraries(file)?,
@@ -171,13 +172,13 @@ fn unit(unit: &Unit) -> JsonUnit<'_> {
 fn variable<'a>(variable: &'a FmuVariable, description: &FmuDescription) -> JsonVariable<'a> {
     JsonVariable {
         name: &variable.name,
-        value_reference: variable.value_reference.trim().parse().ok(),
-        r#type: &variable.data_type,
+        value_reference: variable.value_reference.meaning(),
+        r#type: variable.data_type.text(),
         dimensions: description.sizes(variable).ok().filter(|sizes| !sizes.is_empty()),
         declared_type: declared(&variable.declared_type),
-        causality: declared(&variable.causality),
-        variability: declared(&variable.variability),
-        initial: declared(&variable.initial),
+        causality: declared(variable.causality.text()),
+        variability: declared(variable.variability.text()),
+        initial: declared(variable.initial.text()),
         unit: declared(&variable.unit),
         start: declared(&variable.start),
         min: declared(&variable.min),
@@ -192,7 +193,9 @@ fn table(description: &FmuDescription) -> String {
     };
     let mut facts = description.attributes.clone();
     facts.retain(|(name, _)| !name.contains(':'));
-    facts.extend(description.interfaces.iter().map(|(name, attributes)| (name.clone(), joined(attributes))));
+    facts.extend(
+        description.interfaces.iter().map(|(name, attributes)| (name.to_string(), joined(attributes))),
+    );
     if !description.default_experiment.is_empty() {
         facts.push(("DefaultExperiment".to_owned(), joined(&description.default_experiment)));
     }
@@ -228,6 +231,7 @@ fn columns(variable: &FmuVariable, fmu: &FmuDescription) -> [String; 8] {
     let sizes = fmu.sizes(variable).unwrap_or_default();
     let sizes = sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let FmuVariable { name, causality, variability, data_type, unit, start, description, .. } = variable;
-    let data_type = if sizes.is_empty() { data_type.clone() } else { format!("{data_type}[{sizes}]") };
-    [name, causality, variability, &data_type, unit, start, &range, description].map(|text| in_line(text))
+    let data_type = if sizes.is_empty() { data_type.to_string() } else { format!("{data_type}[{sizes}]") };
+    [name, causality.text(), variability.text(), &data_type, unit, start, &range, description]
+        .map(|text| in_line(text))
 }

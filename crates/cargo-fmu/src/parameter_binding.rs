@@ -10,6 +10,7 @@ use fmu_package::{
     Connection, Connector, End, FmuDescription, FmuVariable, Kind, ParameterSet, Placement, System,
     SystemComponent, SystemPackage, SystemStructure, ValueType,
 };
+use fmu_terms::Interface;
 
 use super::export::{Plan, say};
 
@@ -38,7 +39,7 @@ pub fn export(plan: &Plan, files: &[PathBuf]) -> Result<()> {
         }
     }
     for (fmu, (description, sets)) in bound {
-        if description.interface("CoSimulation").is_none() {
+        if description.interface(Interface::CoSimulation).is_none() {
             bail!(
                 "{}: a package with parameter sets needs co-simulation, which this FMU does not offer",
                 fmu.display()
@@ -76,7 +77,7 @@ fn package(fmu: &FmuDescription, bytes: Vec<u8>, sets: Vec<(String, ParameterSet
     let name = fmu.co_simulation_identifier().unwrap_or("Model").to_owned();
     let of_kind = |kind: Kind| {
         let variables: Vec<_> = fmu
-            .of_causality(kind.name())
+            .of_causality(kind.causality())
             .filter(|variable| variable.value_type() == ValueType::Real && variable.dimensions.is_empty())
             .collect();
         let pitch = 1.0 / (variables.len() + 1) as f64;

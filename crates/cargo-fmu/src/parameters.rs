@@ -7,6 +7,7 @@ use clap::Args;
 use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_package::{FmuDescription, FmuVariable, Parameter, ParameterSet, Value, ValueType};
+use fmu_terms::Causality;
 
 /// Write an FMU's parameters and their defaults to a parameter set to edit
 #[derive(Args, Debug)]
@@ -38,7 +39,7 @@ impl Parameters {
 
 /// The start values of an FMU's parameters.
 fn defaults(description: &FmuDescription) -> Result<ParameterSet> {
-    let parameters = description.of_causality("parameter").filter(|variable| variable.is_settable());
+    let parameters = description.of_causality(Causality::Parameter).filter(|variable| variable.is_settable());
     let parameters = parameters.map(|variable| {
         let value = start(variable, description)
             .with_context(|| format!("the start value of {} is '{}'", variable.name, variable.start))?;

@@ -3,8 +3,7 @@
 use fmu_terms::Version;
 
 use crate::check;
-use crate::data_type::DataType;
-use crate::declaration::{Causality, Declaration, Described, Initial, Variability, VariableDeclaration};
+use crate::declaration::{Declaration, Described, VariableDeclaration};
 use crate::dependencies;
 use crate::error::Refusals;
 use crate::flatten::Flat;
@@ -13,6 +12,8 @@ use crate::model::{Field, Model, Place, Scalar};
 use crate::package::Package;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, DataType, Initial, Variability};
 
 /// The suffix of the model identifier of an FMU for Scheduled Execution.
 const SCHEDULED: &str = "Scheduled";
@@ -90,7 +91,7 @@ fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
     let field = Field {
         declaration: clock,
         place: Place::Clocks,
-        data_type: DataType::Clock,
+        data_type: ValueType::Standard(DataType::Clock),
         positions: vec![position],
     };
     model.scalars.push(Scalar {
@@ -101,7 +102,7 @@ fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
         place: Place::Clocks,
         causality: Causality::Input,
         variability: Variability::Discrete,
-        data_type: DataType::Clock,
+        data_type: ValueType::Standard(DataType::Clock),
         unit: None,
         path: field.name(),
         ..Scalar::time()

@@ -10,13 +10,13 @@ pub(crate) mod variable;
 
 use std::collections::BTreeSet;
 
-use crate::data_type::DataType;
 use crate::declaration::{Declaration, Described};
 use crate::error::{Refusals, nearest};
 use crate::names::{
     OF_ITEMS, field_name, is_c_identifier, mixed_name, pascal_case, snake_case, type_name, unique,
 };
 use crate::texts::one_line;
+use crate::value_type::ValueType;
 
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
     if !is_c_identifier(identifier) {
@@ -50,7 +50,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, enumeration) in enumerations.iter().enumerate() {
         let (name, key) = (&enumeration.name, format!("enumerations[{number}]"));
         refusals.require(format!("{key}.name"), type_name(name));
-        if DataType::of_name(name).is_some() {
+        if ValueType::of_name(name).is_some() {
             refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
         }
         if enumeration.items.is_empty() {

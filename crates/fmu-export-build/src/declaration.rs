@@ -8,18 +8,17 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
+use fmu_terms::{Causality, DataType, MatchingRule, Version};
 use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-use crate::data_type::DataType;
 use crate::error::Refusal;
+use crate::value_type::ValueType;
 
 #[cfg(test)]
 use variable::start_schema;
-pub(crate) use variable::{
-    Causality, Dimension, Initial, IntervalVariability, UnitNames, Variability, VariableDeclaration, word,
-};
+pub(crate) use variable::{Dimension, UnitNames, VariableDeclaration};
 
 /// A model: its name and variables.
 #[derive(Debug, Deserialize)]
@@ -144,12 +143,12 @@ impl Declaration {
         let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
         let of_types = self.component_types.iter().map(|component_type| &component_type.variables);
         let variables = [&self.variables].into_iter().chain(of_components).chain(of_types).flatten();
-        variables.filter_map(|variable| DataType::of_name(&variable.data_type))
+        variables.filter_map(|variable| ValueType::of_name(&variable.data_type))
     }
 
     /// Whether a variable's type does not exist in FMI 2.0.
     pub(crate) fn needs_fmi3(&self) -> bool {
-        self.types().any(|data_type| !data_type.is_of_fmi2())
+        self.types().any(|data_type| !data_type.is_of(Version::Two))
     }
 
     /// Whether a variable is a clock.
@@ -193,18 +192,6 @@ pub(crate) struct TerminalDeclaration {
     pub(crate) matching_rule: MatchingRule,
     /// The members, connected by name; in FMI 3.0, whole arrays.
     pub(crate) variables: Vec<String>,
-}
-
-/// Which members of two connected terminals are connected.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum MatchingRule {
-    /// All; both sides must have the same names.
-    Plug,
-    /// Those whose names exist on both sides.
-    #[default]
-    Bus,
 }
 
 /// Times in seconds.

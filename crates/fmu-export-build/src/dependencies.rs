@@ -9,9 +9,9 @@ use std::rc::Rc;
 
 use fmu_terms::Version;
 
-use crate::declaration::Causality;
 use crate::error::{Refusal, Refusals};
 use crate::model::{Place, Reads, Scalar};
+use fmu_terms::Causality;
 
 /// The lists of the XML's `ModelStructure`.
 pub(crate) struct Structure {

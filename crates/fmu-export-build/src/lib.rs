@@ -2,7 +2,6 @@
 
 mod assembly;
 mod check;
-mod data_type;
 mod declaration;
 mod dependencies;
 mod error;
@@ -22,6 +21,7 @@ mod subscripts;
 mod texts;
 mod type_names;
 mod units;
+mod value_type;
 mod xml;
 
 use std::env;

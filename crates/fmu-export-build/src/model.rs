@@ -6,13 +6,12 @@ use std::collections::BTreeMap;
 
 use fmu_terms::{Unit, Version};
 
-use crate::data_type::DataType;
-use crate::declaration::{
-    Causality, Declaration, Described, Initial, UnitNames, Variability, VariableDeclaration,
-};
+use crate::declaration::{Declaration, Described, UnitNames, VariableDeclaration};
 use crate::interfaces::Fmi;
 use crate::names::snake_case;
 use crate::start::Start;
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, Initial, Variability};
 
 /// A model ready to be printed.
 pub(crate) struct Model<'a> {
@@ -54,7 +53,7 @@ pub(crate) struct Part<'a> {
 pub(crate) struct Field<'a> {
     pub(crate) declaration: &'a VariableDeclaration,
     pub(crate) place: Place,
-    pub(crate) data_type: DataType,
+    pub(crate) data_type: ValueType,
     /// Its scalars' positions, row by row.
     pub(crate) positions: Vec<usize>,
 }
@@ -104,7 +103,7 @@ pub(crate) struct Scalar {
     pub(crate) variability: Variability,
     /// None for inputs and the independent variable.
     pub(crate) initial: Option<Initial>,
-    pub(crate) data_type: DataType,
+    pub(crate) data_type: ValueType,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
     pub(crate) min: Option<f64>,

@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_terms::Unit;
 
-use crate::declaration::{Causality, ComponentDeclaration, Variability};
+use crate::declaration::ComponentDeclaration;
 use crate::dependencies;
 use crate::error::nearest;
 use crate::flatten::{Equation, Flat};
 use crate::model::{Place, Scalar, without_subscripts};
 use crate::subscripts::Read;
 use crate::units::Units;
+use fmu_terms::{Causality, Variability};
 
 impl<'a> Flat<'a> {
     /// Resolves the names that equations read to positions.

@@ -5,10 +5,11 @@ use std::fmt;
 use fmu_xml::float;
 use serde_json::Value;
 
-use crate::data_type::DataType;
 use crate::declaration::{Declaration, VariableDeclaration};
 use crate::error::nearest;
 use crate::texts::survives_xml;
+use crate::value_type::ValueType;
+use fmu_terms::DataType;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Start {
@@ -26,7 +27,7 @@ impl Start {
     pub(crate) fn all(
         declaration: &Declaration,
         variable: &VariableDeclaration,
-        data_type: DataType,
+        data_type: ValueType,
         start: &Value,
     ) -> Result<Vec<Self>, String> {
         if !variable.sizes.is_empty() && !start.is_array() {
@@ -50,7 +51,7 @@ impl Start {
     fn read(
         declaration: &Declaration,
         variable: &VariableDeclaration,
-        data_type: DataType,
+        data_type: ValueType,
         value: &Value,
     ) -> Result<Self, String> {
         let mismatch = || format!("{value} is not of type {}", variable.data_type);
@@ -69,19 +70,23 @@ impl Start {
         }
         let text = || value.as_str().ok_or_else(mismatch);
         match data_type {
-            DataType::Float32 if value.as_f64().is_some_and(|value| value.abs() > f32::MAX.into()) => {
+            ValueType::Standard(DataType::Float32)
+                if value.as_f64().is_some_and(|value| value.abs() > f32::MAX.into()) =>
+            {
                 Err(mismatch())
             }
-            DataType::Boolean => value.as_bool().map(Self::Boolean).ok_or_else(mismatch),
-            DataType::Clock => Err("a Clock has no 'start' value".to_owned()),
-            DataType::String if survives_xml(text()?) => Ok(Self::String(text()?.to_owned())),
-            DataType::String => {
+            ValueType::Standard(DataType::Boolean) => value.as_bool().map(Self::Boolean).ok_or_else(mismatch),
+            ValueType::Standard(DataType::Clock) => Err("a Clock has no 'start' value".to_owned()),
+            ValueType::Standard(DataType::String) if survives_xml(text()?) => {
+                Ok(Self::String(text()?.to_owned()))
+            }
+            ValueType::Standard(DataType::String) => {
                 Err("contains a character that XML does not preserve, such as a line break".to_owned())
             }
-            DataType::Binary => bytes(text()?)
+            ValueType::Standard(DataType::Binary) => bytes(text()?)
                 .map(Self::Binary)
                 .ok_or_else(|| format!("{value} does not consist of two hexadecimal digits per byte")),
-            DataType::Enumeration(position) => {
+            ValueType::Enumeration(position) => {
                 let name = text()?;
                 let items = || declaration.enumerations[position].items.iter().map(|item| item.name.as_str());
                 items().position(|item| item == name).map(Self::Item).ok_or_else(|| {

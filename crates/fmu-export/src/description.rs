@@ -4,6 +4,8 @@
 use core::fmt;
 use core::ops::Deref;
 
+pub use fmu_terms::{Causality, DataType, Initial, Interfaces, IntervalVariability, Variability, Version};
+
 /// An importer's handle for a variable.
 pub type ValueReference = u32;
 
@@ -26,18 +28,6 @@ pub struct ModelDescription {
     pub has_resources: bool,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
-}
-
-/// The FMI interfaces that an FMU offers; at least one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(clippy::struct_excessive_bools, reason = "they are the standard's")]
-pub struct Interfaces {
-    /// The FMU steps itself.
-    pub co_simulation: bool,
-    /// The importer integrates the FMU's states.
-    pub model_exchange: bool,
-    /// The importer schedules the FMU's clocks.
-    pub scheduled_execution: bool,
 }
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1) that depend on the model.
@@ -80,8 +70,8 @@ pub struct VariableDescription {
     pub causality: Causality,
     /// When its value may change.
     pub variability: Variability,
-    /// How its initial value is defined.
-    pub initial: Initial,
+    /// How its initial value is defined; inputs and the independent variable have none.
+    pub initial: Option<Initial>,
     /// The smallest accepted value.
     pub min: f64,
     /// The largest accepted value.
@@ -273,137 +263,4 @@ pub struct ClockDescription {
     pub supports_fraction: bool,
     /// Whether the importer may revoke a tick.
     pub can_be_deactivated: bool,
-}
-
-/// `intervalVariability` (FMI 3.0.2, section 2.4.4).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum IntervalVariability {
-    Constant,
-    Fixed,
-    Tunable,
-    Changing,
-    Countdown,
-    Triggered,
-}
-
-impl IntervalVariability {
-    /// Whether ticks are equidistant.
-    pub(crate) fn is_periodic(self) -> bool {
-        matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
-    }
-}
-
-/// The versions of the standard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum Version {
-    Two,
-    Three,
-}
-
-/// The data types, by their FMI 2.0 names where these exist.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum DataType {
-    Real,
-    Integer,
-    Boolean,
-    String,
-    /// Accessed through the Integer functions; in FMI 3.0, those of Int64.
-    Enumeration,
-    // FMI 3.0 only.
-    Float32,
-    Int8,
-    UInt8,
-    Int16,
-    UInt16,
-    UInt32,
-    Int64,
-    UInt64,
-    Binary,
-    /// FMI 3.0 only.
-    Clock,
-}
-
-impl DataType {
-    /// The name in an FMI version.
-    #[must_use]
-    pub fn name(self, version: Version) -> &'static str {
-        match (self, version) {
-            (Self::Real, Version::Two) => "Real",
-            (Self::Real, Version::Three) => "Float64",
-            (Self::Integer, Version::Two) => "Integer",
-            (Self::Integer, Version::Three) => "Int32",
-            (Self::Boolean, _) => "Boolean",
-            (Self::String, _) => "String",
-            (Self::Enumeration, _) => "Enumeration",
-            (Self::Float32, _) => "Float32",
-            (Self::Int8, _) => "Int8",
-            (Self::UInt8, _) => "UInt8",
-            (Self::Int16, _) => "Int16",
-            (Self::UInt16, _) => "UInt16",
-            (Self::UInt32, _) => "UInt32",
-            (Self::Int64, _) => "Int64",
-            (Self::UInt64, _) => "UInt64",
-            (Self::Binary, _) => "Binary",
-            (Self::Clock, _) => "Clock",
-        }
-    }
-}
-
-/// Declares an attribute of variables, with the names of its values in the standard.
-macro_rules! attribute {
-    ($(#[$attribute:meta])* $name:ident { $($(#[$of_value:meta])* $value:ident = $text:literal,)* }) => {
-        $(#[$attribute])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[allow(missing_docs)]
-        pub enum $name {
-            $($(#[$of_value])* $value,)*
-        }
-
-        impl fmt::Display for $name {
-            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-                formatter.write_str(match self {
-                    $(Self::$value => $text,)*
-                })
-            }
-        }
-    };
-}
-
-attribute! {
-    /// `causality` (FMI 2.0.5, section 2.2.7).
-    Causality {
-        Parameter = "parameter",
-        /// FMI 3.0 only.
-        StructuralParameter = "structuralParameter",
-        CalculatedParameter = "calculatedParameter",
-        Input = "input",
-        Output = "output",
-        Local = "local",
-        Independent = "independent",
-    }
-}
-
-attribute! {
-    /// `variability` (FMI 2.0.5, section 2.2.7).
-    Variability {
-        Constant = "constant",
-        Fixed = "fixed",
-        Tunable = "tunable",
-        Discrete = "discrete",
-        Continuous = "continuous",
-    }
-}
-
-/// `initial` (FMI 2.0.5, section 2.2.7).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum Initial {
-    Exact,
-    Approx,
-    Calculated,
-    /// Inputs and the independent variable have none.
-    None,
 }

@@ -127,17 +127,17 @@ impl<M: Model> Instance<M> {
 
     /// Event Mode of Co-Simulation in FMI 3.0, and so intermediate updates.
     pub(crate) const EVENT_MODE: Offer = Offer {
-        is_made: Self::DESCRIPTION.capabilities.event_mode && Self::DESCRIPTION.interfaces.co_simulation,
+        is_made: Self::DESCRIPTION.capabilities.event_mode && Self::DESCRIPTION.interfaces.co_simulation(),
         refusal: "not supported by this FMU (hasEventMode is false)",
     };
     /// Events that the importer handles: in Model Exchange, and in Event Mode of Co-Simulation.
     pub(crate) const EVENTS: Offer = Offer {
-        is_made: Self::DESCRIPTION.interfaces.model_exchange || Self::EVENT_MODE.is_made,
+        is_made: Self::DESCRIPTION.interfaces.model_exchange() || Self::EVENT_MODE.is_made,
         refusal: "this FMU does not offer Model Exchange",
     };
     /// Scheduled Execution.
     pub(crate) const SCHEDULED_EXECUTION: Offer = Offer {
-        is_made: Self::DESCRIPTION.interfaces.scheduled_execution,
+        is_made: Self::DESCRIPTION.interfaces.scheduled_execution(),
         refusal: "this FMU does not offer Scheduled Execution",
     };
 

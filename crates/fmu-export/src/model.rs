@@ -288,20 +288,20 @@ pub const fn check_interfaces<M: Model>() {
     let ModelDescription { interfaces, capabilities, .. } = M::Variables::DESCRIPTION;
     let Serves { model_exchange, event_mode, scheduled_execution } = M::SERVES;
     assert!(
-        model_exchange || !interfaces.model_exchange,
+        model_exchange || !interfaces.model_exchange(),
         "this model cannot be exported for Model Exchange: models of `Equations` and `Sampled` models can be"
     );
     assert!(
-        event_mode || !capabilities.event_mode || !interfaces.co_simulation,
+        event_mode || !capabilities.event_mode || !interfaces.co_simulation(),
         "this model has no Event Mode, which `event_mode` in its JSON's capabilities declares: models of `Equations` and \
          `Sampled` models have it"
     );
     assert!(
-        scheduled_execution || !interfaces.scheduled_execution,
+        scheduled_execution || !interfaces.scheduled_execution(),
         "this model cannot be exported for Scheduled Execution: `Clocked` and `Sampled` models can be"
     );
     assert!(
-        !interfaces.scheduled_execution || !M::Variables::CLOCKS.is_empty(),
+        !interfaces.scheduled_execution() || !M::Variables::CLOCKS.is_empty(),
         "Scheduled Execution needs a clock in the model's JSON: a variable of the type Clock, or of a sampled model \
          \"clock\": {{\"name\": \"sample_clock\"}}"
     );

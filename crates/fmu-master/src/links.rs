@@ -11,7 +11,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{FmuVariable, Linear, Unit, unit_conversion};
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 
 use crate::importer::Fmu;
 use crate::scenario::{Input, Member, Scenario, Signal};
@@ -66,13 +66,14 @@ fn by_name(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<Connection> {
     };
     let mut connections = vec![];
     for (member, fmu) in members() {
-        for name in fmu.names("input") {
+        for name in fmu.names(Causality::Input) {
             connections.push(connection(None, member, name));
             if member.inputs.iter().any(|input| input.name == name) {
                 continue;
             }
             let others = members().filter(|(other, _)| other.name != member.name);
-            let givers = others.filter(|(_, other)| other.names("output").any(|output| output == name));
+            let givers =
+                others.filter(|(_, other)| other.names(Causality::Output).any(|output| output == name));
             connections.extend(givers.map(|(giver, _)| connection(Some(giver), member, name)));
         }
     }
@@ -81,7 +82,7 @@ fn by_name(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<Connection> {
 
 impl Link {
     fn new(connection: &Connection, members: &[Member], fmus: &[Arc<Fmu>]) -> Result<Self> {
-        let find = |fmu: &str, name: &str, causality: &'static str| {
+        let find = |fmu: &str, name: &str, causality: Causality| {
             let index = members.iter().position(|member| member.name == fmu).with_context(|| {
                 let names = members.iter().map(|member| member.name.as_str());
                 format!("there is no FMU {fmu}{}", like(fmu, names))
@@ -93,9 +94,9 @@ impl Link {
             })?;
             anyhow::Ok((index, variable))
         };
-        let source = connection.source.as_ref().map(|fmu| find(fmu, &connection.output, "output"));
+        let source = connection.source.as_ref().map(|fmu| find(fmu, &connection.output, Causality::Output));
         let source = source.transpose()?;
-        let (target, input) = find(&connection.target, &connection.input, "input")?;
+        let (target, input) = find(&connection.target, &connection.input, Causality::Input)?;
         if source.is_some_and(|(index, _)| index == target) {
             anyhow::bail!("{} is of the same FMU", connection.from());
         }

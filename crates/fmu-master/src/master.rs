@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_package::Linear;
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 
 use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
 use crate::links::{Link, links, refuse_ambiguous_unit};
@@ -425,10 +425,10 @@ fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
 
 /// Rejects an input that an FMU does not have.
 fn has_input(fmu: &Fmu, name: &str) -> Result<()> {
-    if fmu.names("input").any(|known| known == name) {
+    if fmu.names(Causality::Input).any(|known| known == name) {
         return Ok(());
     }
-    bail!("no FMU has an input {name}{}", like(name, fmu.names("input")))
+    bail!("no FMU has an input {name}{}", like(name, fmu.names(Causality::Input)))
 }
 
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use fmu_package::connection::Conversion;
 use fmu_package::{FmuDescription, FmuVariable, Linear, ValueType};
 use fmu_record::{Column, Record};
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 
 use crate::importer::{Fmu, Instance, Selection};
 use crate::links::{Link, signal};
@@ -136,7 +136,7 @@ impl Recorder {
 fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
     let is_number =
         |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
-    fmu.description().of_causality("output").filter(is_number)
+    fmu.description().of_causality(Causality::Output).filter(is_number)
 }
 
 enum Found {
@@ -155,7 +155,7 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link]) -> R
         fmus[index].variable(name)?;
         return Ok(Found::Variable { member: index, name: name.to_owned() });
     }
-    let is_output = |fmu: &Arc<Fmu>| fmu.names("output").any(|output| output == name);
+    let is_output = |fmu: &Arc<Fmu>| fmu.names(Causality::Output).any(|output| output == name);
     let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
     let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
     // The signal for an FMU whose replacement does not have this input.

@@ -4,11 +4,11 @@ use std::env;
 use std::io;
 use std::path::Path;
 
-use fmu_package::FmuDescription;
+use fmu_package::{Causality, FmuDescription};
 
 fn main() -> io::Result<()> {
     let file = env::args_os().nth(1).ok_or_else(|| io::Error::other("which FMU?"))?;
-    for input in FmuDescription::read(Path::new(&file))?.of_causality("input") {
+    for input in FmuDescription::read(Path::new(&file))?.of_causality(Causality::Input) {
         println!("{} in {}: {}", input.name, input.unit, input.description);
     }
     Ok(())

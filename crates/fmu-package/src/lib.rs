@@ -6,6 +6,7 @@
 
 pub mod archive;
 pub mod connection;
+mod declared;
 mod fmu;
 mod identifier;
 pub mod library;
@@ -22,8 +23,9 @@ pub mod validation;
 mod variable;
 mod xml;
 
+pub use declared::Declared;
 pub use fmu::Fmu;
-pub use fmu_terms::{BaseUnit, DisplayUnit, Linear, Unit};
+pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
 pub use identifier::is_identifier;
 pub use library::Library;
 pub use merge::{Merged, Part};

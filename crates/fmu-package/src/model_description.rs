@@ -8,19 +8,17 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading::{self, broken};
-use fmu_terms::{DisplayUnit, Unit};
+use fmu_terms::{Causality, DisplayUnit, Interface, Unit, Word};
 
 use crate::archive;
+use crate::declared::Declared;
 use crate::identifier::{IDENTIFIER, refuse_no_identifier};
 use crate::units;
-use crate::variable::{Dimension, Element, FmuVariable};
+use crate::variable::{Dimension, Element, FmuVariable, Types};
 use crate::xml::{self, attributes, children, listed, named, text};
 
 /// The path in the archive.
 pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
-
-/// The interface types.
-pub(crate) const INTERFACES: [&str; 3] = ["ModelExchange", "CoSimulation", "ScheduledExecution"];
 
 /// The most array elements as variables.
 const MOST_SCALARS: usize = 2_000_000;
@@ -30,8 +28,8 @@ const MOST_SCALARS: usize = 2_000_000;
 pub struct FmuDescription {
     /// The root element's attributes, by name, in file order.
     pub attributes: Vec<(String, String)>,
-    /// The interface types (`CoSimulation` …), each with its attributes: identifier and capabilities.
-    pub interfaces: Vec<(String, Vec<(String, String)>)>,
+    /// The interfaces, each with its attributes: identifier and capabilities.
+    pub interfaces: Vec<(Interface, Vec<(String, String)>)>,
     /// The attributes of `DefaultExperiment`.
     pub default_experiment: Vec<(String, String)>,
     /// The declared units.
@@ -41,9 +39,9 @@ pub struct FmuDescription {
     /// The variables, in file order.
     pub variables: Vec<FmuVariable>,
     /// The derivatives of the continuous states: positions from 1 on, in FMI 3.0 value references.
-    pub derivatives: Vec<String>,
+    pub derivatives: Vec<Declared<u32>>,
     /// The value references of the event indicators (FMI 3.0).
-    pub event_indicators: Vec<String>,
+    pub event_indicators: Vec<Declared<u32>>,
 }
 
 /// An enumeration type.
@@ -77,35 +75,26 @@ impl FmuDescription {
         let document = xml::read(xml, "fmiModelDescription")?;
         let root = document.root_element();
         refuse_fmi1(root)?;
-        // The name of each type, and the element with its attributes.
-        let types = listed(root, "TypeDefinitions").map(|declared| {
-            let is_type =
-                |child: &xml::Element<'_>| !["Item", "Annotations"].contains(&child.tag_name().name());
-            // FMI 3.0: the element itself is the type.
-            (
-                declared.attribute("name").unwrap_or_default(),
-                children(declared).find(is_type).unwrap_or(declared),
-            )
-        });
-        let types: Vec<_> = types.collect();
-        let enumerations = types.iter().map(|(name, typed)| Enumeration::read(name, *typed));
+        let types: Vec<_> = declared_types(root).collect();
+        let enumerations =
+            types.iter().map(|[declared, typed]| Enumeration::read(&text(*declared, "name"), *typed));
         let enumerations: Vec<_> = enumerations.collect::<io::Result<_>>()?;
-        let types = types.into_iter().collect();
-        let interfaces = children(root).filter(|child| INTERFACES.contains(&child.tag_name().name()));
+        let types = by_name(&types);
+        let interfaces = children(root)
+            .filter_map(|child| Some((Interface::of(child.tag_name().name())?, attributes(child))));
         let variables = listed(root, "ModelVariables").map(|variable| FmuVariable::read(variable, &types));
         let structure = || named(root, "ModelStructure").flat_map(children);
         let references = |element: &str| {
             let listed = structure().filter(|child| child.tag_name().name() == element);
-            listed.map(|listed| text(listed, "valueReference")).collect::<Vec<_>>()
+            listed.map(|listed| Declared::number(listed.attribute("valueReference"))).collect::<Vec<_>>()
         };
         let of_fmi2 = structure().filter(|child| child.tag_name().name() == "Derivatives").flat_map(children);
-        let mut derivatives: Vec<_> = of_fmi2.map(|unknown| text(unknown, "index")).collect();
+        let mut derivatives: Vec<_> =
+            of_fmi2.map(|unknown| Declared::number(unknown.attribute("index"))).collect();
         derivatives.extend(references("ContinuousStateDerivative"));
         let description = Self {
             attributes: attributes(root),
-            interfaces: interfaces
-                .map(|interface| (interface.tag_name().name().to_owned(), attributes(interface)))
-                .collect(),
+            interfaces: interfaces.collect(),
             default_experiment: named(root, "DefaultExperiment").next().map(attributes).unwrap_or_default(),
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
@@ -157,7 +146,7 @@ impl FmuDescription {
         let size = |dimension: &Dimension| match dimension {
             Dimension::Fixed(size) => Some(*size),
             Dimension::Variable(reference) => {
-                let of = self.variables.iter().find(|of| of.value_reference == *reference);
+                let of = self.with_reference(reference).next();
                 of.and_then(|of| of.start.trim().parse().ok())
             }
         };
@@ -186,28 +175,31 @@ impl FmuDescription {
         text_of(&self.attributes, name)
     }
 
-    /// The attributes of an interface, such as `CoSimulation`.
+    /// The attributes of an interface, if offered.
     #[must_use]
-    pub fn interface(&self, name: &str) -> Option<&[(String, String)]> {
-        self.interfaces.iter().find(|(known, _)| known == name).map(|(_, attributes)| attributes.as_slice())
+    pub fn interface(&self, interface: Interface) -> Option<&[(String, String)]> {
+        self.interfaces
+            .iter()
+            .find(|(known, _)| *known == interface)
+            .map(|(_, attributes)| attributes.as_slice())
     }
 
     /// The identifier of the library for co-simulation, if offered.
     #[must_use]
     pub fn co_simulation_identifier(&self) -> Option<&str> {
-        self.identifier("CoSimulation")
+        self.identifier(Interface::CoSimulation)
     }
 
     /// The identifier of the library for an interface, if offered.
     #[must_use]
-    pub fn identifier(&self, interface: &str) -> Option<&str> {
+    pub fn identifier(&self, interface: Interface) -> Option<&str> {
         self.interface(interface).map(|attributes| text_of(attributes, IDENTIFIER))
     }
 
     /// Whether the FMU declares a capability flag for an interface, such as `canGetAndSetFMUstate`, in FMI 3.0
     /// `canGetAndSetFMUState`. An XML boolean is a word or a digit.
     #[must_use]
-    pub fn has_capability(&self, interface: &str, flag: &str) -> bool {
+    pub fn has_capability(&self, interface: Interface, flag: &str) -> bool {
         self.interface(interface).is_some_and(|attributes| {
             let value = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(flag));
             value.is_some_and(|(_, value)| xml::is_true(value))
@@ -251,16 +243,23 @@ impl FmuDescription {
     }
 
     /// The variable with a position from 1 on, or, in FMI 3.0, with a value reference; all elements if it is an array.
-    fn referred(&self, reference: &str) -> Vec<&FmuVariable> {
+    fn referred(&self, reference: &Declared<u32>) -> Vec<&FmuVariable> {
         if !self.is_fmi3() {
-            let position = reference.trim().parse().ok().and_then(|position: usize| position.checked_sub(1));
+            let position = reference.meaning().and_then(|position| (position as usize).checked_sub(1));
             return position.and_then(|position| self.variables.get(position)).into_iter().collect();
         }
-        let mut known =
-            self.variables.iter().filter(|variable| variable.value_reference == reference).peekable();
+        let mut known = self.with_reference(reference).peekable();
         // Further ones are aliases.
         let size = known.peek().and_then(|first| first.element).map_or(1, |element| element.size);
         known.take(size).collect()
+    }
+
+    /// The variables with a value reference.
+    fn with_reference(&self, reference: &Declared<u32>) -> impl Iterator<Item = &FmuVariable> {
+        let reference = reference.meaning();
+        self.variables
+            .iter()
+            .filter(move |variable| reference.is_some_and(|reference| variable.value_reference == reference))
     }
 
     /// A variable by name.
@@ -270,7 +269,7 @@ impl FmuDescription {
     }
 
     /// The variables of a causality.
-    pub fn of_causality<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a FmuVariable> {
+    pub fn of_causality(&self, causality: Causality) -> impl Iterator<Item = &FmuVariable> {
         self.variables.iter().filter(move |variable| variable.causality == causality)
     }
 
@@ -292,6 +291,18 @@ impl FmuDescription {
     pub fn enumeration(&self, name: &str) -> Option<&Enumeration> {
         self.enumerations.iter().find(|enumeration| enumeration.name == name)
     }
+}
+
+/// The declared types: the element with the name, and the one with `min`, `unit` and so on, which is the same in FMI 3.0.
+pub(crate) fn declared_types(root: xml::Element<'_>) -> impl Iterator<Item = [xml::Element<'_>; 2]> {
+    let is_type = |child: &xml::Element<'_>| !["Item", "Annotations"].contains(&child.tag_name().name());
+    listed(root, "TypeDefinitions")
+        .map(move |declared| [declared, children(declared).find(is_type).unwrap_or(declared)])
+}
+
+/// Declared types by their names.
+pub(crate) fn by_name<'d>(types: &[[xml::Element<'d>; 2]]) -> Types<'d> {
+    types.iter().filter_map(|[declared, typed]| Some((declared.attribute("name")?, *typed))).collect()
 }
 
 impl Enumeration {
@@ -326,7 +337,9 @@ mod tests {
             let xml = format!(
                 r#"<fmiModelDescription><CoSimulation modelIdentifier="a" {attributes}/></fmiModelDescription>"#
             );
-            FmuDescription::parse(&xml).unwrap().has_capability("CoSimulation", "canGetAndSetFMUstate")
+            FmuDescription::parse(&xml)
+                .unwrap()
+                .has_capability(Interface::CoSimulation, "canGetAndSetFMUstate")
         };
         assert!(has(r#"canGetAndSetFMUstate="true""#) && has(r#"canGetAndSetFMUstate="1""#));
         assert!(!has(r#"canGetAndSetFMUstate="false""#) && !has(r#"canGetAndSetFMUstate="0""#) && !has(""));

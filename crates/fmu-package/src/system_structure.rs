@@ -13,7 +13,7 @@
 use std::io::{self, Write};
 use std::iter;
 
-use fmu_terms::{Linear, Unit};
+use fmu_terms::{Causality, Linear, Unit, Word};
 use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
 
 use crate::archive;
@@ -115,9 +115,15 @@ impl Kind {
     /// Its name in the standards, as FMI's causality and as SSP's kind.
     #[must_use]
     pub fn name(self) -> &'static str {
+        self.causality().as_str()
+    }
+
+    /// The causality of the variables that have such connectors.
+    #[must_use]
+    pub fn causality(self) -> Causality {
         match self {
-            Self::Input => "input",
-            Self::Output => "output",
+            Self::Input => Causality::Input,
+            Self::Output => Causality::Output,
         }
     }
 }

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::io;
 
 use fmu_io::reading::broken;
+use fmu_terms::{Causality, DataType, Initial, IntervalVariability, Variability, Version};
 
+use crate::declared::Declared;
 use crate::xml::{self, children, named, number, text};
 
 /// A variable as declared; undeclared fields are empty, or have the default of the FMI version.
@@ -13,17 +15,17 @@ pub struct FmuVariable {
     /// Unique in the FMU.
     pub name: String,
     /// The value reference.
-    pub value_reference: String,
-    /// `Real`, `Integer`, `Boolean`, `String`, `Enumeration`, or a type of FMI 3.0.
-    pub data_type: String,
+    pub value_reference: Declared<u32>,
+    /// The element named after the type.
+    pub data_type: Declared<DataType>,
     /// The enumeration or another declared type.
     pub declared_type: String,
     /// `causality`.
-    pub causality: String,
+    pub causality: Declared<Causality>,
     /// `variability`.
-    pub variability: String,
+    pub variability: Declared<Variability>,
     /// `initial`.
-    pub initial: String,
+    pub initial: Declared<Initial>,
     /// The unit, or that of its type.
     pub unit: String,
     /// The unit in which to show values, or that of its type.
@@ -37,9 +39,9 @@ pub struct FmuVariable {
     /// Empty if the FMU gives none.
     pub description: String,
     /// The variable of which it is the derivative: its position from 1 on, in FMI 3.0 its value reference.
-    pub derivative: String,
+    pub derivative: Declared<u32>,
     /// `intervalVariability` of a Clock (FMI 3.0).
-    pub interval_variability: String,
+    pub interval_variability: Declared<IntervalVariability>,
     /// The sizes of an array (FMI 3.0).
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
@@ -49,12 +51,12 @@ pub struct FmuVariable {
 }
 
 /// An array size.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Dimension {
     /// A number.
     Fixed(usize),
     /// The start value of the structural parameter or constant with this value reference.
-    Variable(String),
+    Variable(Declared<u32>),
 }
 
 /// An array element.
@@ -83,43 +85,75 @@ pub enum ValueType {
     Other,
 }
 
-impl FmuVariable {
-    /// Reads a variable; `types` are the declared ones.
-    pub(crate) fn read<'d>(
-        element: xml::Element<'d>,
-        types: &HashMap<&str, xml::Element<'d>>,
-    ) -> io::Result<Self> {
-        // FMI 3.0: the element itself is the type.
-        let typed = match element.tag_name().name() {
-            "ScalarVariable" => children(element).next().unwrap_or(element),
-            _ => element,
+/// The declared types by name: each the element with `min`, `unit` and so on.
+pub(crate) type Types<'d> = HashMap<&'d str, xml::Element<'d>>;
+
+/// The elements that declare a variable.
+#[derive(Clone, Copy)]
+pub(crate) struct VariableElement<'d> {
+    pub element: xml::Element<'d>,
+    /// The one with `start`, `min` and so on: the same in FMI 3.0.
+    pub typed: xml::Element<'d>,
+    /// Its declared type.
+    declared: Option<xml::Element<'d>>,
+    version: Version,
+}
+
+impl<'d> VariableElement<'d> {
+    pub fn new(element: xml::Element<'d>, types: &Types<'d>) -> Self {
+        let (version, typed) = match element.tag_name().name() {
+            "ScalarVariable" => (Version::Two, children(element).next().unwrap_or(element)),
+            _ => (Version::Three, element),
         };
-        let declared = typed.attribute("declaredType").and_then(|name| types.get(name));
-        let inherited =
-            |name| typed.attribute(name).or_else(|| declared?.attribute(name)).unwrap_or_default();
+        let declared = typed.attribute("declaredType").and_then(|name| types.get(name).copied());
+        Self { element, typed, declared, version }
+    }
+
+    /// The type of its values.
+    pub fn data_type(&self) -> Declared<DataType> {
+        Declared::read(Some(self.kind()), |name| DataType::of(name, self.version))
+    }
+
+    /// `Real`, `Float64` and so on.
+    pub fn kind(&self) -> &'d str {
+        self.typed.tag_name().name()
+    }
+
+    /// An attribute of the variable, or of its declared type.
+    pub fn inherited(&self, name: &str) -> Option<&'d str> {
+        self.typed.attribute(name).or_else(|| self.declared?.attribute(name))
+    }
+}
+
+impl FmuVariable {
+    /// Reads a variable.
+    pub(crate) fn read<'d>(element: xml::Element<'d>, types: &Types<'d>) -> io::Result<Self> {
+        let declaration = VariableElement::new(element, types);
+        let typed = declaration.typed;
+        let inherited = |name| declaration.inherited(name).unwrap_or_default().to_owned();
         // FMI 3.0: texts are elements, one per array element.
         let texts: Vec<_> = named(typed, "Start").map(|start| text(start, "value")).collect();
         let dimensions = named(element, "Dimension").map(|dimension| {
             Ok(match dimension.attribute("valueReference") {
-                Some(reference) => Dimension::Variable(reference.to_owned()),
+                Some(reference) => Dimension::Variable(Declared::number(Some(reference))),
                 None => Dimension::Fixed(number(dimension, "start")?.unwrap_or(1)),
             })
         });
         Ok(Self {
             name: text(element, "name"),
-            value_reference: text(element, "valueReference"),
-            data_type: typed.tag_name().name().to_owned(),
+            value_reference: Declared::number(element.attribute("valueReference")),
+            data_type: declaration.data_type(),
             declared_type: text(typed, "declaredType"),
-            causality: text(element, "causality"),
-            variability: text(element, "variability"),
-            initial: text(element, "initial"),
-            derivative: text(typed, "derivative"),
-            interval_variability: text(typed, "intervalVariability"),
-            unit: inherited("unit").to_owned(),
-            display_unit: inherited("displayUnit").to_owned(),
+            causality: Declared::word(element.attribute("causality")),
+            variability: Declared::word(element.attribute("variability")),
+            initial: Declared::word(element.attribute("initial")),
+            derivative: Declared::number(typed.attribute("derivative")),
+            interval_variability: Declared::word(typed.attribute("intervalVariability")),
+            unit: inherited("unit"),
+            display_unit: inherited("displayUnit"),
             start: typed.attribute("start").map_or_else(|| texts.join("\n"), str::to_owned),
-            min: inherited("min").to_owned(),
-            max: inherited("max").to_owned(),
+            min: inherited("min"),
+            max: inherited("max"),
             description: text(element, "description"),
             dimensions: dimensions.collect::<io::Result<_>>()?,
             aliases: named(element, "Alias")
@@ -132,20 +166,18 @@ impl FmuVariable {
     /// Whether its value changes at events only.
     #[must_use]
     pub fn is_discrete(&self) -> bool {
-        self.variability == "discrete" || self.value_type() != ValueType::Real
+        self.variability == Variability::Discrete || self.value_type() != ValueType::Real
     }
 
     /// The type of its values.
     #[must_use]
     pub fn value_type(&self) -> ValueType {
-        match self.data_type.as_str() {
-            "Real" | "Float64" | "Float32" => ValueType::Real,
-            "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
-                ValueType::Integer
-            }
-            "Boolean" => ValueType::Boolean,
-            "String" => ValueType::String,
-            "Enumeration" => ValueType::Enumeration,
+        match self.data_type.meaning() {
+            Some(data_type) if data_type.is_float() => ValueType::Real,
+            Some(data_type) if data_type.is_integer() => ValueType::Integer,
+            Some(DataType::Boolean) => ValueType::Boolean,
+            Some(DataType::String) => ValueType::String,
+            Some(DataType::Enumeration) => ValueType::Enumeration,
             _ => ValueType::Other,
         }
     }
@@ -196,9 +228,10 @@ impl FmuVariable {
     /// Whether an importer may set it before initialization (FMI 2.0.5, section 2.2.7).
     #[must_use]
     pub fn is_settable(&self) -> bool {
-        let is_set_by_default = matches!(self.causality.as_str(), "input" | "parameter");
-        self.variability != "constant"
-            && self.causality != "independent"
-            && (is_set_by_default || matches!(self.initial.as_str(), "exact" | "approx"))
+        let is_set_by_default =
+            matches!(self.causality.meaning(), Some(Causality::Input | Causality::Parameter));
+        self.variability != Variability::Constant
+            && self.causality != Causality::Independent
+            && (is_set_by_default || matches!(self.initial.meaning(), Some(Initial::Exact | Initial::Approx)))
     }
 }

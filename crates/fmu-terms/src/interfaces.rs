@@ -4,6 +4,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::words::words;
+
 /// The environment variable with the interfaces for which a build script generates, as the text of an [`Interfaces`];
 /// co-simulation if unset.
 pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
@@ -51,18 +53,41 @@ impl fmt::Display for Version {
     }
 }
 
+words! {
+    /// An interface of FMI, by the name of its element in modelDescription.xml; parsed from `cs`, `me` and `se`.
+    pub enum Interface {
+        /// The importer integrates the FMU's states.
+        ModelExchange = "ModelExchange",
+        /// The FMU steps itself.
+        CoSimulation = "CoSimulation",
+        /// The importer schedules the FMU's clocks. FMI 3.0 only.
+        ScheduledExecution = "ScheduledExecution",
+    }
+}
+
+impl Interface {
+    /// Its name, for people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ModelExchange => "Model Exchange",
+            Self::CoSimulation => "co-simulation",
+            Self::ScheduledExecution => "Scheduled Execution",
+        }
+    }
+}
+
 /// The interfaces that an FMU offers, with the texts `cs`, `me`, `cs,me` and `se`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interfaces {
-    /// The FMU steps itself.
+    /// Co-simulation.
     #[default]
     CoSimulation,
-    /// The importer integrates the FMU's states.
+    /// Model Exchange.
     ModelExchange,
     /// Both; the importer chooses one per instance.
     Both,
-    /// The importer schedules the FMU's clock, in FMI 3.0: no other interface, as a clock affects all interfaces of
-    /// its FMU (FMI 3.0.2, section 2.5.2).
+    /// In FMI 3.0: no other interface, as a clock affects all interfaces of its FMU (FMI 3.0.2, section 2.5.2).
     ScheduledExecution,
 }
 
@@ -82,32 +107,55 @@ impl Interfaces {
         }
     }
 
+    /// Whether an interface is among them.
+    #[must_use]
+    pub const fn include(self, interface: Interface) -> bool {
+        match interface {
+            Interface::CoSimulation => matches!(self, Self::CoSimulation | Self::Both),
+            Interface::ModelExchange => matches!(self, Self::ModelExchange | Self::Both),
+            Interface::ScheduledExecution => matches!(self, Self::ScheduledExecution),
+        }
+    }
+
     /// Whether they include co-simulation.
     #[must_use]
-    pub fn co_simulation(self) -> bool {
-        matches!(self, Self::CoSimulation | Self::Both)
+    pub const fn co_simulation(self) -> bool {
+        self.include(Interface::CoSimulation)
     }
 
     /// Whether they include Model Exchange.
     #[must_use]
-    pub fn model_exchange(self) -> bool {
-        matches!(self, Self::ModelExchange | Self::Both)
+    pub const fn model_exchange(self) -> bool {
+        self.include(Interface::ModelExchange)
     }
 
     /// Whether they include Scheduled Execution.
     #[must_use]
-    pub fn scheduled_execution(self) -> bool {
-        self == Self::ScheduledExecution
+    pub const fn scheduled_execution(self) -> bool {
+        self.include(Interface::ScheduledExecution)
     }
 
     /// Their names, for people.
     #[must_use]
     pub fn names(self) -> &'static str {
         match self {
-            Self::CoSimulation => "co-simulation",
-            Self::ModelExchange => "Model Exchange",
+            Self::CoSimulation => Interface::CoSimulation.name(),
+            Self::ModelExchange => Interface::ModelExchange.name(),
             Self::Both => "co-simulation and Model Exchange",
-            Self::ScheduledExecution => "Scheduled Execution",
+            Self::ScheduledExecution => Interface::ScheduledExecution.name(),
+        }
+    }
+}
+
+impl FromStr for Interface {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "cs" => Ok(Self::CoSimulation),
+            "me" => Ok(Self::ModelExchange),
+            "se" => Ok(Self::ScheduledExecution),
+            _ => Err(format!("'{text}' is not one of cs, me and se")),
         }
     }
 }

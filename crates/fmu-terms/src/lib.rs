@@ -1,9 +1,17 @@
 #![doc = include_str!("../README.md")]
 
 mod interfaces;
+#[cfg(feature = "units")]
 mod likeness;
+#[cfg(feature = "units")]
 mod units;
+mod variables;
+mod words;
 
-pub use interfaces::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+pub use interfaces::{INTERFACES_VARIABLE, Interface, Interfaces, VERSION_VARIABLE, Version};
+#[cfg(feature = "units")]
 pub use likeness::{like, nearest};
+#[cfg(feature = "units")]
 pub use units::{BASE_UNITS, BaseUnit, DisplayUnit, Linear, Unit, UnitTable, per_second, spelled};
+pub use variables::{Causality, DataType, Initial, IntervalVariability, MatchingRule, Variability};
+pub use words::Word;

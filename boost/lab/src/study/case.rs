@@ -19,6 +19,7 @@ use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::{Scenario, Signal};
 use fmu_master::{LoadedFmus, Master};
 use fmu_record::Record;
+use fmu_terms::Causality;
 
 /// The time allowed after the fastest plant's arrival (s): three times the controller's `reference_lambda`, the desired
 /// time constant.
@@ -88,11 +89,11 @@ pub fn point(time: f64) -> usize {
 impl Rig {
     pub fn new(plant: Arc<Fmu>, controller: Arc<Fmu>, seed: u64) -> Result<Self> {
         for (fmu, kind, name) in [
-            (&plant, "input", "hp_wastegate_pwm"),
-            (&plant, "input", "engine_speed"),
-            (&plant, "output", BOOST),
-            (&controller, "input", "boost_reference"),
-            (&controller, "input", BOOST),
+            (&plant, Causality::Input, "hp_wastegate_pwm"),
+            (&plant, Causality::Input, "engine_speed"),
+            (&plant, Causality::Output, BOOST),
+            (&controller, Causality::Input, "boost_reference"),
+            (&controller, Causality::Input, BOOST),
         ] {
             let model = fmu.description().attribute("modelName");
             anyhow::ensure!(has(fmu, kind, name), "{model} has no {kind} {name}");
@@ -107,7 +108,7 @@ impl Rig {
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
         let fmus = [&*self.plant, &*self.controller];
-        let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, "input", name));
+        let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, Causality::Input, name));
         case.scenario(strategy, has_input, &recorded(fmus), self.seed)
     }
 

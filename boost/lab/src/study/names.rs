@@ -1,6 +1,7 @@
 //! The variables of a study, as far as its FMUs have them.
 
 use fmu_master::Fmu;
+use fmu_terms::Causality;
 
 /// The variables recorded for each case, if the FMUs have them.
 const RECORDED: [&str; 13] = [
@@ -29,7 +30,7 @@ pub const PUMP: &str = "vacuum_pump";
 pub const MODEL: &str = "reference_model_pressure";
 
 /// Whether an FMU has an input or an output.
-pub fn has(fmu: &Fmu, causality: &str, name: &str) -> bool {
+pub fn has(fmu: &Fmu, causality: Causality, name: &str) -> bool {
     fmu.names(causality).any(|known| known == name)
 }
 

@@ -9,6 +9,7 @@ use super::names::{BOOST, SHAFT, has};
 use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};
+use fmu_terms::Causality;
 
 /// The high-pressure shaft speed at rest (rpm) that limits the reachable range, as the controller's limits.
 pub const SHAFT_LIMIT: f64 = 205e3;
@@ -153,7 +154,7 @@ impl Bench<'_> {
             ("ambient_temperature", self.case.ambient[1]),
         ];
         let inputs = VALVES.iter().zip(valves).map(|((name, _), value)| (*name, value)).chain(constant);
-        let inputs: Vec<_> = inputs.filter(|(name, _)| has(self.plant, "input", name)).collect();
+        let inputs: Vec<_> = inputs.filter(|(name, _)| has(self.plant, Causality::Input, name)).collect();
         let mut selection = self.plant.select(inputs.iter().map(|(name, _)| *name))?;
         plant.write(&mut selection, &inputs.iter().map(|(_, value)| *value).collect::<Vec<_>>())?;
         plant.enter_initialization()?;
@@ -183,7 +184,8 @@ struct Sensors {
 
 impl Sensors {
     fn new(plant: &Fmu) -> Result<Self> {
-        let known: Vec<_> = [BOOST].into_iter().chain(has(plant, "output", SHAFT).then_some(SHAFT)).collect();
+        let known: Vec<_> =
+            [BOOST].into_iter().chain(has(plant, Causality::Output, SHAFT).then_some(SHAFT)).collect();
         Ok(Self { values: vec![0.0; known.len()], selection: plant.select(known)? })
     }
 
@@ -208,9 +210,11 @@ pub struct OpenLoop<'a> {
 impl<'a> OpenLoop<'a> {
     pub fn new(plant: &'a mut Instance, case: &Case) -> Result<Self> {
         let fmu = Arc::clone(plant.fmu());
-        let known: Vec<_> = (0..VALVES.len()).filter(|&valve| has(&fmu, "input", VALVES[valve].0)).collect();
+        let known: Vec<_> =
+            (0..VALVES.len()).filter(|&valve| has(&fmu, Causality::Input, VALVES[valve].0)).collect();
         let driven = [("engine_speed", &case.engine_speed), ("supply_voltage", &case.supply)];
-        let driven: Vec<_> = driven.into_iter().filter(|(name, _)| has(&fmu, "input", name)).collect();
+        let driven: Vec<_> =
+            driven.into_iter().filter(|(name, _)| has(&fmu, Causality::Input, name)).collect();
         Ok(Self {
             plant,
             valves: fmu.select(known.iter().map(|&valve| VALVES[valve].0))?,

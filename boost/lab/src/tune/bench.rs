@@ -13,6 +13,7 @@ use super::procedure::{Procedure, SplitRange};
 use super::schedule::{Allocation, Schedule, check_unit};
 use super::speed_fit::SpeedResponse;
 use fmu_master::{Fmu, Instance, SavedState, Selection};
+use fmu_terms::Causality;
 
 const DUTY: &str = "hp_wastegate_pwm";
 const BOOST: &str = "boost_pressure";
@@ -116,9 +117,11 @@ impl<'a> Bench<'a> {
         schedule: &'a Schedule,
         procedure: &'a Procedure,
     ) -> Result<Self> {
-        for (name, causality, unit) in
-            [(DUTY, "input", "%"), (SPEED, "input", "rpm"), (BOOST, "output", "Pa")]
-        {
+        for (name, causality, unit) in [
+            (DUTY, Causality::Input, "%"),
+            (SPEED, Causality::Input, "rpm"),
+            (BOOST, Causality::Output, "Pa"),
+        ] {
             let variable = plant.variable(name)?;
             if variable.causality != causality {
                 bail!("the plant's {name} must be an {causality}");
@@ -133,11 +136,11 @@ impl<'a> Bench<'a> {
             ("throttle", 1.0),
             ("supply_voltage", schedule.nominal_voltage),
         ];
-        let has_input = |name: &str| plant.names("input").any(|input| input == name);
+        let has_input = |name: &str| plant.names(Causality::Input).any(|input| input == name);
         let [has_low_pressure, has_bypass] =
             [LOW_PRESSURE, BYPASS].map(|name| schedule.allocation.is_some() && has_input(name));
         let has_shaft_speed =
-            schedule.allocation.is_some() && plant.names("output").any(|output| output == SHAFT);
+            schedule.allocation.is_some() && plant.names(Causality::Output).any(|output| output == SHAFT);
         if has_shaft_speed {
             check_unit(plant.variable(SHAFT)?, "rpm")?;
         }

@@ -15,6 +15,7 @@ use crate::study::draw::Case;
 use crate::study::names::{ALARM, PUMP, has};
 use fmu_master::measure::{between, greatest};
 use fmu_master::scenario::{Assignment, Scenario, Signal};
+use fmu_terms::Causality;
 
 /// The standard deviation of the noise (Pa).
 const NOISE: f64 = 100.0;
@@ -32,7 +33,7 @@ const PER_SECOND: f64 = 100.0;
 pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Result<Option<f64>> {
     let [(_, _, _, lag), _] = tuning.dynamics();
     let (Some(lag), Some(longest)) = (lag, tuning.task.schedule.reference_lambda) else { return Ok(None) };
-    if !has(&rig.plant, "input", PUMP) || !has(&rig.controller, "output", PUMP) {
+    if !has(&rig.plant, Causality::Input, PUMP) || !has(&rig.controller, Causality::Output, PUMP) {
         return Ok(None);
     }
     let cases = at_rest(rig, tuning);
@@ -104,7 +105,7 @@ fn share_on(rig: &Rig, mut scenario: Scenario, tuning: &Tuning, lambda: f64) -> 
     let master = rig.run_to(&scenario, steps)?;
     let record = master.record();
     let judged = |name| between(record, name, SETTLING, SETTLING + JUDGED);
-    if has(&rig.controller, "output", ALARM) && greatest(judged(ALARM)?.iter().copied()) > 0.0 {
+    if has(&rig.controller, Causality::Output, ALARM) && greatest(judged(ALARM)?.iter().copied()) > 0.0 {
         return Ok(1.0);
     }
     let on = judged(PUMP)?;

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail};
 use fmu_io::terminal::print;
 use fmu_io::{reading, writing};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library};
+use fmu_terms::Interface;
 
 use crate::compile::Compiled;
 use crate::target::Build;
@@ -166,7 +167,7 @@ pub(super) fn with_source_files(description: &str, files: &[&str]) -> Result<Str
     }
     list += "    </SourceFiles>\n";
     let mut text = description.to_owned();
-    for interface in ["CoSimulation", "ModelExchange"] {
+    for interface in [Interface::CoSimulation, Interface::ModelExchange] {
         let Some(begin) =
             text.find(&format!("<{interface}\n")).or_else(|| text.find(&format!("<{interface} ")))
         else {

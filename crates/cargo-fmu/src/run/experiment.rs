@@ -17,7 +17,7 @@ use fmu_master::system::{self, Times};
 use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_record::Data;
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 
 /// What runs, and with which values.
 #[derive(Args, Debug)]
@@ -245,7 +245,7 @@ fn set(
         return Err(location.error(format!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))));
     }
     let member = &mut scenario.fmus[*index];
-    if let (true, Some(number)) = (variable.causality == "input", number) {
+    if let (true, Some(number)) = (variable.causality == Causality::Input, number) {
         drive(&mut member.inputs, &variable.name, Signal::Constant(number).into(), location);
         return Ok(());
     }

@@ -1,11 +1,12 @@
 //! The keys of clocks (FMI 3.0.2, sections 2.2.8 and 2.4.4).
 
-use crate::data_type::DataType;
-use crate::declaration::{Causality, IntervalVariability, VariableDeclaration};
+use crate::declaration::VariableDeclaration;
 use crate::error::{Blame, refuse_if};
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, DataType, IntervalVariability};
 
 /// Checks the keys of clocks, by kind of clock.
-pub(crate) fn keys(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+pub(crate) fn keys(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blame> {
     let timing = [
         ("interval_decimal", variable.interval_decimal.is_some()),
         ("interval_counter", variable.interval_counter.is_some()),

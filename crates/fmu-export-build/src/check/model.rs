@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 
 use fmu_terms::Version;
 
-use crate::declaration::{Causality, word};
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Place, Scalar};
 use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
 use crate::texts::one_line;
 use crate::type_names::{FIXED_NAMES, struct_names};
+use fmu_terms::Causality;
 
 pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     state_groups(model, refusals);
@@ -76,9 +76,11 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
 
 /// FMI 2.0 has fewer types than FMI 3.0.
 fn types_of_version(model: &Model<'_>, refusals: &mut Refusals) {
-    let is_wrong = |scalar: &&Scalar| model.fmi.version == Version::Two && !scalar.data_type.is_of_fmi2();
+    let is_wrong = |scalar: &&Scalar| {
+        model.fmi.version == Version::Two && !scalar.data_type.data_type().is_of(Version::Two)
+    };
     for Scalar { name, key, data_type, .. } in model.scalars.iter().filter(is_wrong) {
-        let data_type = data_type.name();
+        let data_type = data_type.data_type();
         let reason = format!("{name}: FMI 2.0 has no type {data_type}; FMI 3.0 has it (--fmi 3)");
         refusals.add(format!("{key}.type"), reason);
     }
@@ -102,8 +104,8 @@ fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
             if let Some(read) = read {
                 let (name, read) = (&scalar.name, &read.name);
                 let kind = match scalar.causality {
-                    Causality::Local => format!("{} local", word(scalar.variability)),
-                    causality => word(causality).to_string(),
+                    Causality::Local => format!("{} local", scalar.variability),
+                    causality => causality.to_string(),
                 };
                 let reason = format!("{name}: a {kind} reads '{read}', which is not a parameter");
                 refusals.add(format!("{}.{list}", scalar.key), reason);

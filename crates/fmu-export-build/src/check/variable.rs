@@ -3,15 +3,14 @@
 use serde_json::Value;
 
 use crate::check::clocks;
-use crate::data_type::DataType;
-use crate::declaration::{
-    Causality, Declaration, Initial, UnitNames, Variability, VariableDeclaration, word,
-};
+use crate::declaration::{Declaration, UnitNames, VariableDeclaration};
 use crate::error::{Blame, refuse_if};
 use crate::model::Place;
 use crate::names::{OF_VARIABLES, mixed_name};
 use crate::start::Start;
 use crate::texts::one_line;
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, DataType, Initial, Variability};
 
 /// The most scalar variables in a model: the description in FMI 2.0 takes some 350 bytes for each.
 const MOST_VARIABLES: usize = 100_000;
@@ -22,7 +21,7 @@ const MOST_DIMENSIONS: usize = 16;
 /// The results of one variable's checks.
 pub(crate) struct Checked {
     pub(crate) place: Place,
-    pub(crate) data_type: DataType,
+    pub(crate) data_type: ValueType,
     pub(crate) variability: Variability,
     pub(crate) initial: Option<Initial>,
     /// Its scalars' start values, row by row.
@@ -39,7 +38,7 @@ pub(crate) fn check(
     texts(variable)?;
     size(variable, before)?;
     let enumerations: Vec<_> = declaration.enumerations.iter().map(|known| known.name.as_str()).collect();
-    let data_type = DataType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
+    let data_type = ValueType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
     let (place, variability) = place(variable, data_type)?;
     let initial = initial(variable, place, variability)?;
     reads(variable, place, variability, initial)?;
@@ -99,7 +98,7 @@ fn clocked(variable: &VariableDeclaration, variability: Variability) -> Result<(
 /// A start value where one is needed, and nowhere else (FMI 2.0.5, section 2.2.7).
 fn has_start(
     has_start: bool,
-    data_type: DataType,
+    data_type: ValueType,
     place: Place,
     variability: Variability,
     initial: Option<Initial>,
@@ -121,7 +120,7 @@ fn has_start(
 }
 
 /// The combinations of causality and variability that FMI 2.0.5 allows (section 2.2.7).
-fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, Variability), Blame> {
+fn place(variable: &VariableDeclaration, data_type: ValueType) -> Result<(Place, Variability), Blame> {
     let causality = variable.causality;
     let (is_structural, is_clock) =
         (causality == Causality::StructuralParameter, data_type == DataType::Clock);
@@ -129,7 +128,7 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
     refuse_if(is_structural && data_type != DataType::UInt64, "type", reason)?;
     let of_parameter =
         is_structural || matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
-    let default = match data_type {
+    let default = match data_type.data_type() {
         _ if of_parameter => Variability::Fixed,
         DataType::Real | DataType::Float32 => Variability::Continuous,
         _ => Variability::Discrete,
@@ -150,12 +149,10 @@ fn place(variable: &VariableDeclaration, data_type: DataType) -> Result<(Place, 
         Causality::Output => changes || variability == Variability::Constant,
         Causality::Local | Causality::StructuralParameter | Causality::Independent => true,
     };
-    let (of_causality, of_variability) = (word(causality), word(variability));
-    let reason =
-        format_args!("FMI does not allow variability '{of_variability}' with causality '{of_causality}'");
+    let reason = format_args!("FMI does not allow variability '{variability}' with causality '{causality}'");
     refuse_if(!is_allowed, "variability", reason)?;
     let reason = format_args!("only a Real can be continuous, not {}", variable.data_type);
-    refuse_if(is_continuous && !data_type.is_float(), "variability", reason)?;
+    refuse_if(is_continuous && !data_type.data_type().is_float(), "variability", reason)?;
     let is_state = variable.derivative.is_some();
     let may_be_state = data_type == DataType::Real
         && is_continuous
@@ -247,8 +244,8 @@ fn reads(
 }
 
 /// Only Reals have unit, display unit and nominal.
-fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
-    if !data_type.is_float() {
+fn unit(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blame> {
+    if !data_type.data_type().is_float() {
         let reason = format_args!("this key is for a Real, not for {}", variable.data_type);
         refuse_if(variable.unit.is_some(), "unit", reason)?;
         refuse_if(variable.display_unit.is_some(), "display_unit", reason)?;
@@ -267,12 +264,12 @@ fn unit(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame
 }
 
 /// Min and max, for types that have them.
-fn bounds(variable: &VariableDeclaration, data_type: DataType) -> Result<(), Blame> {
+fn bounds(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blame> {
     for (key, bound) in [("min", variable.min), ("max", variable.max)] {
         let Some(bound) = bound else { continue };
         let is_of_type = match (data_type, data_type.integer()) {
-            (DataType::Real, _) => true,
-            (DataType::Float32, _) => bound.abs() <= f32::MAX.into(),
+            (ValueType::Standard(DataType::Real), _) => true,
+            (ValueType::Standard(DataType::Float32), _) => bound.abs() <= f32::MAX.into(),
             (_, Some((_, range))) => {
                 bound.fract() == 0.0 && (exact(*range.start())..=exact(*range.end())).contains(&bound)
             }

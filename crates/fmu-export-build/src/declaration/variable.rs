@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use fmu_terms::{Causality, Initial, IntervalVariability, Variability};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 /// A variable, or an array of them.
@@ -103,32 +104,6 @@ pub(crate) struct VariableDeclaration {
     pub(crate) priority: Option<u32>,
 }
 
-/// When a clock ticks (FMI 3.0.2, section 2.2.8).
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum IntervalVariability {
-    /// Periodically, as declared.
-    Constant,
-    /// Periodically, as set by the importer or computed from fixed parameters.
-    Fixed,
-    /// Periodically, as set by the importer or computed from tunable parameters.
-    Tunable,
-    /// After a time that the model determines at each tick for the next one.
-    Changing,
-    /// After a time that the model determines at any time.
-    Countdown,
-    /// When something triggers it.
-    Triggered,
-}
-
-impl IntervalVariability {
-    /// Whether ticks are equidistant.
-    pub(crate) fn is_periodic(self) -> bool {
-        matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
-    }
-}
-
 impl VariableDeclaration {
     /// A multiple of 1/`resolution` s.
     #[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
@@ -202,57 +177,6 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) initial_reads: Option<Vec<String>>,
     /// Default: the number after the state's.
     pub(crate) value_reference: Option<u32>,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Causality {
-    Parameter,
-    /// An array size, which the build fixes at its start value. FMI 3.0 only.
-    StructuralParameter,
-    CalculatedParameter,
-    Input,
-    Output,
-    #[default]
-    Local,
-    /// Of time only.
-    #[serde(skip_deserializing)]
-    Independent,
-}
-
-/// A word of the standard, the same in a declaration and in XML.
-pub(crate) fn word(value: impl Serialize) -> impl fmt::Display {
-    struct Word<T>(T);
-
-    impl<T: Serialize> fmt::Display for Word<T> {
-        fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            self.0.serialize(formatter)
-        }
-    }
-
-    Word(value)
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Variability {
-    Constant,
-    Fixed,
-    Tunable,
-    Discrete,
-    #[default]
-    Continuous,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Initial {
-    Exact,
-    Approx,
-    Calculated,
 }
 
 /// `true` for a derivative that needs no details.

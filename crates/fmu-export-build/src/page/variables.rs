@@ -8,11 +8,12 @@ use fmu_terms::Unit;
 use fmu_xml::page::{breakable, unit as unit_markup};
 use quick_xml::escape::escape;
 
-use crate::data_type::DataType;
-use crate::declaration::{Causality, UnitNames, VariableDeclaration, word};
+use crate::declaration::{UnitNames, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{Field, Model, Part, Place};
 use crate::start::Start;
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, DataType};
 
 /// A table of variables on the page.
 #[derive(Clone, Copy)]
@@ -193,8 +194,8 @@ impl<'m, 'a> Page<'m, 'a> {
             let _ = write!(text, "<td class=\"range\">{}</td>", range(field.declaration));
         }
         let kind = match first.initial {
-            Some(initial) if columns.initial => word(initial).to_string(),
-            _ => word(first.variability).to_string(),
+            Some(initial) if columns.initial => initial.to_string(),
+            _ => first.variability.to_string(),
         };
         if field.place == Place::Outputs {
             description += &self.dependencies(field);
@@ -235,7 +236,7 @@ impl<'m, 'a> Page<'m, 'a> {
 
     fn unit_or_type(&self, field: &Field<'_>) -> String {
         match field.data_type {
-            DataType::Real | DataType::Float32 => {
+            ValueType::Standard(DataType::Real | DataType::Float32) => {
                 let units = match &field.declaration.unit {
                     Some(UnitNames::All(unit)) => slice::from_ref(unit),
                     Some(UnitNames::Each(units)) => units,
@@ -243,7 +244,7 @@ impl<'m, 'a> Page<'m, 'a> {
                 };
                 units.iter().map(|unit| unit_markup(unit)).collect::<Vec<_>>().join(", ")
             }
-            DataType::Enumeration(enumeration) => {
+            ValueType::Enumeration(enumeration) => {
                 let name = &self.model.declaration.enumerations[enumeration].name;
                 format!("<a href=\"#{name}\">{}</a>", breakable(name))
             }
@@ -290,7 +291,7 @@ impl<'m, 'a> Page<'m, 'a> {
         starts.map(|start| match (start, field.data_type) {
             (Start::Real(value), _) => unbroken(*value),
             (Start::String(text), _) => format!("“{}”", escape(text)),
-            (Start::Item(item), DataType::Enumeration(enumeration)) => {
+            (Start::Item(item), ValueType::Enumeration(enumeration)) => {
                 format!(
                     "{} ({})",
                     self.model.declaration.enumerations[enumeration].items[*item].name,

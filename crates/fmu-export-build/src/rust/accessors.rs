@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use super::generator::{Generator, enumeration_path, full_path};
-use crate::data_type::DataType;
-use crate::declaration::{Initial, Variability};
 use crate::model::{Place, Scalar};
+use crate::value_type::ValueType;
+use fmu_terms::{DataType, Initial, Variability};
 
 impl Generator<'_, '_> {
     /// The getters and setters of all types.
@@ -73,7 +73,7 @@ impl Generator<'_, '_> {
                 )
             };
             let (get, set): (_, &dyn Fn(String) -> String) = match (accessor, scalar.data_type) {
-                (_, DataType::Enumeration(enumeration)) => {
+                (_, ValueType::Enumeration(enumeration)) => {
                     let name = enumeration_path(&self.model.declaration.enumerations[enumeration]);
                     let item = format!("Some(item) = {name}::from_value(value)");
                     (format!("self.{from} as i32"), &move |to| if_let(&item, &format!("{to} = item")))
@@ -128,10 +128,10 @@ impl Generator<'_, '_> {
 }
 
 /// The functions that exchange a type's values; none for clocks.
-fn accessor_of(data_type: DataType) -> Option<&'static str> {
-    match data_type {
+fn accessor_of(data_type: ValueType) -> Option<&'static str> {
+    match data_type.data_type() {
         DataType::Real => Some("real"),
-        DataType::Integer | DataType::Enumeration(_) => Some("integer"),
+        DataType::Integer | DataType::Enumeration => Some("integer"),
         DataType::Boolean => Some("boolean"),
         DataType::String => Some("string"),
         DataType::Float32 => Some("float32"),

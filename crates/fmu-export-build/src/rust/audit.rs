@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use super::generator::{Generator, full_path};
-use crate::data_type::DataType;
-use crate::declaration::{Initial, Variability};
 use crate::model::{Place, Scalar};
+use crate::value_type::ValueType;
+use fmu_terms::{DataType, Initial, Variability};
 
 impl Generator<'_, '_> {
     /// The search for a result that is not finite.
@@ -60,13 +60,13 @@ impl Generator<'_, '_> {
         for variable in self.variables.iter().filter(|variable| is_marked(self.first(variable))) {
             let scalar = self.first(variable);
             let value = match scalar.data_type {
-                DataType::Enumeration(enumeration) => {
+                ValueType::Enumeration(enumeration) => {
                     let last = self.model.declaration.enumerations[enumeration].items.len() - 1;
                     let [first, last] = [0, last].map(|item| self.item(enumeration, item));
                     format!("if mark {{ {last} }} else {{ {first} }}")
                 }
-                DataType::String => "u8::from(mark).to_string()".to_owned(),
-                DataType::Binary => "vec![mark.into()]".to_owned(),
+                ValueType::Standard(DataType::String) => "u8::from(mark).to_string()".to_owned(),
+                ValueType::Standard(DataType::Binary) => "vec![mark.into()]".to_owned(),
                 _ => "mark.into()".to_owned(),
             };
             let _ = if variable.is_array() {

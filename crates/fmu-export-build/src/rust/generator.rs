@@ -2,13 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::data_type::DataType;
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
 use crate::model::{Field, Model, Part, Place, Scalar};
 use crate::names::pascal_case;
 use crate::start::Start;
 use crate::type_names::PLACES;
+use crate::value_type::ValueType;
+use fmu_terms::DataType;
 
 /// Arrays with more elements are on the heap: the variables of a model are on the stack several times, even as numbers
 /// with derivatives, and a thread may have only 1 MB of stack.
@@ -72,17 +73,21 @@ impl<'m, 'a> Generator<'m, 'a> {
         match (&scalar.start, scalar.data_type) {
             (Some(Start::String(value)), _) => format!("String::from({value:?})"),
             (Some(Start::Binary(bytes)), _) => format!("Vec::from({bytes:?})"),
-            (Some(Start::Item(item)), DataType::Enumeration(enumeration)) => self.item(enumeration, *item),
+            (Some(Start::Item(item)), ValueType::Enumeration(enumeration)) => self.item(enumeration, *item),
             (Some(value), _) => value.to_string(),
-            (_, DataType::Real | DataType::Float32) => "0.0".to_owned(),
-            (_, DataType::Boolean) => "false".to_owned(),
-            (_, DataType::String) => "String::new()".to_owned(),
-            (_, DataType::Binary) => "Vec::new()".to_owned(),
-            (_, DataType::Enumeration(enumeration)) => self.item(enumeration, 0),
-            (_, DataType::Clock) => match self.model.field(position).declaration.timing() {
-                Some([interval, shift]) => format!("::fmu_export::Clock::periodic({interval:?}, {shift:?})"),
-                None => "::fmu_export::Clock::default()".to_owned(),
-            },
+            (_, ValueType::Standard(DataType::Real | DataType::Float32)) => "0.0".to_owned(),
+            (_, ValueType::Standard(DataType::Boolean)) => "false".to_owned(),
+            (_, ValueType::Standard(DataType::String)) => "String::new()".to_owned(),
+            (_, ValueType::Standard(DataType::Binary)) => "Vec::new()".to_owned(),
+            (_, ValueType::Enumeration(enumeration)) => self.item(enumeration, 0),
+            (_, ValueType::Standard(DataType::Clock)) => {
+                match self.model.field(position).declaration.timing() {
+                    Some([interval, shift]) => {
+                        format!("::fmu_export::Clock::periodic({interval:?}, {shift:?})")
+                    }
+                    None => "::fmu_export::Clock::default()".to_owned(),
+                }
+            }
             _ => "0".to_owned(),
         }
     }
@@ -93,19 +98,19 @@ impl<'m, 'a> Generator<'m, 'a> {
     }
 
     /// The Rust type of a scalar's value.
-    pub(super) fn rust_type(&self, data_type: DataType) -> String {
+    pub(super) fn rust_type(&self, data_type: ValueType) -> String {
         if let Some((integer, _)) = data_type.integer() {
             return integer.to_owned();
         }
         let name = match data_type {
-            DataType::Enumeration(enumeration) => {
+            ValueType::Enumeration(enumeration) => {
                 return enumeration_path(&self.model.declaration.enumerations[enumeration]);
             }
-            DataType::Boolean => "bool",
-            DataType::String => "String",
-            DataType::Float32 => "f32",
-            DataType::Binary => "Vec<u8>",
-            DataType::Clock => "::fmu_export::Clock",
+            ValueType::Standard(DataType::Boolean) => "bool",
+            ValueType::Standard(DataType::String) => "String",
+            ValueType::Standard(DataType::Float32) => "f32",
+            ValueType::Standard(DataType::Binary) => "Vec<u8>",
+            ValueType::Standard(DataType::Clock) => "::fmu_export::Clock",
             _ => "T",
         };
         name.to_owned()
@@ -202,7 +207,7 @@ impl<'m, 'a> Generator<'m, 'a> {
     /// A variable's bounds, as Rust text.
     pub(super) fn bounds(&self, scalar: &Scalar) -> (String, String) {
         match scalar.data_type {
-            DataType::Enumeration(enumeration) => {
+            ValueType::Enumeration(enumeration) => {
                 let items = self.model.declaration.enumerations[enumeration].items.len();
                 ("1.0".to_owned(), format!("{items}.0"))
             }
@@ -272,8 +277,8 @@ impl Field<'_> {
 }
 
 /// Whether values of a type are `Copy`.
-pub(super) fn is_copy(data_type: DataType) -> bool {
-    !matches!(data_type, DataType::String | DataType::Binary)
+pub(super) fn is_copy(data_type: ValueType) -> bool {
+    !matches!(data_type.data_type(), DataType::String | DataType::Binary)
 }
 
 /// The variables of a part as the fields of a struct expression.

@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use super::generator::{Generator, described, is_copy};
-use crate::data_type::DataType;
 use crate::declaration::UnitNames;
 use crate::model::{Field, Part, Place};
+use crate::value_type::ValueType;
+use fmu_terms::DataType;
 
 impl Generator<'_, '_> {
     /// The struct for the variables of a component, or of all components of a type.
@@ -69,7 +70,9 @@ impl Generator<'_, '_> {
             description: described(declaration.description.as_deref(), &declaration.name) + &unit,
             data_type: if is_boxed { format!("::std::boxed::Box<{array}>") } else { array },
             kind: match field.data_type {
-                DataType::Real => Kind::Number { sizes: declaration.sizes.clone(), is_boxed },
+                ValueType::Standard(DataType::Real) => {
+                    Kind::Number { sizes: declaration.sizes.clone(), is_boxed }
+                }
                 _ => Kind::Other,
             },
             is_copy: is_copied(field),

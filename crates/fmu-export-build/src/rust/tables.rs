@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::generator::{Generator, Variable, bound};
-use crate::data_type::DataType;
 use crate::declaration::Declaration;
 use crate::dependencies::{Structure, Unknown, known_in_steps};
 use crate::model::{Place, Scalar, without_subscripts};
+use fmu_terms::DataType;
 
 impl Generator<'_, '_> {
     /// The clocks, and the variables that belong to them, if any.
@@ -174,16 +174,18 @@ impl Generator<'_, '_> {
             let _ = writeln!(
                 variables,
                 "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
-                 data_type: fmi::DataType::{}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
-                 initial: fmi::Initial::{}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
+                 data_type: fmi::DataType::{:?}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
+                 initial: {}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
                  in_steps: {in_steps} }},",
                 scalar.value_reference,
                 variable.sizes,
                 self.stride(variable),
-                scalar.data_type.name(),
+                scalar.data_type.data_type(),
                 scalar.causality,
                 scalar.variability,
-                scalar.initial.map_or("None".to_owned(), |initial| format!("{initial:?}")),
+                scalar
+                    .initial
+                    .map_or("None".to_owned(), |initial| format!("Some(fmi::Initial::{initial:?})")),
                 real_inputs.get(&variable.positions[0]),
                 states.get(&variable.positions[0]),
             );
@@ -198,7 +200,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 {variables}    ],
     log_categories: &[{categories}],
     version: fmi::Version::{:?},
-    interfaces: fmi::Interfaces {{ co_simulation: {}, model_exchange: {}, scheduled_execution: {} }},
+    interfaces: fmi::Interfaces::{:?},
     has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
@@ -214,9 +216,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 ",
             model.identifier,
             model.fmi.version,
-            model.fmi.interfaces.co_simulation(),
-            model.fmi.interfaces.model_exchange(),
-            model.fmi.interfaces.scheduled_execution(),
+            model.fmi.interfaces,
             model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use fmu_terms::Version;
+use fmu_terms::{Interface, Version, Word};
 use fmu_xml::{Attributes, XmlWriter, empty};
 
 use crate::model::Model;
@@ -13,16 +13,12 @@ pub(super) fn write(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()>
         Version::Two => fmi2(model),
         Version::Three => fmi3(model),
     };
-    let interfaces = model.fmi.interfaces;
-    let are_offered =
-        [interfaces.model_exchange(), interfaces.co_simulation(), interfaces.scheduled_execution()];
-    let names = ["ModelExchange", "CoSimulation", "ScheduledExecution"];
-    for ((name, capabilities), _) in names.into_iter().zip(of_version).zip(are_offered).filter(|(_, is)| *is)
-    {
+    let is_offered = |(interface, _): &(&Interface, _)| model.fmi.interfaces.include(**interface);
+    for (interface, capabilities) in Interface::ALL.iter().zip(of_version).filter(is_offered) {
         let mut attributes =
             vec![("modelIdentifier", model.identifier.clone()), ("needsExecutionTool", false.to_string())];
         attributes.extend(capabilities);
-        empty(writer, name, attributes)?;
+        empty(writer, interface.as_str(), attributes)?;
     }
     Ok(())
 }

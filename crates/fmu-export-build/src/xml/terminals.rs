@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 
 use fmu_xml::{document, element, empty, given};
 
-use crate::declaration::word;
 use crate::model::Model;
 
 pub(crate) fn write(model: &Model<'_>) -> String {
@@ -35,7 +34,7 @@ pub(crate) fn write(model: &Model<'_>) -> String {
                 terminals.iter().try_for_each(|terminal| {
                     let attributes = given([
                         ("name", Some(terminal.name.clone())),
-                        ("matchingRule", Some(word(terminal.matching_rule).to_string())),
+                        ("matchingRule", Some(terminal.matching_rule.to_string())),
                         ("description", terminal.description.clone()),
                     ]);
                     element(writer, "Terminal", attributes, |writer| {

@@ -8,10 +8,11 @@ use fmu_terms::Version;
 use fmu_xml::{Attributes, XmlWriter, element, empty, float, given};
 use quick_xml::events::{BytesText, Event};
 
-use crate::data_type::DataType;
-use crate::declaration::{Causality, Dimension, Variability, VariableDeclaration, word};
+use crate::declaration::{Dimension, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{Model, Place, Scalar, derivative_description, without_subscripts};
+use crate::value_type::ValueType;
+use fmu_terms::{Causality, DataType, Variability};
 
 /// The standard's variables, some of which are arrays in FMI 3.0.
 pub(crate) struct Variables<'m, 'a> {
@@ -69,15 +70,16 @@ impl<'m, 'a> Variables<'m, 'a> {
             ("name", Some(name)),
             ("valueReference", Some(scalar.value_reference.to_string())),
             ("description", self.description(scalar, array.is_some())),
-            ("causality", Some(word(scalar.causality).to_string())),
-            ("variability", Some(word(scalar.variability).to_string())),
-            ("initial", scalar.initial.map(|initial| word(initial).to_string())),
+            ("causality", Some(scalar.causality.to_string())),
+            ("variability", Some(scalar.variability.to_string())),
+            ("initial", scalar.initial.map(|initial| initial.to_string())),
         ]);
         let mut own = self.of_type(scalar, position);
         let elements = array.map_or(slice::from_ref(&position), Vec::as_slice);
         let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref());
         let starts = starts.map(|start| start.map(ToString::to_string)).collect::<Option<Vec<_>>>();
-        let has_texts = self.is_fmi3() && matches!(scalar.data_type, DataType::String | DataType::Binary);
+        let has_texts =
+            self.is_fmi3() && matches!(scalar.data_type.data_type(), DataType::String | DataType::Binary);
         let numbers = starts.as_ref().filter(|_| !has_texts);
         let references = |positions: &[usize]| {
             positions.iter().map(|&position| self.reference(position)).collect::<Vec<_>>().join(" ")
@@ -94,7 +96,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                 (scalar.reinit && self.model.fmi.interfaces.model_exchange()).then(|| true.to_string()),
             ),
         ]));
-        let name = self.type_name(scalar.data_type);
+        let name = scalar.data_type.data_type().name(self.model.fmi.version);
         if !self.is_fmi3() {
             let comment = format!(" index {} ", self.reference(position));
             writer.write_event(Event::Comment(BytesText::new(&comment)))?;
@@ -137,27 +139,18 @@ impl<'m, 'a> Variables<'m, 'a> {
         &self.model.field(position).declaration.dimensions
     }
 
-    /// The element named after a type.
-    fn type_name(&self, data_type: DataType) -> &'static str {
-        match data_type {
-            DataType::Real if self.is_fmi3() => "Float64",
-            DataType::Integer if self.is_fmi3() => "Int32",
-            other => other.name(),
-        }
-    }
-
     /// The attributes that a type has, in the order of the schema.
     fn of_type(&self, scalar: &Scalar, position: usize) -> Attributes {
         match scalar.data_type {
-            DataType::Enumeration(enumeration) => {
+            ValueType::Enumeration(enumeration) => {
                 let name = self.model.declaration.enumerations[enumeration].name.clone();
                 vec![("declaredType", name)]
             }
-            DataType::Clock => {
+            ValueType::Standard(DataType::Clock) => {
                 let has_priority = self.model.fmi.interfaces.scheduled_execution();
                 clock_attributes(self.model.field(position).declaration, has_priority)
             }
-            data_type => {
+            ValueType::Standard(data_type) => {
                 // Of an integer the checks allow only integers, and `Display` prints them without a fraction.
                 let bound = |bound: f64| if data_type.is_float() { float(bound) } else { bound.to_string() };
                 given([
@@ -244,7 +237,7 @@ fn clock_attributes(clock: &VariableDeclaration, has_priority: bool) -> Attribut
     given([
         ("canBeDeactivated", clock.can_be_deactivated.then(|| true.to_string())),
         ("priority", clock.priority.filter(|_| has_priority).map(|priority| priority.to_string())),
-        ("intervalVariability", Some(word(clock.ticks()).to_string())),
+        ("intervalVariability", Some(clock.ticks().to_string())),
         ("intervalDecimal", interval.map(float)),
         ("shiftDecimal", shift.filter(|shift| *shift > 0.0).map(float)),
         ("supportsFraction", clock.has_fractions().then(|| true.to_string())),

@@ -113,8 +113,8 @@ pub unsafe fn fmi2Instantiate<M: Model>(
         }
         let interfaces = description.interfaces;
         match fmu_type {
-            CO_SIMULATION if interfaces.co_simulation => Ok(Interface::CoSimulation),
-            MODEL_EXCHANGE if interfaces.model_exchange => Ok(Interface::ModelExchange),
+            CO_SIMULATION if interfaces.co_simulation() => Ok(Interface::CoSimulation),
+            MODEL_EXCHANGE if interfaces.model_exchange() => Ok(Interface::ModelExchange),
             CO_SIMULATION => Err(Error::new("this FMU is for Model Exchange, not for Co-Simulation")),
             MODEL_EXCHANGE => Err(Error::new("this FMU is for Co-Simulation, not for Model Exchange")),
             other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),

@@ -77,8 +77,8 @@ impl<M: Model> Instance<M> {
         }
         variable.variability != Variability::Constant
             && match phase {
-                Phase::Instantiated => matches!(variable.initial, Initial::Exact | Initial::Approx),
-                Phase::InitializationMode => variable.initial == Initial::Exact,
+                Phase::Instantiated => matches!(variable.initial, Some(Initial::Exact | Initial::Approx)),
+                Phase::InitializationMode => variable.initial == Some(Initial::Exact),
                 Phase::StepComplete
                 | Phase::EventMode
                 | Phase::StepEventMode

@@ -7,6 +7,7 @@ use fmu_export::display::Seconds;
 use fmu_export::event_loop::TIME_TOLERANCE;
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
+use fmu_terms::IntervalVariability;
 
 use super::calls::Calls;
 use super::fmu::{input_clocks, reference};
@@ -63,10 +64,10 @@ impl EventMode {
     pub fn new(calls: &Calls) -> Result<Self> {
         let mut clocks = vec![];
         for clock in input_clocks(calls.fmu.description()) {
-            let timing = match clock.interval_variability.as_str() {
-                "constant" | "fixed" => Timing::Periodic,
-                "tunable" | "changing" => Timing::Changing,
-                "countdown" => Timing::Countdown,
+            let timing = match clock.interval_variability.meaning() {
+                Some(IntervalVariability::Constant | IntervalVariability::Fixed) => Timing::Periodic,
+                Some(IntervalVariability::Tunable | IntervalVariability::Changing) => Timing::Changing,
+                Some(IntervalVariability::Countdown) => Timing::Countdown,
                 _ => continue,
             };
             let reference = reference(clock)?;

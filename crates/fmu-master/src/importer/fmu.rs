@@ -1,64 +1,21 @@
 //! FMUs, extracted and loaded for one of their interfaces.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{FmuDescription, FmuVariable, Linear, Platform};
-use fmu_terms::like;
+use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;
 use super::folder::extract;
 
 /// The capability flag of FMUs with a single instance per process, for [`Fmu::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
-
-/// How an FMU is run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Interface {
-    /// The FMU steps itself.
-    CoSimulation,
-    /// This crate integrates the FMU's states and handles its events.
-    ModelExchange,
-}
-
-impl Interface {
-    /// The element of modelDescription.xml that declares it.
-    fn element(self) -> &'static str {
-        match self {
-            Self::CoSimulation => "CoSimulation",
-            Self::ModelExchange => "ModelExchange",
-        }
-    }
-}
-
-impl FromStr for Interface {
-    type Err = Error;
-
-    /// The interface that `cs` or `me` stands for.
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "cs" => Ok(Self::CoSimulation),
-            "me" => Ok(Self::ModelExchange),
-            _ => bail!("expected cs for co-simulation or me for Model Exchange"),
-        }
-    }
-}
-
-impl fmt::Display for Interface {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::CoSimulation => "co-simulation",
-            Self::ModelExchange => "Model Exchange",
-        })
-    }
-}
 
 /// An FMU of FMI 2.0 or 3.0, extracted to a temporary folder and loaded. Its folder and library stay until it and its
 /// instances are dropped.
@@ -182,7 +139,7 @@ impl Fmu {
     /// Whether it declares a capability flag for its [interface](Self::interface), such as [`ONLY_ONCE`].
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
-        self.description.has_capability(self.interface.element(), flag)
+        self.description.has_capability(self.interface, flag)
     }
 
     /// A variable, by its name.
@@ -196,15 +153,15 @@ impl Fmu {
         })
     }
 
-    /// The names of the variables of a causality, such as `input` or `output`, in the FMU's order.
-    pub fn names<'a>(&'a self, causality: &'a str) -> impl Iterator<Item = &'a str> {
+    /// The names of the variables of a causality, in the FMU's order.
+    pub fn names(&self, causality: Causality) -> impl Iterator<Item = &str> {
         self.description.of_causality(causality).map(|variable| variable.name.as_str())
     }
 }
 
 /// Its value reference as a number.
 pub(super) fn reference(variable: &FmuVariable) -> Result<ValueReference> {
-    variable.value_reference.parse().with_context(|| {
+    variable.value_reference.meaning().with_context(|| {
         format!("the value reference of {} is '{}'", variable.name, variable.value_reference)
     })
 }
@@ -212,7 +169,7 @@ pub(super) fn reference(variable: &FmuVariable) -> Result<ValueReference> {
 /// The interface by which to run an FMU, and the identifier of its library.
 fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(Interface, &str)> {
     let offered = |interface: Interface| {
-        let identifier = description.identifier(interface.element());
+        let identifier = description.identifier(interface);
         identifier.map(|identifier| (interface, identifier))
     };
     let both = [Interface::CoSimulation, Interface::ModelExchange];
@@ -220,10 +177,10 @@ fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(In
         Some(interface) => offered(interface),
         None => both.into_iter().find_map(offered),
     };
-    let others: Vec<_> = both.into_iter().filter_map(offered).map(|(other, _)| other.to_string()).collect();
+    let others: Vec<_> = both.into_iter().filter_map(offered).map(|(other, _)| other.name()).collect();
     found.with_context(|| match (wanted, others.first()) {
-        (Some(interface), Some(other)) => format!("it is not for {interface}, only for {other}"),
-        _ if description.interface("ScheduledExecution").is_some() => {
+        (Some(interface), Some(other)) => format!("it is not for {}, only for {other}", interface.name()),
+        _ if description.interface(Interface::ScheduledExecution).is_some() => {
             "it is for Scheduled Execution only, which needs a scheduler for its clocks".to_owned()
         }
         _ => "it is neither for co-simulation nor for Model Exchange".to_owned(),
@@ -233,7 +190,7 @@ fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(In
 /// Whether co-simulation needs Event Mode: for clocks.
 fn needs_event_mode(description: &FmuDescription) -> Result<bool> {
     let Some(clock) = input_clocks(description).next() else { return Ok(false) };
-    if !description.has_capability(Interface::CoSimulation.element(), "hasEventMode") {
+    if !description.has_capability(Interface::CoSimulation, "hasEventMode") {
         bail!("its clock {} needs Event Mode, which it does not have in co-simulation", clock.name);
     }
     Ok(true)
@@ -241,7 +198,7 @@ fn needs_event_mode(description: &FmuDescription) -> Result<bool> {
 
 /// The clocks that the importer lets tick.
 pub(super) fn input_clocks(description: &FmuDescription) -> impl Iterator<Item = &FmuVariable> {
-    description.of_causality("input").filter(|variable| variable.data_type == "Clock")
+    description.of_causality(Causality::Input).filter(|variable| variable.data_type == DataType::Clock)
 }
 
 fn states(description: &FmuDescription) -> Result<Vec<State>> {

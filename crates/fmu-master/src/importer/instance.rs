@@ -9,10 +9,11 @@ use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::FmuState;
 use fmu_package::{FmuVariable, ParameterSet, Value};
 
+use super::Interface;
 use super::c_boundary::Handle;
 use super::calls::Calls;
 use super::event_mode::EventMode;
-use super::fmu::{Fmu, Interface, reference};
+use super::fmu::{Fmu, reference};
 use super::folder;
 use super::integration::Integration;
 use super::messages::{self, CallFailed, Message};
@@ -148,7 +149,7 @@ impl Instance {
                 *integration = Some(Integration::begin(calls, events, time)?);
                 Ok(())
             }
-            (Some(events), Interface::CoSimulation) => events.handle(calls, time, 0.0),
+            (Some(events), _) => events.handle(calls, time, 0.0),
             (None, _) => Ok(()),
         }
     }

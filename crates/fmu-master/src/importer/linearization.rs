@@ -5,9 +5,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use fmu_package::{FmuDescription, FmuVariable};
 
+use super::Interface;
 use super::c_boundary::Vector;
 use super::event_mode::EventMode;
-use super::fmu::{Fmu, Interface, reference};
+use super::fmu::{Fmu, reference};
 use super::instance::Instance;
 use super::selection::Selection;
 
@@ -114,7 +115,7 @@ impl Instance {
         self.read(of, values)?;
         match self.calls.fmu.interface() {
             Interface::ModelExchange => self.calls.get_vector(Vector::Derivatives, &mut values[..states]),
-            Interface::CoSimulation => Ok(()),
+            _ => Ok(()),
         }
     }
 

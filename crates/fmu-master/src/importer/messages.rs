@@ -6,6 +6,7 @@ use std::fmt;
 use anyhow::Error;
 use fmu_export::display::Seconds;
 use fmu_package::{FmuDescription, FmuVariable};
+use fmu_terms::DataType;
 
 /// A status, as the FMU returned it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,19 +93,19 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
     text += parts.next().unwrap_or_default();
     // References and text alternate.
     while let Some(reference) = parts.next() {
-        let types: &[&str] = match reference.chars().next() {
-            Some('r') => &["Real"],
-            Some('i') => &["Integer", "Enumeration"],
-            Some('b') => &["Boolean"],
-            Some('s') => &["String"],
+        let types: &[DataType] = match reference.chars().next() {
+            Some('r') => &[DataType::Real],
+            Some('i') => &[DataType::Integer, DataType::Enumeration],
+            Some('b') => &[DataType::Boolean],
+            Some('s') => &[DataType::String],
             _ => &[],
         };
         let named = description.variables.iter().find(|variable| {
+            let own = variable.value_reference.text();
             if description.is_fmi3() {
-                return reference == variable.value_reference;
+                return reference == own;
             }
-            types.contains(&variable.data_type.as_str())
-                && reference.get(1..) == Some(&variable.value_reference)
+            types.iter().any(|data_type| variable.data_type == *data_type) && reference.get(1..) == Some(own)
         });
         // The reference of an element is the array's.
         let array = |variable: &FmuVariable| match (variable.element, variable.name.rfind('[')) {

@@ -2,6 +2,8 @@
 
 use std::ffi::c_void;
 
+use fmu_terms::DataType;
+
 /// Declares a type of numbers for each kind of memory that an FMU reads and writes.
 macro_rules! numbers {
     ($($memory:ident($number:ty)),*) => {
@@ -113,20 +115,20 @@ number_by_cast!(|value| value, f32);
 number_by_cast!(f64::round, i8, u8, i16, u16, i32, u32, i64, u64);
 
 /// The types of numbers that FMI 2.0 has functions for, with their memory: an `fmi2Boolean` is an int.
-pub const NUMBERS_OF_FMI2: [(&str, Memory); 3] =
-    [("Real", Memory::F64), ("Integer", Memory::I32), ("Boolean", Memory::I32)];
+pub const NUMBERS_OF_FMI2: [(DataType, Memory); 3] =
+    [(DataType::Real, Memory::F64), (DataType::Integer, Memory::I32), (DataType::Boolean, Memory::I32)];
 
 /// The types of numbers of FMI 3.0: an `fmi3Boolean` is a C `bool`, to which a careless FMU may give any value.
-pub const NUMBERS_OF_FMI3: [(&str, Memory); 11] = [
-    ("Float64", Memory::F64),
-    ("Float32", Memory::F32),
-    ("Int8", Memory::I8),
-    ("UInt8", Memory::U8),
-    ("Int16", Memory::I16),
-    ("UInt16", Memory::U16),
-    ("Int32", Memory::I32),
-    ("UInt32", Memory::U32),
-    ("Int64", Memory::I64),
-    ("UInt64", Memory::U64),
-    ("Boolean", Memory::U8),
+pub const NUMBERS_OF_FMI3: [(DataType, Memory); 11] = [
+    (DataType::Real, Memory::F64),
+    (DataType::Float32, Memory::F32),
+    (DataType::Int8, Memory::I8),
+    (DataType::UInt8, Memory::U8),
+    (DataType::Int16, Memory::I16),
+    (DataType::UInt16, Memory::U16),
+    (DataType::Integer, Memory::I32),
+    (DataType::UInt32, Memory::U32),
+    (DataType::Int64, Memory::I64),
+    (DataType::UInt64, Memory::U64),
+    (DataType::Boolean, Memory::U8),
 ];

@@ -23,7 +23,9 @@ impl Fmu {
         for name in names {
             let variable = self.variable(name)?;
             let (reference, position) = (reference(variable)?, selection.names.len());
-            let Some((number_type, values)) = self.functions.number_type(&variable.data_type) else {
+            let number_type =
+                variable.data_type.meaning().and_then(|known| self.functions.number_type(known));
+            let Some((number_type, values)) = number_type else {
                 bail!("{name} is of the type {}, which is not a number", variable.data_type);
             };
             let groups = &mut selection.groups;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow};
 use fmu_package::{FmuDescription, FmuVariable, Linear, ValueType};
 use fmu_record::{Cell, Data, as_number, as_truth};
+use fmu_terms::DataType;
 
 use super::Signal;
 
@@ -51,7 +52,7 @@ impl Course {
     /// # Errors
     /// When a cell of measured data is not a number.
     pub fn plain(&self) -> Result<Signal> {
-        let real = FmuVariable { data_type: "Real".to_owned(), ..FmuVariable::default() };
+        let real = FmuVariable { data_type: DataType::Real.into(), ..FmuVariable::default() };
         self.fit(&real, &FmuDescription::default(), Linear::IDENTITY)
     }
 }

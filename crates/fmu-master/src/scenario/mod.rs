@@ -378,7 +378,10 @@ fn read_member(node: &Node<'_>, step: f64, [folder, fmus]: [&Path; 2], others: &
 
 fn read_interface(node: &Node<'_>) -> Result<Interface> {
     const EXPECTED: &str = "\"cs\" for co-simulation or \"me\" for Model Exchange";
-    node.string(EXPECTED)?.parse().map_err(|_| node.unexpected(EXPECTED))
+    match node.string(EXPECTED)?.parse() {
+        Ok(interface @ (Interface::CoSimulation | Interface::ModelExchange)) => Ok(interface),
+        _ => Err(node.unexpected(EXPECTED)),
+    }
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Location)> {

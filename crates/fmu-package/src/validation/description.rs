@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use fmu_terms::Version;
+use fmu_terms::{Interface, Version};
 use regex_lite::Regex;
 
 use super::model::Model;
@@ -73,7 +73,8 @@ fn guid(model: &Model<'_>, report: &mut Report) {
 }
 
 fn event_indicator_count(model: &Model<'_>, report: &mut Report) {
-    let is_for_model_exchange = model.version == Version::Two && model.interface("ModelExchange").is_some();
+    let is_for_model_exchange =
+        model.version == Version::Two && model.interface(Interface::ModelExchange).is_some();
     if is_for_model_exchange && !model.root.has_attribute("numberOfEventIndicators") {
         model.wrong(report, &EVENT_INDICATOR_COUNT, model.root, "there is no numberOfEventIndicators");
     }

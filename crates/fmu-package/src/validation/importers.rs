@@ -1,6 +1,6 @@
 //! The table of FMUs that the standard allows but known importers reject, shown in `docs/validation.md`.
 
-use fmu_terms::Version;
+use fmu_terms::{Causality, Version};
 
 use super::model::Model;
 use super::report::{Place, Report};
@@ -67,7 +67,7 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
             report.add(rule, place, format!("{what}, refused by {}", refusing.join(", ")));
         }
     };
-    for (declared, _) in &model.types {
+    for [declared, _] in &model.types {
         // FMPy ignores types of Clocks.
         if declared.has_attribute("description") && declared.tag_name().name() != "ClockType" {
             let name = declared.attribute("name").unwrap_or_default();
@@ -78,7 +78,7 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
         if named(variable.element, "Dimension").next().is_some() {
             note(&ARRAY, model.at(variable), "it is an array");
         }
-        if variable.causality == "structuralParameter" {
+        if variable.causality == Causality::StructuralParameter {
             note(&STRUCTURAL_PARAMETER, model.at(variable), "it is a structural parameter");
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use fmu_terms::Version;
+use fmu_terms::{Interface, Version, Word};
 
 use super::archive::Files;
 use super::model::Model;
@@ -169,7 +169,7 @@ fn library(
 /// The functions exported by a library for the interfaces with this model identifier; in FMI 3.0 all.
 fn functions(model: &Model<'_>, identifier: &str) -> impl Iterator<Item = &'static str> {
     let is_exported = move |owner: &str| {
-        let interface = model.interface(owner);
+        let interface = Interface::of(owner).and_then(|owner| model.interface(owner));
         ["Library", "All"].contains(&owner)
             || interface.is_some_and(|element| element.attribute("modelIdentifier") == Some(identifier))
     };

@@ -1,13 +1,16 @@
 //! The content of a description, abstracting from differences between FMI versions.
 
 use std::collections::HashMap;
+use std::ops::Deref;
 
-use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, Initial, Interface, Variability, Version, Word};
 
 use super::report::{Place, Report};
 use super::rules::Rule;
 use super::xml::Xml;
-use crate::model_description::INTERFACES;
+use crate::declared::Declared;
+use crate::model_description::{by_name, declared_types};
+use crate::variable::{Types, VariableElement};
 use crate::xml::{Element, children, listed, named};
 
 /// A description. Parts may be missing where it violates the schema, which is reported separately.
@@ -15,14 +18,13 @@ pub(super) struct Model<'d> {
     pub xml: &'d Xml<'d>,
     pub version: Version,
     pub root: Element<'d>,
-    /// `ModelExchange`, `CoSimulation` and `ScheduledExecution`.
     pub interfaces: Vec<Element<'d>>,
     /// The declared types: the element with the name, and the one with `min`, `unit` and so on.
-    pub types: Vec<(Element<'d>, Element<'d>)>,
+    pub types: Vec<[Element<'d>; 2]>,
     pub units: Vec<Element<'d>>,
     pub variables: Vec<Variable<'d>>,
     pub entries: Vec<Entry<'d>>,
-    type_by_name: HashMap<&'d str, Element<'d>>,
+    type_by_name: Types<'d>,
     unit_by_name: HashMap<&'d str, Element<'d>>,
     /// The targets of indices (FMI 2) and value references (FMI 3).
     references: HashMap<u32, usize>,
@@ -30,15 +32,13 @@ pub(super) struct Model<'d> {
 
 /// A variable.
 pub(super) struct Variable<'d> {
-    pub element: Element<'d>,
-    /// The element with `start`, `min` and so on: the same one in FMI 3.
-    pub typed: Element<'d>,
-    declared: Option<Element<'d>>,
+    declaration: VariableElement<'d>,
     pub name: &'d str,
-    pub causality: &'d str,
-    pub variability: &'d str,
-    /// As declared, or the standard's default.
-    pub initial: Option<&'d str>,
+    pub data_type: Declared<DataType>,
+    // As declared, or the standard's default.
+    pub causality: Declared<Causality>,
+    pub variability: Declared<Variability>,
+    pub initial: Declared<Initial>,
     /// The attribute `derivative`.
     pub derivative: Option<&'d str>,
 }
@@ -59,26 +59,24 @@ pub(super) struct Entry<'d> {
 /// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none if the combination is not allowed.
 pub(super) fn initials(
     version: Version,
-    causality: &str,
-    variability: &str,
-) -> Option<&'static [&'static str]> {
+    causality: Causality,
+    variability: Variability,
+) -> Option<&'static [Initial]> {
+    use Causality::{CalculatedParameter, Independent, Input, Local, Output, Parameter, StructuralParameter};
+    use Initial::{Approx, Calculated, Exact};
+    use Variability::{Constant, Continuous, Discrete, Fixed, Tunable};
     Some(match (causality, variability) {
-        ("parameter", "fixed" | "tunable") | ("output" | "local", "constant") => &["exact"],
-        ("calculatedParameter" | "local", "fixed" | "tunable") => &["calculated", "approx"],
-        ("output" | "local", "discrete" | "continuous") => &["calculated", "exact", "approx"],
-        ("structuralParameter", "fixed" | "tunable") | ("input", "discrete" | "continuous")
+        (Parameter, Fixed | Tunable) | (Output | Local, Constant) => &[Exact],
+        (CalculatedParameter | Local, Fixed | Tunable) => &[Calculated, Approx],
+        (Output | Local, Discrete | Continuous) => &[Calculated, Exact, Approx],
+        (StructuralParameter, Fixed | Tunable) | (Input, Discrete | Continuous)
             if version == Version::Three =>
         {
-            &["exact"]
+            &[Exact]
         }
-        ("input", "discrete" | "continuous") | ("independent", "continuous") => &[],
+        (Input, Discrete | Continuous) | (Independent, Continuous) => &[],
         _ => return None,
     })
-}
-
-/// Whether a type is floating-point.
-pub(super) fn is_float(kind: &str) -> bool {
-    matches!(kind, "Real" | "Float32" | "Float64")
 }
 
 impl<'d> Model<'d> {
@@ -86,26 +84,18 @@ impl<'d> Model<'d> {
         let root = xml.root();
         let below = |name| listed(root, name);
         let interfaces =
-            children(root).filter(|child| INTERFACES.contains(&child.tag_name().name())).collect();
-        let types: Vec<_> = below("TypeDefinitions")
-            .map(|declared| match version {
-                Version::Three => (declared, declared),
-                Version::Two => (declared, children(declared).next().unwrap_or(declared)),
-            })
-            .collect();
+            children(root).filter(|child| Interface::of(child.tag_name().name()).is_some()).collect();
+        let types: Vec<_> = declared_types(root).collect();
         let units: Vec<_> = below("UnitDefinitions").collect();
-        let by_name = |element: &Element<'d>| element.attribute("name").map(|name| (name, *element));
+        let unit_by_name = |unit: &Element<'d>| unit.attribute("name").map(|name| (name, *unit));
         let mut model = Self {
             xml,
             version,
             root,
             interfaces,
-            type_by_name: types
-                .iter()
-                .filter_map(|(declared, typed)| Some((declared.attribute("name")?, *typed)))
-                .collect(),
+            type_by_name: by_name(&types),
             types,
-            unit_by_name: units.iter().filter_map(by_name).collect(),
+            unit_by_name: units.iter().filter_map(unit_by_name).collect(),
             units,
             variables: vec![],
             entries: vec![],
@@ -128,29 +118,32 @@ impl<'d> Model<'d> {
     }
 
     fn variable(&self, element: Element<'d>) -> Variable<'d> {
-        let typed = match self.version {
-            Version::Three => element,
-            Version::Two => children(element).next().unwrap_or(element),
+        let declaration = VariableElement::new(element, &self.type_by_name);
+        let data_type = declaration.data_type();
+        let causality = declared(element, "causality").unwrap_or(Causality::Local.into());
+        let default = match (self.version, causality.meaning()) {
+            (
+                Version::Three,
+                Some(Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter),
+            ) => Variability::Fixed,
+            (Version::Three, _) if !data_type.meaning().is_some_and(DataType::is_float) => {
+                Variability::Discrete
+            }
+            _ => Variability::Continuous,
         };
-        let kind = typed.tag_name().name();
-        let causality = element.attribute("causality").unwrap_or("local");
-        let default = match (self.version, causality) {
-            (Version::Three, "parameter" | "calculatedParameter" | "structuralParameter") => "fixed",
-            (Version::Three, _) if !is_float(kind) => "discrete",
-            _ => "continuous",
-        };
-        let variability = element.attribute("variability").unwrap_or(default);
-        let default =
-            initials(self.version, causality, variability).and_then(|allowed| allowed.first().copied());
+        let variability = declared(element, "variability").unwrap_or(default.into());
+        let initial = declared(element, "initial").or_else(|| {
+            let allowed = initials(self.version, causality.meaning()?, variability.meaning()?)?;
+            allowed.first().copied().map(Declared::from)
+        });
         Variable {
-            element,
-            typed,
-            declared: typed.attribute("declaredType").and_then(|name| self.type_by_name.get(name).copied()),
+            declaration,
             name: element.attribute("name").unwrap_or_default(),
+            data_type,
             causality,
             variability,
-            initial: element.attribute("initial").or(default),
-            derivative: typed.attribute("derivative"),
+            initial: initial.unwrap_or_default(),
+            derivative: declaration.typed.attribute("derivative"),
         }
     }
 
@@ -195,8 +188,8 @@ impl<'d> Model<'d> {
     }
 
     /// An interface, if the FMU has it.
-    pub fn interface(&self, name: &str) -> Option<Element<'d>> {
-        self.interfaces.iter().find(|interface| interface.tag_name().name() == name).copied()
+    pub fn interface(&self, wanted: Interface) -> Option<Element<'d>> {
+        self.interfaces.iter().find(|interface| interface.tag_name().name() == wanted.as_str()).copied()
     }
 
     /// The distinct model identifiers.
@@ -238,23 +231,26 @@ impl<'d> Model<'d> {
     }
 }
 
-impl<'d> Variable<'d> {
-    /// `Real`, `Float64` and so on.
-    pub fn kind(&self) -> &'d str {
-        self.typed.tag_name().name()
-    }
+/// The word that an attribute is, if there is one.
+fn declared<W: Word>(element: Element<'_>, name: &str) -> Option<Declared<W>> {
+    element.has_attribute(name).then(|| Declared::word(element.attribute(name)))
+}
 
+impl<'d> Deref for Variable<'d> {
+    type Target = VariableElement<'d>;
+
+    fn deref(&self) -> &VariableElement<'d> {
+        &self.declaration
+    }
+}
+
+impl<'d> Variable<'d> {
     pub fn is_float(&self) -> bool {
-        is_float(self.kind())
+        self.data_type.meaning().is_some_and(DataType::is_float)
     }
 
     pub fn is_clocked(&self) -> bool {
         self.element.has_attribute("clocks")
-    }
-
-    /// An attribute of the variable, or of its declared type.
-    pub fn inherited(&self, name: &str) -> Option<&'d str> {
-        self.typed.attribute(name).or_else(|| self.declared.and_then(|declared| declared.attribute(name)))
     }
 
     /// The start values, if any. FMI 3 has elements for texts, which are not parsed here.

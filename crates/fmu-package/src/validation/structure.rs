@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, Initial, Variability, Version, Word};
 
 use super::model::{Entry, Model};
 use super::report::{Report, Wrong};
@@ -68,8 +68,11 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
     let is_float = entry.variable.is_none_or(|index| model.variables[index].is_float());
     for kind in kinds {
         let is_initial = entry.list == "InitialUnknown";
-        if ["fixed", "tunable", "discrete"].contains(&kind) && is_initial || kind != "dependent" && !is_float
-        {
+        let is_variability = matches!(
+            Variability::of(kind),
+            Some(Variability::Fixed | Variability::Tunable | Variability::Discrete)
+        );
+        if is_variability && is_initial || kind != "dependent" && !is_float {
             let of = if is_float { "an initial unknown" } else { "a variable that is not floating-point" };
             return wrong(&DEPENDENCY_KIND_USE, format!("the kind {kind} is not allowed for {of}"));
         }
@@ -80,13 +83,16 @@ fn kinds(model: &Model<'_>, entry: &Entry<'_>, wrong: Wrong<'_>) {
 fn knowns(model: &Model<'_>, entry: &Entry<'_>, states: &BTreeSet<usize>, wrong: Wrong<'_>) {
     let is_known = |index: usize| {
         let known = &model.variables[index];
-        match (entry.list, known.causality) {
-            (_, "input" | "independent") => true,
-            ("InitialUnknown", _) => known.initial == Some("exact"),
-            (_, "parameter" | "structuralParameter") => model.version == Version::Three,
+        match (entry.list, known.causality.meaning()) {
+            (_, Some(Causality::Input | Causality::Independent)) => true,
+            ("InitialUnknown", _) => known.initial == Initial::Exact,
+            (_, Some(Causality::Parameter | Causality::StructuralParameter)) => {
+                model.version == Version::Three
+            }
             // Discrete states and ticking Clocks are known only inside the FMU.
             _ => {
-                states.contains(&index) || model.version == Version::Three && known.variability == "discrete"
+                states.contains(&index)
+                    || model.version == Version::Three && known.variability == Variability::Discrete
             }
         }
     };
@@ -147,8 +153,9 @@ fn compare(
 }
 
 fn outputs(model: &Model<'_>, report: &mut Report) {
-    let expected =
-        (0..model.variables.len()).filter(|&index| model.variables[index].causality == "output").collect();
+    let expected = (0..model.variables.len())
+        .filter(|&index| model.variables[index].causality == Causality::Output)
+        .collect();
     compare(model, "Output", &expected, |_| false, &OUTPUTS, report);
 }
 
@@ -163,7 +170,9 @@ fn derivatives(model: &Model<'_>, report: &mut Report) {
             (None, _) if variable.derivative.is_none() => {
                 format!("{} has no attribute derivative", variable.name)
             }
-            (Some(state), _) if !["local", "output"].contains(&state.causality) => {
+            (Some(state), _)
+                if !matches!(state.causality.meaning(), Some(Causality::Local | Causality::Output)) =>
+            {
                 format!("its state {} is {}", state.name, state.causality)
             }
             // Another rule reports the same variable twice in the list.
@@ -181,17 +190,19 @@ fn initial_unknowns(model: &Model<'_>, states: &BTreeSet<usize>, report: &mut Re
         model.list("ContinuousStateDerivative").filter_map(|entry| entry.variable).collect();
     let is_expected = |&index: &usize| {
         let variable = &model.variables[index];
-        let is_calculated = matches!(variable.initial, Some("approx" | "calculated"));
-        let is_output =
-            variable.causality == "output" && variable.kind() != "Clock" && !variable.is_clocked();
-        variable.causality == "calculatedParameter"
+        let is_calculated = matches!(variable.initial.meaning(), Some(Initial::Approx | Initial::Calculated));
+        let is_output = variable.causality == Causality::Output
+            && variable.data_type != DataType::Clock
+            && !variable.is_clocked();
+        variable.causality == Causality::CalculatedParameter
             || is_calculated && (is_output || states.contains(&index) || derivatives.contains(&index))
     };
     let expected = (0..model.variables.len()).filter(is_expected).collect();
     // Clocks have no `initial`, and FMPy requires output Clocks.
     let may_be = |index: usize| {
         let variable = &model.variables[index];
-        variable.is_clocked() || variable.causality == "output" && variable.kind() == "Clock"
+        variable.is_clocked()
+            || variable.causality == Causality::Output && variable.data_type == DataType::Clock
     };
     compare(model, "InitialUnknown", &expected, may_be, &INITIAL_UNKNOWNS, report);
 }
@@ -205,8 +216,8 @@ fn clocked_states(model: &Model<'_>, report: &mut Report) {
 fn event_indicators(model: &Model<'_>, report: &mut Report) {
     for entry in model.list("EventIndicator") {
         let Some(variable) = entry.variable.map(|index| &model.variables[index]) else { continue };
-        let is_one = variable.is_float() && variable.variability == "continuous";
-        if !is_one || !["local", "output"].contains(&variable.causality) {
+        let is_one = variable.is_float() && variable.variability == Variability::Continuous;
+        if !is_one || !matches!(variable.causality.meaning(), Some(Causality::Local | Causality::Output)) {
             let message = format!(
                 "{} is {} {} {}",
                 variable.name,

@@ -14,7 +14,7 @@ use crate::xml::{Element, children, flag, named};
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {
     units(model, report);
     names_of_types(model, report);
-    for (declared, typed) in &model.types {
+    for [declared, typed] in &model.types {
         items(model, *typed, report);
         unit(model, typed.attribute("unit"), typed.attribute("displayUnit"), model.xml.at(*declared), report);
         range(typed.attribute("min"), typed.attribute("max"), model.xml.at(*declared), report);
@@ -61,9 +61,9 @@ fn units(model: &Model<'_>, report: &mut Report) {
 }
 
 fn names_of_types(model: &Model<'_>, report: &mut Report) {
-    unique(model, report, &TYPE_NAME, model.types.iter().map(|(declared, _)| *declared), "name");
+    unique(model, report, &TYPE_NAME, model.types.iter().map(|[declared, _]| *declared), "name");
     let variables: BTreeSet<_> = model.variables.iter().map(|variable| variable.name).collect();
-    for (declared, _) in &model.types {
+    for [declared, _] in &model.types {
         if let Some(name) = declared.attribute("name").filter(|name| variables.contains(name)) {
             model.wrong(report, &TYPE_NAME, *declared, format!("a variable is also named {name}"));
         }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, Initial, Interface, IntervalVariability, Variability, Version, Word};
 use regex_lite::Regex;
 
 use super::model::{Model, Variable, initials};
@@ -14,6 +14,7 @@ use super::rules::{
 };
 use super::schema::number;
 use super::types::range;
+use crate::declared::Declared;
 use crate::xml::{flag, named};
 
 /// Structured names (FMI 2.0.5, section 2.2.9; FMI 3.0.2, section 2.4.7.5.1).
@@ -59,7 +60,7 @@ fn fmi3(model: &Model<'_>, report: &mut Report) {
         clock(variable, wrong);
         clocked(model, variable, wrong);
         previous(model, index, variable, &mut previous_values, wrong);
-        if flag(variable.element, "intermediateUpdate") && variable.variability != "continuous" {
+        if flag(variable.element, "intermediateUpdate") && variable.variability != Variability::Continuous {
             wrong(&INTERMEDIATE_UPDATE, format!("it is {}", variable.variability));
         }
     }
@@ -95,7 +96,8 @@ fn name_syntax(model: &Model<'_>, report: &mut Report) {
 }
 
 fn independent(model: &Model<'_>, report: &mut Report) {
-    let all: Vec<_> = model.variables.iter().filter(|variable| variable.causality == "independent").collect();
+    let all: Vec<_> =
+        model.variables.iter().filter(|variable| variable.causality == Causality::Independent).collect();
     if model.version == Version::Three && all.is_empty() {
         model.wrong(report, &INDEPENDENT, model.root, "no variable is independent");
     }
@@ -122,48 +124,44 @@ fn value_references(model: &Model<'_>, report: &mut Report) {
 }
 
 fn continuous_type(variable: &Variable<'_>, wrong: Wrong<'_>) {
-    if variable.variability == "continuous" && !variable.is_float() && variable.causality != "independent" {
+    if variable.variability == Variability::Continuous
+        && !variable.is_float()
+        && variable.causality != Causality::Independent
+    {
         let how = if variable.element.has_attribute("variability") { "" } else { ", by default" };
         wrong(&CONTINUOUS_TYPE, format!("it is {}, and continuous{how}", variable.kind()));
     }
 }
 
 fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
-    let Variable { causality, variability, .. } = variable;
     // The schema check reports words it does not know.
-    let words = [
-        "parameter",
-        "calculatedParameter",
-        "structuralParameter",
-        "input",
-        "output",
-        "local",
-        "independent",
-    ];
-    let more = ["constant", "fixed", "tunable", "discrete", "continuous"];
-    if !words.contains(causality) || !more.contains(variability) {
+    let (Some(causality), Some(variability)) = (variable.causality.meaning(), variable.variability.meaning())
+    else {
         return;
-    }
+    };
     let Some(allowed) = initials(model.version, causality, variability) else {
         return wrong(&CAUSALITY, format!("{causality} and {variability} cannot be combined"));
     };
-    let initial = variable.initial;
-    if let Some(declared) = variable.element.attribute("initial")
-        && !allowed.contains(&declared)
+    let initial = variable.initial.meaning();
+    if variable.element.has_attribute("initial") && initial.is_none_or(|initial| !allowed.contains(&initial))
     {
-        if ["exact", "approx", "calculated"].contains(&declared) {
+        if let Some(initial) = initial {
+            let allowed: Vec<_> = allowed.iter().map(|initial| initial.as_str()).collect();
             let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
-            wrong(&INITIAL, format!("initial is {declared}; for {causality} and {variability}: {allowed}"));
+            wrong(&INITIAL, format!("initial is {initial}; for {causality} and {variability}: {allowed}"));
         }
         return;
     }
-    if variable.kind() == "Clock" {
+    if variable.data_type == DataType::Clock {
         return;
     }
-    let is_needed = matches!(initial, Some("exact" | "approx")) || *causality == "input";
-    let is_forbidden = initial == Some("calculated") || *causality == "independent";
-    let role =
-        if matches!(*causality, "input" | "independent") { causality } else { initial.unwrap_or_default() };
+    let is_needed =
+        matches!(initial, Some(Initial::Exact | Initial::Approx)) || causality == Causality::Input;
+    let is_forbidden = initial == Some(Initial::Calculated) || causality == Causality::Independent;
+    let role = match causality {
+        Causality::Input | Causality::Independent => causality.as_str(),
+        _ => initial.map_or("", Word::as_str),
+    };
     match variable.start() {
         None if is_needed => wrong(&START_MISSING, format!("it is {role}, but has no start value")),
         Some(start) if is_forbidden => {
@@ -179,7 +177,10 @@ fn start_values<'d>(variable: &Variable<'d>) -> impl Iterator<Item = f64> + use<
 }
 
 fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
-    if matches!(variable.kind(), "String" | "Boolean" | "Binary" | "Clock") {
+    if matches!(
+        variable.data_type.meaning(),
+        Some(DataType::String | DataType::Boolean | DataType::Binary | DataType::Clock)
+    ) {
         return;
     }
     let bound = |key, none| variable.inherited(key).and_then(number).unwrap_or(none);
@@ -188,7 +189,7 @@ fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
         wrong(&START_RANGE, format!("the start value is {start}, outside of {min} to {max}"));
     }
     let declared = variable.typed.attribute("declaredType").and_then(|name| model.type_named(name));
-    let Some(enumeration) = declared.filter(|_| variable.kind() == "Enumeration") else { return };
+    let Some(enumeration) = declared.filter(|_| variable.data_type == DataType::Enumeration) else { return };
     let items: Vec<_> =
         named(enumeration, "Item").filter_map(|item| item.attribute("value").and_then(number)).collect();
     for start in start_values(variable).filter(|start| !items.contains(start)) {
@@ -211,7 +212,8 @@ fn values(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
 
 fn derivative(model: &Model<'_>, index: usize, variable: &Variable<'_>, wrong: Wrong<'_>) {
     let Some(reference) = variable.derivative else { return };
-    let is_continuous = |variable: &Variable<'_>| variable.is_float() && variable.variability == "continuous";
+    let is_continuous =
+        |variable: &Variable<'_>| variable.is_float() && variable.variability == Variability::Continuous;
     let message = match model.resolve(reference) {
         None => format!("derivative is {reference}, but there is no such variable"),
         Some(state) if state == index => "it is its own derivative".to_owned(),
@@ -230,7 +232,7 @@ fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wro
     }
     if !is_state {
         wrong(&REINIT, "it is not a continuous state".to_owned());
-    } else if model.interface("ModelExchange").is_none() {
+    } else if model.interface(Interface::ModelExchange).is_none() {
         wrong(&REINIT, "the FMU is not for Model Exchange".to_owned());
     }
 }
@@ -240,7 +242,7 @@ fn state_nominal(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wro
     let nominal = variable.inherited("nominal").and_then(number);
     if let Some(nominal) = nominal.filter(|nominal| *nominal <= 0.0)
         && is_state
-        && model.interface("ModelExchange").is_some()
+        && model.interface(Interface::ModelExchange).is_some()
     {
         wrong(&STATE_NOMINAL, format!("it is a state, but nominal is {nominal}"));
     }
@@ -250,7 +252,8 @@ fn state_nominal(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wro
 fn alias_sets<'m, 'd>(model: &'m Model<'d>) -> impl Iterator<Item = Vec<&'m Variable<'d>>> {
     let mut sets: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for variable in &model.variables {
-        let kind = if variable.kind() == "Enumeration" { "Integer" } else { variable.kind() };
+        let is_enumeration = variable.data_type == DataType::Enumeration;
+        let kind = if is_enumeration { "Integer" } else { variable.kind() };
         if let Some(reference) = variable.element.attribute("valueReference") {
             sets.entry((kind, reference.trim())).or_default().push(variable);
         }
@@ -261,7 +264,7 @@ fn alias_sets<'m, 'd>(model: &'m Model<'d>) -> impl Iterator<Item = Vec<&'m Vari
 fn aliases(model: &Model<'_>, report: &mut Report) {
     for set in alias_sets(model) {
         let (first, rest) = (set[0], &set[1..]);
-        let is_constant = |variable: &Variable<'_>| variable.variability == "constant";
+        let is_constant = |variable: &Variable<'_>| variable.variability == Variability::Constant;
         let has_value = |variable: &Variable<'_>| !is_constant(variable) && variable.start().is_some();
         let mut with_value = set.iter().filter(|variable| has_value(variable));
         let start = with_value.next().map_or("", |variable| variable.name);
@@ -288,15 +291,20 @@ fn aliases(model: &Model<'_>, report: &mut Report) {
 fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     let mut size = Some(1_u64);
     for dimension in named(variable.element, "Dimension") {
-        if variable.causality == "structuralParameter" {
+        if variable.causality == Causality::StructuralParameter {
             wrong(&DIMENSION, "it is a structural parameter with a dimension".to_owned());
         }
         let length = match (dimension.attribute("start"), dimension.attribute("valueReference")) {
             (Some(start), None) => start.trim().parse().map_err(|_| format!("it is {start}")),
             (None, Some(reference)) => match model.resolve(reference).map(|index| &model.variables[index]) {
                 None => Err(format!("there is no variable {reference}")),
-                Some(of) if of.kind() != "UInt64" => Err(format!("{} is of the type {}", of.name, of.kind())),
-                Some(of) if of.causality != "structuralParameter" && of.variability != "constant" => {
+                Some(of) if of.data_type != DataType::UInt64 => {
+                    Err(format!("{} is of the type {}", of.name, of.kind()))
+                }
+                Some(of)
+                    if of.causality != Causality::StructuralParameter
+                        && of.variability != Variability::Constant =>
+                {
                     Err(format!("{} is neither a structural parameter nor a constant", of.name))
                 }
                 Some(of) => of
@@ -334,20 +342,21 @@ fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
 }
 
 fn clock(variable: &Variable<'_>, wrong: Wrong<'_>) {
-    if variable.kind() != "Clock" {
+    if variable.data_type != DataType::Clock {
         return;
     }
-    if !["input", "output", "local"].contains(&variable.causality) {
+    let causality = variable.causality.meaning();
+    if !matches!(causality, Some(Causality::Input | Causality::Output | Causality::Local)) {
         wrong(&CLOCK, format!("its causality is {}", variable.causality));
     }
-    if variable.variability != "discrete" {
+    if variable.variability != Variability::Discrete {
         wrong(&CLOCK, format!("its variability is {}", variable.variability));
     }
-    let interval = variable.typed.attribute("intervalVariability").unwrap_or_default();
-    if variable.causality != "input" && interval != "triggered" {
+    let interval = Declared::word(variable.typed.attribute("intervalVariability"));
+    if variable.causality != Causality::Input && interval != IntervalVariability::Triggered {
         wrong(&CLOCK, format!("its intervalVariability is {interval}, but only inputs have intervals"));
     }
-    if interval == "constant"
+    if interval == IntervalVariability::Constant
         && !variable.typed.has_attribute("intervalDecimal")
         && !variable.typed.has_attribute("intervalCounter")
     {
@@ -359,7 +368,10 @@ fn clock(variable: &Variable<'_>, wrong: Wrong<'_>) {
         if let Some(value) = value.filter(|value| *value < 0.0 || *value == 0.0 && !may_be_zero) {
             wrong(&CLOCK, format!("{key} is {value}"));
         }
-        if value.is_some() && !may_be_zero && !["constant", "fixed", "tunable"].contains(&interval) {
+        if value.is_some()
+            && !may_be_zero
+            && !interval.meaning().is_some_and(IntervalVariability::is_periodic)
+        {
             wrong(&CLOCK, format!("it has {key}, but is {interval}"));
         }
     }
@@ -369,11 +381,11 @@ fn clocked(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     let Some(clocks) = variable.element.attribute("clocks") else { return };
     for reference in clocks.split_ascii_whitespace() {
         let clock = model.resolve(reference).map(|index| &model.variables[index]);
-        if clock.is_none_or(|clock| clock.kind() != "Clock") {
+        if clock.is_none_or(|clock| clock.data_type != DataType::Clock) {
             wrong(&CLOCKED, format!("the variable {reference} in its clocks is not a Clock"));
         }
     }
-    if !["discrete", "tunable"].contains(&variable.variability) {
+    if !matches!(variable.variability.meaning(), Some(Variability::Discrete | Variability::Tunable)) {
         wrong(&CLOCKED, format!("it is clocked, but {}", variable.variability));
     }
 }
@@ -388,7 +400,7 @@ fn previous<'d>(
     let Some(reference) = variable.element.attribute("previous") else { return };
     let message = match model.resolve(reference) {
         _ if !variable.is_clocked() => "it has no clocks".to_owned(),
-        _ if variable.variability != "discrete" => format!("it is {}", variable.variability),
+        _ if variable.variability != Variability::Discrete => format!("it is {}", variable.variability),
         None => format!("there is no variable {reference}"),
         Some(other) if other == index => "it is its own previous value".to_owned(),
         Some(other) if !seen.insert(other) => {
@@ -397,8 +409,8 @@ fn previous<'d>(
         Some(other) => {
             let other = &model.variables[other];
             let is_right = other.kind() == variable.kind()
-                && other.variability == "discrete"
-                && other.causality != "input";
+                && other.variability == Variability::Discrete
+                && other.causality != Causality::Input;
             if is_right {
                 return;
             }

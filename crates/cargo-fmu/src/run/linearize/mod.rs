@@ -16,7 +16,7 @@ use fmu_master::{Instance, Interface, Linearization, LoadedFmus, Master, column_
 use fmu_package::{FmuVariable, ValueType};
 use fmu_record::Column;
 use fmu_record::numbers::{number, quantity};
-use fmu_terms::like;
+use fmu_terms::{Causality, like};
 use nalgebra::Complex;
 use serde_json::{Value, json};
 
@@ -159,7 +159,7 @@ impl Linearize {
             let fmu = loaded.get(member)?;
             let description = fmu.description();
             let has_states = description.continuous_states().is_ok_and(|states| !states.is_empty());
-            let is_exchange = description.interface("ModelExchange").is_some();
+            let is_exchange = description.interface(Interface::ModelExchange).is_some();
             if member.interface.is_none() && has_states && !fmu.can_be_linearized() && is_exchange {
                 member.interface = Some(Interface::ModelExchange);
             }
@@ -216,7 +216,8 @@ impl Linearize {
             let all = || fmu.description().of_causality(causality).filter(is_continuous);
             names.clone().unwrap_or_else(|| all().map(|variable| variable.name.clone()).collect())
         };
-        let [inputs, outputs] = [chosen("input", &self.inputs), chosen("output", &self.outputs)];
+        let [inputs, outputs] =
+            [chosen(Causality::Input, &self.inputs), chosen(Causality::Output, &self.outputs)];
         let [by, of] = [&inputs, &outputs].map(|names| names.iter().map(String::as_str).collect::<Vec<_>>());
         let equations = instance.linearize(&by, &of)?;
         let columns = |names: &[(String, f64)]| -> Result<Vec<Column>> {

@@ -77,10 +77,10 @@ pub(super) unsafe fn instantiate<M: Model>(
         let interface = interface?;
         let is_offered = match interface {
             Interface::CoSimulation | Interface::CoSimulationWithEvents => {
-                description.interfaces.co_simulation
+                description.interfaces.co_simulation()
             }
-            Interface::ModelExchange => description.interfaces.model_exchange,
-            Interface::ScheduledExecution => description.interfaces.scheduled_execution,
+            Interface::ModelExchange => description.interfaces.model_exchange(),
+            Interface::ScheduledExecution => description.interfaces.scheduled_execution(),
         };
         if is_offered {
             Ok(interface)
@@ -120,7 +120,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     silence_panics();
     let event_mode_used = event_mode_used != FALSE;
     let has_event_mode = M::Variables::DESCRIPTION.capabilities.event_mode;
-    let has_clocks = M::Variables::DESCRIPTION.interfaces.co_simulation && !M::Variables::CLOCKS.is_empty();
+    let has_clocks = M::Variables::DESCRIPTION.interfaces.co_simulation() && !M::Variables::CLOCKS.is_empty();
     // SAFETY: the array is the importer's (see the module).
     let registered = unsafe {
         elements(

@@ -3,7 +3,7 @@
 // Values are handed through, not computed: they are equal, not close.
 #![allow(clippy::float_cmp)]
 
-use fmu_export::description::{Causality, DataType, Initial, Variability};
+use fmu_export::description::{Causality, DataType, Variability};
 use fmu_export::{Inputs as _, Variables as _};
 use fmu_export_equations::vessels::{
     FillMode, Inputs, Parameters, SparePartsStates, StateGroups, States, StoresStates, Variables,
@@ -110,7 +110,7 @@ fn tables_agree_with_the_xml() {
     let inflow = Variables::description(1).unwrap();
     assert_eq!(
         (inflow.data_type, inflow.causality, inflow.variability, inflow.initial, inflow.real_input()),
-        (DataType::Real, Causality::Input, Variability::Continuous, Initial::None, Some(0))
+        (DataType::Real, Causality::Input, Variability::Continuous, None, Some(0))
     );
     let mode = Variables::description(14).unwrap();
     assert_eq!((mode.data_type, mode.min, mode.max), (DataType::Enumeration, 1.0, 2.0));

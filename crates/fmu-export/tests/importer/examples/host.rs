@@ -48,7 +48,11 @@ fn steps(instance: &mut Instance<'_>, count: usize) {
 
 /// Each call is an error. The second number traps where it is compared with `FE_INVALID` enabled.
 fn provoke(instance: &mut Instance<'_>) {
-    let input = instance.fmu.variables("Real").find(|variable| variable.causality == "input").map(reference);
+    let input = instance
+        .fmu
+        .variables("Real")
+        .find(|variable| variable.causality == fmu_terms::Causality::Input)
+        .map(reference);
     for bits in [f64::NAN.to_bits(), 0x7ff0_0000_0000_0001] {
         let arguments = [Argument::of(&[input.unwrap()]), Argument::Whole(1), Argument::of(&[bits])];
         assert_eq!(instance.call(instance.fmu.function("SetReal"), &arguments).0, Status::Error);

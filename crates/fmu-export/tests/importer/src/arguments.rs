@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fmt, ptr, slice};
 
 use fmu_package::{FmuVariable, ValueType};
+use fmu_terms::{Causality, Initial, Variability};
 
 use crate::functions::{Element, Function, Kind, Raw};
 use crate::instance::{Instance, State};
@@ -231,16 +232,16 @@ impl<'f> Instance<'f> {
         let name = &function.name[4..];
         let Some(data_type) = function.data_type() else { return [vec![], vec![]] };
         let variables = || self.fmu.variables(data_type);
-        let is_continuous = |variable: &&FmuVariable, of: &str| {
-            variable.causality == of && variable.variability == "continuous"
+        let is_continuous = |variable: &&FmuVariable, of: Causality| {
+            variable.causality == of && variable.variability == Variability::Continuous
         };
         let of = |causality| variables().filter(move |v| is_continuous(v, causality)).collect();
         let [mut first, mut second]: [Vec<_>; 2] = if name.contains("OutputDerivatives") {
-            [of("output"), vec![]]
+            [of(Causality::Output), vec![]]
         } else if name.contains("InputDerivatives") {
-            [of("input"), vec![]]
+            [of(Causality::Input), vec![]]
         } else if name.contains("Derivative") {
-            [of("output"), of("input")]
+            [of(Causality::Output), of(Causality::Input)]
         } else if data_type == "Clock" {
             if whim.state.is_none() {
                 return [vec![], vec![]];
@@ -267,12 +268,16 @@ impl<'f> Instance<'f> {
 
     /// Whether a variable can be set now (FMI 2.0.5, the notes of section 4.2.4; FMI 3.0.2, section 2.3).
     pub fn is_settable(&self, variable: &FmuVariable) -> bool {
-        let is_input = variable.causality == "input";
+        let is_input = variable.causality == Causality::Input;
         match self.at.state {
             State::Instantiated => variable.is_settable(),
-            State::InitializationMode => variable.is_settable() && variable.initial != "approx",
-            State::ContinuousTimeMode => is_input && variable.variability == "continuous",
-            _ => is_input || variable.causality == "parameter" && variable.variability == "tunable",
+            State::InitializationMode => variable.is_settable() && variable.initial != Initial::Approx,
+            State::ContinuousTimeMode => is_input && variable.variability == Variability::Continuous,
+            _ => {
+                is_input
+                    || variable.causality == Causality::Parameter
+                        && variable.variability == Variability::Tunable
+            }
         }
     }
 
@@ -357,7 +362,8 @@ impl<'f> Instance<'f> {
                 Kind::Whole => Argument::Whole(whole(parameter, name, whim)),
                 Kind::Count => Argument::Whole(*rest.next().expect("as many") as u64),
                 Kind::Reference => {
-                    let clocks = self.fmu.variables("Clock").filter(|clock| clock.causality == "input");
+                    let clocks =
+                        self.fmu.variables("Clock").filter(|clock| clock.causality == Causality::Input);
                     let any = self.fmu.description.variables.iter();
                     let choices: Vec<_> = clocks.chain(any).map(reference).collect();
                     Argument::Whole(if whim.has(0.5) { whim.of(&choices) } else { choices[0] }.into())
@@ -470,7 +476,7 @@ impl<'f> Instance<'f> {
 
 /// The value reference of a variable.
 pub fn reference(variable: &FmuVariable) -> u32 {
-    variable.value_reference.parse().expect("a value reference is a number")
+    variable.value_reference.meaning().expect("a value reference is a number")
 }
 
 /// A value for a variable.

@@ -17,6 +17,18 @@ pub enum Interface {
     ScheduledExecution,
 }
 
+impl Interface {
+    /// The element that declares it, if it has one of its own.
+    pub fn standard(self) -> Option<fmu_terms::Interface> {
+        match self {
+            Self::ModelExchange => Some(fmu_terms::Interface::ModelExchange),
+            Self::CoSimulation => Some(fmu_terms::Interface::CoSimulation),
+            Self::EventMode => None,
+            Self::ScheduledExecution => Some(fmu_terms::Interface::ScheduledExecution),
+        }
+    }
+}
+
 /// What a parameter is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {

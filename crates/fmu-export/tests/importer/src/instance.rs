@@ -13,6 +13,7 @@ use fmu_export::fmi3::c_types::{
     fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange, fmi3InstantiateScheduledExecution,
 };
 use fmu_package::{FmuDescription, FmuVariable, Platform, ValueType, archive};
+use fmu_terms::DataType;
 use libloading::Library;
 use tempfile::TempDir;
 
@@ -124,9 +125,9 @@ impl Fmu {
         // Of FMI 3.0 all, of FMI 2.0 those of the interfaces that it offers.
         let table = if description.is_fmi3() { FMI3 } else { FMI2 };
         let is_exported = |function: &&Function| {
-            function
-                .interface
-                .is_none_or(|of| description.is_fmi3() || description.interface(&format!("{of:?}")).is_some())
+            function.interface.is_none_or(|of| {
+                description.is_fmi3() || of.standard().is_some_and(|of| description.interface(of).is_some())
+            })
         };
         // A URI (FMI 2.0.5, section 2.1.5), or a path that ends with a separator (FMI 3.0.2, section 2.3.1).
         let [scheme, end] = if description.is_fmi3() { ["", "/"] } else { ["file://", ""] };
@@ -185,13 +186,16 @@ impl Fmu {
 
     /// The interfaces that it offers.
     pub fn interfaces(&self) -> Vec<Interface> {
-        let offers = |name| self.description.interface(name).is_some();
+        let offers = |of: Interface| of.standard().is_some_and(|of| self.description.interface(of).is_some());
         let has_clocks = self.variables("Clock").next().is_some();
         [
-            (Interface::ModelExchange, offers("ModelExchange")),
-            (Interface::CoSimulation, offers("CoSimulation") && !has_clocks),
-            (Interface::EventMode, self.description.has_capability("CoSimulation", "hasEventMode")),
-            (Interface::ScheduledExecution, offers("ScheduledExecution")),
+            (Interface::ModelExchange, offers(Interface::ModelExchange)),
+            (Interface::CoSimulation, offers(Interface::CoSimulation) && !has_clocks),
+            (
+                Interface::EventMode,
+                self.description.has_capability(fmu_terms::Interface::CoSimulation, "hasEventMode"),
+            ),
+            (Interface::ScheduledExecution, offers(Interface::ScheduledExecution)),
         ]
         .into_iter()
         .filter_map(|(interface, is_offered)| is_offered.then_some(interface))
@@ -207,8 +211,8 @@ impl Fmu {
     pub fn variables<'a>(&'a self, data_type: &'a str) -> impl Iterator<Item = &'a FmuVariable> {
         let of_enumerations = if self.description.is_fmi3() { "Int64" } else { "Integer" };
         self.description.variables.iter().filter(move |variable| {
-            variable.data_type == data_type
-                || variable.data_type == "Enumeration" && data_type == of_enumerations
+            variable.data_type.text() == data_type
+                || variable.data_type == DataType::Enumeration && data_type == of_enumerations
         })
     }
 
@@ -417,7 +421,7 @@ impl<'f> Instance<'f> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers are small")]
     pub fn set_to(&mut self, variable: &FmuVariable, value: f64) -> Status {
         let (is_fmi3, count) = (self.fmu.description.is_fmi3(), self.fmu.size(variable));
-        let kind = match (&variable.data_type[..], is_fmi3) {
+        let kind = match (variable.data_type.text(), is_fmi3) {
             ("Enumeration", false) => "Integer",
             ("Enumeration", true) => "Int64",
             (kind, _) => kind,
@@ -546,7 +550,7 @@ impl<'f> Instance<'f> {
             Some(interface) => self.interface == interface,
             None => name != "EnterEventMode" || self.interface != Interface::CoSimulation,
         };
-        let has = |flag| self.fmu.description.has_capability("CoSimulation", flag);
+        let has = |flag| self.fmu.description.has_capability(fmu_terms::Interface::CoSimulation, flag);
         let is_capable = match name {
             "GetDirectionalDerivative" => {
                 has("providesDirectionalDerivative") || has("providesDirectionalDerivatives")

@@ -10,6 +10,7 @@ use fmu_importer::functions::{Element, FMI2, FMI3};
 use fmu_importer::instance::instances;
 use fmu_importer::{Argument, Fmu, Function, Instance, Interface, Kind, State, Status, Whim};
 use fmu_package::ValueType;
+use fmu_terms::{Causality, DataType};
 
 /// In which each function is allowed in some interface, all but those of the other states.
 const STATES: [State; 6] = [
@@ -171,7 +172,7 @@ fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
             let mut types = BTreeSet::new();
             let others = fmu.description.variables.iter().filter(|variable| {
                 !right.contains(&reference(variable))
-                    && types.insert((&variable.data_type, fmu.size(variable)))
+                    && types.insert((variable.data_type.text(), fmu.size(variable)))
             });
             let mut wrong: Vec<_> =
                 others.map(|other| (other, reference(other), other.name.clone())).collect();
@@ -406,8 +407,9 @@ fn a_state_is_saved_over_and_bytes_become_a_new_one() {
 #[test]
 #[ignore = "of exported FMUs"]
 fn a_step_that_is_no_step_is_refused() {
-    let fmus: Vec<_> =
-        Fmu::test_models().filter(|fmu| fmu.description.interface("CoSimulation").is_some()).collect();
+    let fmus: Vec<_> = Fmu::test_models()
+        .filter(|fmu| fmu.description.interface(fmu_terms::Interface::CoSimulation).is_some())
+        .collect();
     for fmu in fmus.iter().filter(|fmu| fmu.variables("Clock").next().is_none()) {
         let function = fmu.function("DoStep");
         // The long ones also go past the stop time.
@@ -436,20 +438,23 @@ fn a_value_out_of_its_range_is_refused() {
         for variable in fmu.description.variables.iter().filter(|variable| variable.is_settable()) {
             let (min, max) = variable.range().unwrap();
             let is_real = variable.value_type() == ValueType::Real;
-            let is_limited = variable.causality == "input" && is_real && variable.data_type != "Float32";
+            let is_limited =
+                variable.causality == Causality::Input && is_real && variable.data_type != DataType::Float32;
             let enumeration = fmu.description.enumeration(&variable.declared_type);
             let (min, max) = match enumeration {
                 Some(enumeration) => (1.0, enumeration.items.len() as f64),
                 None => (min, max),
             };
             for (bound, direction) in [(min, -1.0), (max, 1.0)] {
-                if !bound.is_finite() || variable.data_type == "Clock" {
+                if !bound.is_finite() || variable.data_type == DataType::Clock {
                     continue;
                 }
                 tried += 1;
-                let next = match &variable.data_type[..] {
+                let next = match variable.data_type.meaning() {
                     #[allow(clippy::cast_possible_truncation, reason = "it is of this type")]
-                    "Float32" => f64::from((bound as f32 * direction).next_up()) * f64::from(direction),
+                    Some(DataType::Float32) => {
+                        f64::from((bound as f32 * direction).next_up()) * f64::from(direction)
+                    }
                     _ if is_real => (bound * f64::from(direction)).next_up() * f64::from(direction),
                     _ => bound + f64::from(direction),
                 };

@@ -7,6 +7,7 @@ use fmu_importer::arguments::reference;
 use fmu_importer::instance::instances;
 use fmu_importer::{Argument, Fmu, Function, Instance, State, Status};
 use fmu_package::FmuVariable;
+use fmu_terms::{Causality, DataType, Initial};
 
 const STATES: [State; 6] = [
     State::InitializationMode,
@@ -37,24 +38,24 @@ fn attribute<'x>(element: &'x str, name: &str) -> Option<&'x str> {
 fn unknowns(fmu: &Fmu, of_initialization: bool) -> Vec<Unknown<'_>> {
     let is_fmi3 = fmu.description.is_fmi3();
     let variables = &fmu.description.variables;
-    let is_real = |variable: &&FmuVariable| ["Real", "Float64"].contains(&&variable.data_type[..]);
+    let is_real = |variable: &&FmuVariable| variable.data_type == DataType::Real;
     let named = |number: &str| {
         if is_fmi3 {
-            variables.iter().find(|variable| variable.value_reference == number).unwrap()
+            variables.iter().find(|variable| variable.value_reference.text() == number).unwrap()
         } else {
             &variables[number.parse::<usize>().unwrap() - 1]
         }
     };
     let is_state = |variable: &FmuVariable| {
         let position = 1 + variables.iter().position(|other| other.name == variable.name).unwrap();
-        let key = if is_fmi3 { variable.value_reference.clone() } else { position.to_string() };
-        variables.iter().any(|other| other.derivative == key)
+        let key = if is_fmi3 { variable.value_reference.to_string() } else { position.to_string() };
+        variables.iter().any(|other| other.derivative.text() == key)
     };
-    let is_known = |variable: &&FmuVariable| match &variable.causality[..] {
-        "input" => true,
-        "parameter" => of_initialization || is_fmi3,
-        "independent" => false,
-        _ if of_initialization => variable.initial == "exact",
+    let is_known = |variable: &&FmuVariable| match variable.causality.meaning() {
+        Some(Causality::Input) => true,
+        Some(Causality::Parameter) => of_initialization || is_fmi3,
+        Some(Causality::Independent) => false,
+        _ if of_initialization => variable.initial == Initial::Exact,
         _ => is_state(variable),
     };
     let all: Vec<_> = variables.iter().filter(is_real).filter(is_known).collect();

@@ -3,6 +3,7 @@
 
 use fmu_importer::instance::instances;
 use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
+use fmu_terms::DataType;
 
 const STATES: [State; 9] = [
     State::Instantiated,
@@ -109,8 +110,8 @@ fn which_variables_can_be_set() {
         for state in STATES {
             for variable in &fmu.description.variables {
                 let Some(mut instance) = Instance::in_state(fmu, interface, state) else { break };
-                let is_real = ["Real", "Float64"].contains(&&variable.data_type[..]);
-                let is_whole = ["Integer", "Int32"].contains(&&variable.data_type[..]);
+                let is_real = variable.data_type == DataType::Real;
+                let is_whole = variable.data_type == DataType::Integer;
                 if !is_real && !is_whole
                     || matches!(state, State::Terminated | State::Error | State::StepFailed)
                 {
@@ -151,7 +152,9 @@ fn which_variables_can_be_set() {
 #[ignore = "of exported FMUs"]
 fn steps_of_equations_are_whole_unless_the_fmu_says_otherwise() {
     let fmu = Fmu::open(&Fmu::folder(), "ladder/fmu/fmi3/BouncingBall.fmu");
-    assert!(!fmu.description.has_capability("CoSimulation", "mightReturnEarlyFromDoStep"));
+    assert!(
+        !fmu.description.has_capability(fmu_terms::Interface::CoSimulation, "mightReturnEarlyFromDoStep")
+    );
     let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
     let function = fmu.function("DoStep");
     for step in 1..=24 {

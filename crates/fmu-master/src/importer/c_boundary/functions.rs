@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context, Result, anyhow};
 use fmu_export::fmi2::c_types::{Component, ValueReference};
 use fmu_io::temporary::Folder;
+use fmu_terms::{DataType, Version};
 use libloading::Library;
 
 use super::super::messages::Function;
@@ -259,9 +260,9 @@ impl Functions {
                     (true, true) => Instantiate::ModelExchange3(it.get("fmi3InstantiateModelExchange")?),
                 },
                 of_version: if is_fmi3 {
-                    OfVersion::Three(Common3::load(it)?, accessors(it, &NUMBERS_OF_FMI3)?)
+                    OfVersion::Three(Common3::load(it)?, accessors(it, &NUMBERS_OF_FMI3, Version::Three)?)
                 } else {
-                    OfVersion::Two(Common2::load(it)?, accessors(it, &NUMBERS_OF_FMI2)?)
+                    OfVersion::Two(Common2::load(it)?, accessors(it, &NUMBERS_OF_FMI2, Version::Two)?)
                 },
                 common: Common::load(it)?,
                 states: States::load(it).ok(),
@@ -311,24 +312,25 @@ impl Functions {
         matches!(self.of_version, OfVersion::Three(..))
     }
 
-    pub fn numbers(&self) -> &'static [(&'static str, Memory)] {
+    pub fn numbers(&self) -> &'static [(DataType, Memory)] {
         if self.is_fmi3() { &NUMBERS_OF_FMI3 } else { &NUMBERS_OF_FMI2 }
     }
 
     /// The functions for a variable's type, if numeric, and the memory for its values.
-    pub fn number_type(&self, data_type: &str) -> Option<(NumberType, Numbers)> {
+    pub fn number_type(&self, data_type: DataType) -> Option<(NumberType, Numbers)> {
         let wanted = match (data_type, self.is_fmi3()) {
-            ("Enumeration", false) => "Integer",
-            ("Enumeration", true) => "Int64",
+            (DataType::Enumeration, false) => DataType::Integer,
+            (DataType::Enumeration, true) => DataType::Int64,
             (other, _) => other,
         };
-        let position = self.numbers().iter().position(|(name, _)| *name == wanted)?;
+        let position = self.numbers().iter().position(|(known, _)| *known == wanted)?;
         Some((NumberType(position), Numbers::new(self.numbers()[position].1)))
     }
 
     /// The name of a type in those of its functions.
     pub fn name(&self, number_type: NumberType) -> &'static str {
-        self.numbers()[number_type.0].0
+        let version = if self.is_fmi3() { Version::Three } else { Version::Two };
+        self.numbers()[number_type.0].0.name(version)
     }
 }
 
@@ -342,9 +344,11 @@ pub struct NumberType(pub usize);
 /// The functions are of the types that the version declares for these names.
 unsafe fn accessors<Get: Copy, Set: Copy>(
     symbols: &Symbols,
-    numbers: &[(&str, Memory)],
+    numbers: &[(DataType, Memory)],
+    version: Version,
 ) -> Result<Vec<(Get, Set)>> {
-    let of = |(name, _): &(&str, Memory)| {
+    let of = |(data_type, _): &(DataType, Memory)| {
+        let name = data_type.name(version);
         let [get, set] = ["Get", "Set"].map(|access| format!("{}{access}{name}", symbols.prefix));
         // SAFETY: the caller's promise.
         unsafe { Ok((symbols.get(&get)?, symbols.get(&set)?)) }
