@@ -91,5 +91,5 @@ fn table(connection: &Connection) -> String {
 }
 
 fn commented(connection: &Connection) -> String {
-    table(connection).lines().map(|line| format!("# {line}\n")).collect()
+    format!("# {}\n", table(connection).trim_end().replace('\n', "\n# "))
 }
