@@ -45,7 +45,7 @@ const FAR: f64 = 100.0;
 
 impl Value {
     /// The value converted to the type and unit of an FMU's variable. Units are those given with the value, else the
-    /// FMU's, else those of the [table](UnitTable). Integers are accepted as Reals; an enumeration's item is a name, even
+    /// FMU's, else those of the [table](fmu_terms::UnitTable). Integers are accepted as Reals; an enumeration's item is a name, even
     /// as a String, or its number. The range is not checked.
     ///
     /// # Errors
@@ -166,7 +166,7 @@ fn units_of(variable: &FmuVariable, fmu: &FmuDescription) -> impl Iterator<Item 
 
 impl FmuVariable {
     /// The conversion from a unit to the variable's; none if there is no unit to convert from or to. The unit is one of
-    /// the FMU's, or of the [table](UnitTable).
+    /// the FMU's, or of the [table](fmu_terms::UnitTable).
     ///
     /// # Errors
     /// When the unit is not known, or does not convert.
