@@ -51,6 +51,8 @@ pub struct InputSignal<I> {
     end: I,
     /// Whether `end` is current: the inputs had derivatives in the last step, and none has been set since.
     moved: bool,
+    /// Whether an input has been set to another value since the last step.
+    changed: bool,
 }
 
 /// One Real input.
@@ -108,6 +110,7 @@ impl<I: Inputs> InputSignal<I> {
             updated: false,
             order: 0,
             sloped: false,
+            changed: true,
         };
         signal.update();
         signal
@@ -123,6 +126,16 @@ impl<I: Inputs> InputSignal<I> {
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.order == 0
+    }
+
+    /// Whether all inputs keep the values that they had at the end of the last step.
+    pub(crate) fn is_kept(&self) -> bool {
+        self.order == 0 && !self.changed
+    }
+
+    /// Declares that all inputs have the values that they had at the end of the last step.
+    pub(crate) fn kept(self) -> Self {
+        Self { changed: false, ..self }
     }
 
     /// The inputs at a time (s) after the step's start, by their Taylor polynomials.
@@ -165,6 +178,7 @@ impl<I: Inputs> InputSignal<I> {
         let outside = !is_within::<I>(position, value);
         let has_left = outside && !real.outside;
         real.outside = outside;
+        self.changed |= self.moved || real.set.to_bits() != value.to_bits();
         real.set = value;
         real.slope = 0.0;
         self.updated = false;
@@ -183,8 +197,9 @@ impl<I: Inputs> InputSignal<I> {
         in_default_environment(|| self.find_order());
     }
 
-    /// Sets the inputs that are not Real.
-    pub(crate) fn set_others(&mut self, inputs: &I) {
+    /// Sets the inputs that are not Real, of which one may have `changed`.
+    pub(crate) fn set_others(&mut self, inputs: &I, changed: bool) {
+        self.changed |= self.moved || changed;
         self.bounded.clone_from(inputs);
         self.updated = false;
         self.moved = false;
@@ -215,6 +230,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Ends a step of a size (s): clears the derivatives.
     pub(crate) fn end_step(&mut self, size: f64) {
         self.moved = self.order > 0;
+        self.changed = self.moved;
         if self.moved || self.sloped {
             self.note_end(size);
         }
@@ -276,10 +292,11 @@ impl<I: Inputs> InputSignal<I> {
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.update();
-        let Self { bounded, updated: _, reals, moved, end: _, order: _, sloped: _ } = self;
+        let Self { bounded, updated: _, reals, moved, changed, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         reals.persist(archive)?;
         moved.persist(archive)?;
+        changed.persist(archive)?;
         self.find_end();
         self.find_order();
         self.find_sloped();

@@ -18,12 +18,13 @@ use crate::error::Error;
 use crate::event_loop::{EventLoop, Hybrid};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::Inputs as _;
-use crate::integrator::{Integrator, StepFailure, Tolerance, Trials};
+use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
 use crate::model::{InputsOf, Model, Serves, Step};
 use crate::number::Dual;
 use crate::search::{self, Trajectory};
 use crate::stops::{Stop, Stops};
 use crate::tape::{Recorded, Tape};
+use crate::time::time_rounding;
 use crate::variables::Variables;
 
 /// The most trials and events in a communication step, which must end …
@@ -32,6 +33,8 @@ const MOST_TRIALS: u32 = 100_000;
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;
 /// The most events after which tests check the evaluation: later ones, as of a fast clock, repeat the branches.
 const MOST_AUDITED: u32 = 1000;
+/// The most communication steps that an internal step goes beyond its end: more would save nothing.
+const MOST_AHEAD: f64 = 1000.0;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
 
@@ -185,7 +188,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
 
     fn take_parameters(&mut self, variables: &Self::Variables) {
         self.restored(variables);
-        self.integrator.discard_jacobian();
+        self.integrator.discard();
     }
 
     fn restored(&mut self, variables: &Self::Variables) {
@@ -423,6 +426,11 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             evaluate_values(&self.equations, self.time, variables);
         }
         let crossed = self.find_changes(variables);
+        // Where inputs change at each step, a step beyond its end would be in vain.
+        let looks_ahead = I::LOOKS_AHEAD && step.inputs.is_kept();
+        if !looks_ahead {
+            self.integrator.forget_ahead();
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let most_trials = MOST_TRIALS
             .saturating_add((step.size / E::INTEGRATION.longest_step * TRIALS_A_LONGEST_STEP) as u32);
@@ -435,12 +443,14 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             tolerance,
             states: &mut states,
             context,
+            looks_ahead,
             last_cause: None,
         };
         let stop =
             crossed.and_then(|crossed| event_loop.after(crossed).go_on::<STOPS, _>(&mut evolution, stops));
         let is_over = evolution.context.end.is_some();
         self.states = states;
+        self.integrator.shift(self.elapsed);
         let stop = stop?;
         if stop.is_none() && !is_over {
             self.time = end;
@@ -539,6 +549,8 @@ struct Evolution<'a, 'c, E: Equations, I> {
     tolerance: f64,
     states: &'a mut [f64],
     context: &'a mut Context<'c>,
+    /// Whether the integrator may go beyond the end.
+    looks_ahead: bool,
     /// The first indicator that caused the last event.
     last_cause: Option<usize>,
 }
@@ -564,19 +576,29 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
 
     #[inline(always)]
     fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool, Error> {
+        let mut span = Span::from((self.model.elapsed, target));
+        if self.looks_ahead {
+            let last = self.model.events.next.into_iter().chain(self.context.experiment.stop_time);
+            let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
+            let last = last.min(target + MOST_AHEAD * self.step.size);
+            // Times of events are rounded as absolute times are, which may be more than a step.
+            let rounding = time_rounding(self.step.end());
+            span.rounding = if target < self.step.size { rounding } else { 0.0 };
+            span.limit = if last > target + rounding { last } else { target };
+        }
         let Self { model, variables, step, tolerance, states, .. } = self;
         let Trials { count, most } = trials;
         let mut system = Equated::new(&model.equations, variables, step);
         let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
         let limits = Tolerance { relative: *tolerance, nominals };
-        let (begin, counted) = (model.elapsed, Trials { count: &mut *count, most });
-        match model.integrator.step(&mut system, (begin, target), states, &limits, counted) {
+        let counted = Trials { count: &mut *count, most };
+        match model.integrator.step(&mut system, span, states, &limits, counted) {
             Ok(reached) => {
                 let crossed = if E::Variables::EVENT_INDICATORS.is_empty() {
                     self.go_to(reached)?
                 } else {
                     let start = step.start;
-                    search::first_event(self, start, (begin, reached), count)?
+                    search::first_event(self, start, (span.begin, reached), count)?
                 };
                 let Self { model, variables, step, .. } = self;
                 model.integrator.end_step(&Equated::new(&model.equations, variables, step));

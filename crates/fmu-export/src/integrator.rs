@@ -11,6 +11,9 @@
 //! branch of the equations adds is not missed. A Jacobian serves steps with little error, or any with a method that
 //! allows it.
 //!
+//! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
+//! then those of the dense output, whose error is limited like the step's.
+//!
 //! Memory for a step is allocated in the first one, where the pattern changes, and for the long rows. It does not belong
 //! to a clone.
 //!
@@ -29,10 +32,9 @@ mod system;
 #[cfg(test)]
 mod tests;
 
-use core::mem;
-
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
+use crate::search::ROUNDINGS;
 
 use jacobian::{Jacobian, Matrix};
 pub use method::{Method, RODAS5P, ROS34PW2};
@@ -44,19 +46,66 @@ pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, T
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
 
+/// The largest error of the dense output relative to the error that its slope at [`RESIDUAL_AT`] implies, for one that
+/// vanishes with its slope at both ends of the step, such as θ²·(1 − θ)²: where it decays fast.
+const DENSE_ERROR: f64 = 16.0 / 9.0;
+/// Where the slope of the dense output is compared with the derivatives: a quarter of the step, as that of such an error
+/// vanishes in the middle.
+const RESIDUAL_AT: f64 = 0.25;
+
 /// The integrator with its last step.
 #[derive(Debug)]
 pub struct Integrator {
     size: usize,
     steps: StepSize,
     jacobian: Jacobian,
-    /// Memory for a step, and the last one. A clone has none, as it is between steps.
+    /// Whether the last step ended beyond the end that was asked for.
+    is_ahead: bool,
+    /// A clone has it if it is ahead.
+    last: Option<Box<LastStep>>,
+    /// Memory for a step. A clone has none, as it is between steps.
     work: Option<Box<Work>>,
+}
+
+/// What a step is to integrate, in s.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    /// Its start.
+    pub begin: f64,
+    /// The last time that is asked for.
+    pub end: f64,
+    /// How far a step may go beyond it.
+    pub limit: f64,
+    /// How far rounding may move the end.
+    pub rounding: f64,
+}
+
+/// From a start to an end, not beyond.
+impl From<(f64, f64)> for Span {
+    fn from((begin, end): (f64, f64)) -> Self {
+        Self { begin, end, limit: end, rounding: 0.0 }
+    }
+}
+
+/// The last step.
+#[derive(Clone, Debug)]
+struct LastStep {
+    /// Its start and end in s, and its length.
+    begin: f64,
+    end: f64,
+    length: f64,
+    /// The states at both.
+    from: Vec<f64>,
+    to: Vec<f64>,
+    /// The polynomials of the dense output, once they are asked for.
+    dense: Vec<[f64; 3]>,
+    has_dense: bool,
 }
 
 impl Clone for Integrator {
     fn clone(&self) -> Self {
-        Self { size: self.size, steps: self.steps, jacobian: self.jacobian.clone(), work: None }
+        let last = if self.is_ahead { self.last.clone() } else { None };
+        Self { jacobian: self.jacobian.clone(), last, work: None, ..*self }
     }
 
     fn clone_from(&mut self, source: &Self) {
@@ -71,9 +120,59 @@ impl Persistent for Integrator {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.steps.next.persist(archive)?;
         self.jacobian.persist(archive)?;
-        self.jacobian.check(self.size)
+        self.jacobian.check(self.size)?;
+        self.is_ahead.persist(archive)?;
+        if !self.is_ahead {
+            return Ok(());
+        }
+        let last = self.last.get_or_insert_with(|| Box::new(LastStep::new(self.size)));
+        last.persist(archive)?;
+        last.check(self.size)
     }
 }
+
+impl LastStep {
+    fn new(size: usize) -> Self {
+        let vector = || vec![0.0; size];
+        Self {
+            begin: 0.0,
+            end: 0.0,
+            length: 0.0,
+            from: vector(),
+            to: vector(),
+            dense: vec![[0.0; 3]; size],
+            has_dense: false,
+        }
+    }
+
+    /// Checks what was read for this many states: a step with dense output that has begun and goes on.
+    fn check(&self, size: usize) -> Result<(), Error> {
+        let Self { begin, end, length, from, to, dense, has_dense } = self;
+        let numbers = [begin, end, length].into_iter().chain(from).chain(to).chain(dense.as_flattened());
+        let is_complete = [from.len(), to.len(), dense.len()] == [size; 3] && *has_dense;
+        if is_complete && numbers.into_iter().all(|number| number.is_finite()) && begin < end && *length > 0.0
+        {
+            Ok(())
+        } else {
+            Err(Error::new("the integrator's step in the serialized state is not one of this model"))
+        }
+    }
+
+    /// The states at a time, with dense output.
+    fn states_at(&self, time: f64, states: &mut [f64]) {
+        if time >= self.end {
+            return states.copy_from_slice(&self.to);
+        }
+        let share = (time - self.begin) / self.length;
+        let ends = self.from.iter().zip(&self.to);
+        for ((state, [first, second, third]), (from, to)) in states.iter_mut().zip(&self.dense).zip(ends) {
+            let bulge = first + share * (second + share * third);
+            *state = (1.0 - share) * from + share * (to + (1.0 - share) * bulge);
+        }
+    }
+}
+
+crate::persistent!(LastStep { begin, end, length, from, to, dense, has_dense });
 
 /// The trials of a communication step.
 #[derive(Debug)]
@@ -96,55 +195,98 @@ impl Integrator {
     /// An integrator for this many states.
     #[must_use]
     pub fn new(size: usize) -> Self {
-        Self { size, steps: StepSize::new(0.0, f64::INFINITY), jacobian: Jacobian::default(), work: None }
+        Self {
+            size,
+            steps: StepSize::new(0.0, f64::INFINITY),
+            jacobian: Jacobian::default(),
+            is_ahead: false,
+            last: None,
+            work: None,
+        }
     }
 
     /// Re-estimates the length of the next step, as after a jump.
     pub fn restart(&mut self) {
         self.steps.next = 0.0;
-        self.jacobian.discard();
+        self.discard();
     }
 
-    /// Has the Jacobian renewed before the next step.
-    pub fn discard_jacobian(&mut self) {
+    /// Forgets what rests on the present parameters: the Jacobian, and a step beyond the present time.
+    pub fn discard(&mut self) {
         self.jacobian.discard();
+        self.forget_ahead();
     }
 
-    /// Takes a step from `states`, not beyond an end, shortened until its error meets the relative tolerance. Returns
-    /// the time at which it ends; `trials` counts.
+    /// Forgets a step beyond the present time.
+    pub(crate) fn forget_ahead(&mut self) {
+        self.is_ahead = false;
+    }
+
+    /// Has times count from another zero.
+    pub(crate) fn shift(&mut self, zero: f64) {
+        if let (true, Some(last)) = (self.is_ahead, &mut self.last) {
+            last.begin -= zero;
+            last.end -= zero;
+        }
+    }
+
+    /// Takes a step from `states`, shortened until its error meets the relative tolerance, unless the last one already
+    /// went beyond. Returns the time up to which the [states](Self::states_at) are known: the end of the step, or the
+    /// last time that is asked for. `trials` counts, but for trials beyond that.
     ///
     /// # Errors
     /// When even the shortest step misses the tolerance.
     pub fn step<S: System>(
         &mut self,
         system: &mut S,
-        (time, end): (f64, f64),
+        span: impl Into<Span>,
         states: &[f64],
         tolerance: &Tolerance<'_>,
         trials: &mut u32,
     ) -> Result<f64, StepFailure> {
-        let Self { size, steps, jacobian, work } = self;
+        let Self { size, steps, jacobian, is_ahead, last, work } = self;
+        let last = last.get_or_insert_with(|| Box::new(LastStep::new(*size)));
+        let Span { begin: time, end, mut limit, rounding } = span.into();
+        if *is_ahead {
+            let rounding = rounding + ROUNDINGS * f64::EPSILON * last.length;
+            *is_ahead = last.end > end + rounding;
+            return Ok(if last.end < end - rounding { last.end } else { end });
+        }
         let work = work.get_or_insert_with(|| Box::new(Work::new(*size, S::METHOD)));
-        work.from.copy_from_slice(states);
-        work.begin = time;
+        last.from.copy_from_slice(states);
+        last.begin = time;
         system.derivatives(time, states, &mut work.slopes);
         *steps = StepSize::new(steps.next, S::LONGEST_STEP);
         if steps.next <= 0.0 {
-            let norm = |values| work.norm::<S>(values, tolerance);
-            steps.begin(norm(&work.from), norm(&work.slopes));
+            let norm = |values| norm::<S>(values, &last.from, tolerance);
+            steps.begin(norm(&last.from), norm(&work.slopes));
         }
-        jacobian.expect::<S>(steps.within(time, end).0);
-        work.linearize(system, jacobian);
+        jacobian.expect::<S>(steps.within(time, limit).0);
+        work.linearize(last, system, jacobian);
         loop {
-            *trials += 1;
-            let (length, to) = steps.within(time, end);
-            let error = work.trial(system, jacobian, length, tolerance);
+            let (length, to) = steps.within(time, limit);
+            let is_beyond = to > end + rounding;
+            *trials += u32::from(!is_beyond);
+            let mut error = work.trial(last, system, jacobian, length, tolerance);
+            (last.length, last.end, last.has_dense) = (length, to, is_beyond);
+            if is_beyond && error.largest <= 1.0 {
+                work.find_dense(last, system);
+                let of_dense = work.dense_error(last, system, tolerance);
+                if !(of_dense.largest <= error.largest) {
+                    error = of_dense;
+                }
+            }
+            if is_beyond && !error.largest.is_finite() {
+                // What fails beyond the end is of no concern yet.
+                limit = end;
+                continue;
+            }
             work.decisive = error.state;
             // The error with an older Jacobian says nothing about the length, if the method's order rests on it.
             let is_stale = !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
             if is_stale && error.largest > 1.0 {
                 jacobian.distrust();
-                work.linearize(system, jacobian);
+                work.linearize(last, system, jacobian);
                 continue;
             }
             let factor = if error.largest > 0.0 {
@@ -156,26 +298,28 @@ impl Integrator {
                 if is_stale && steps.next < length {
                     steps.next = length;
                 }
-                work.length = length;
-                work.has_dense = false;
                 jacobian.count_step::<S>(error.largest);
-                return Ok(to);
+                *is_ahead = is_beyond;
+                return Ok(if is_beyond { end } else { to });
             }
             if steps.is_too_short(time, end) {
                 return Err(StepFailure { time, state: error.state });
             }
             if !jacobian.is_fresh() {
                 jacobian.discard();
-                work.linearize(system, jacobian);
+                work.linearize(last, system, jacobian);
             }
         }
     }
 
     /// The states at a time in the last step.
     pub fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
-        if let Some(work) = &mut self.work {
-            work.states_at(system, time, states);
+        let Some(last) = &mut self.last else { return };
+        if let (true, Some(work)) = (time < last.end && !last.has_dense, &mut self.work) {
+            work.find_dense(last, system);
+            last.has_dense = true;
         }
+        last.states_at(time, states);
     }
 
     /// The position of the state whose error determined the length of the last trial.
@@ -188,21 +332,12 @@ impl Integrator {
 /// Memory for a step.
 #[derive(Debug)]
 struct Work {
-    /// The start of the last step in s, and its length.
-    begin: f64,
-    length: f64,
-    /// The states there, and at the end of the step.
-    from: Vec<f64>,
-    to: Vec<f64>,
     /// The derivatives at its start.
     slopes: Vec<f64>,
     by_time: Vec<f64>,
     matrix: Matrix,
     stages: [Vec<f64>; MOST_STAGES],
     moved: Vec<f64>,
-    /// The polynomials of the dense output, once they are asked for.
-    dense: Vec<[f64; 3]>,
-    has_dense: bool,
     /// The position of the state with the largest error in the last trial.
     decisive: usize,
 }
@@ -211,80 +346,93 @@ impl Work {
     fn new(size: usize, method: &Method) -> Self {
         let vector = || vec![0.0; size];
         Self {
-            begin: 0.0,
-            length: 0.0,
-            from: vector(),
-            to: vector(),
             slopes: vector(),
             by_time: vector(),
             matrix: Matrix::new(),
             stages: core::array::from_fn(|stage| if stage < method.stages.len() { vector() } else { vec![] }),
             moved: vector(),
-            dense: vec![[0.0; 3]; size],
-            has_dense: false,
             decisive: 0,
         }
     }
 
-    fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
-        let share = (time - self.begin) / self.length;
-        if share >= 1.0 {
-            return states.copy_from_slice(&self.to);
-        }
-        if !mem::replace(&mut self.has_dense, true) {
-            self.find_dense(system);
-        }
-        let ends = self.from.iter().zip(&self.to);
-        for ((state, [first, second, third]), (from, to)) in states.iter_mut().zip(&self.dense).zip(ends) {
-            let bulge = first + share * (second + share * third);
-            *state = (1.0 - share) * from + share * (to + (1.0 - share) * bulge);
+    /// Renews the Jacobian, unless it still serves, and the derivatives with respect to time.
+    fn linearize<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
+        let Self { by_time, matrix, .. } = self;
+        let at = (last.begin, &last.from[..]);
+        if jacobian.serves() {
+            jacobian.keep(matrix, system, at, by_time);
+        } else {
+            matrix.forget();
+            jacobian.renew(matrix, system, at, by_time);
         }
     }
 
     /// Computes the polynomials of the dense output.
-    fn find_dense<S: System>(&mut self, system: &mut S) {
+    fn find_dense<S: System>(&mut self, last: &mut LastStep, system: &mut S) {
+        let LastStep { end, length, from, to, dense, .. } = last;
         if let [first, second, third] = S::METHOD.dense {
-            for (i, dense) in self.dense.iter_mut().enumerate() {
+            for (i, dense) in dense.iter_mut().enumerate() {
                 *dense = [first, second, third].map(|weights| {
                     weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
                 });
             }
             return;
         }
-        system.derivatives(self.begin + self.length, &self.to, &mut self.moved);
-        for (i, dense) in self.dense.iter_mut().enumerate() {
-            let rise = self.to[i] - self.from[i];
-            let (begin, end) = (self.length * self.slopes[i], self.length * self.moved[i]);
+        system.derivatives(*end, to, &mut self.moved);
+        for (i, dense) in dense.iter_mut().enumerate() {
+            let rise = to[i] - from[i];
+            let (begin, end) = (*length * self.slopes[i], *length * self.moved[i]);
             *dense = [begin - rise, 2.0 * rise - begin - end, 0.0];
         }
     }
 
-    /// The largest magnitude of values of the states relative to their allowed errors.
-    fn norm<S: System>(&self, values: &[f64], tolerance: &Tolerance<'_>) -> f64 {
-        let relative = |(i, value): (usize, &f64)| (value / tolerance.scale::<S>(i, self.from[i])).abs();
-        values.iter().enumerate().map(relative).fold(0.0, f64::max)
-    }
-
-    /// Renews the Jacobian, unless it still serves, and the derivatives with respect to time.
-    fn linearize<S: System>(&mut self, system: &mut S, jacobian: &mut Jacobian) {
-        let Self { begin, from, by_time, matrix, .. } = self;
-        if jacobian.serves() {
-            jacobian.keep(matrix, system, (*begin, from), by_time);
-        } else {
-            matrix.forget();
-            jacobian.renew(matrix, system, (*begin, from), by_time);
+    /// The largest error of the dense output, from the difference between its slope and the derivatives, which the
+    /// matrix of the step damps where errors decay fast.
+    fn dense_error<S: System>(
+        &mut self,
+        last: &LastStep,
+        system: &mut S,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let (share, rest) = (RESIDUAL_AT, 1.0 - RESIDUAL_AT);
+        let time = last.begin + share * last.length;
+        last.states_at(time, &mut self.moved);
+        let [residual, ..] = &mut self.stages;
+        system.derivatives(time, &self.moved, residual);
+        let ends = last.from.iter().zip(&last.to);
+        for ((residual, [first, second, third]), (from, to)) in residual.iter_mut().zip(&last.dense).zip(ends)
+        {
+            let bulge = first + share * (second + share * third);
+            let bulge_slope = second + 2.0 * share * third;
+            let rise = to - from + (rest - share) * bulge + share * rest * bulge_slope;
+            *residual -= rise / last.length;
         }
+        self.matrix.solve::<S>(residual);
+        let mut largest = LargestError { largest: 0.0, state: 0 };
+        for (state, error) in residual.iter().enumerate() {
+            let scale = tolerance.scale::<S>(state, last.from[state].abs().max(last.to[state].abs()));
+            let error = (DENSE_ERROR * error / scale).abs();
+            if error.is_nan() {
+                return LargestError { largest: f64::INFINITY, state };
+            }
+            if error > largest.largest {
+                largest = LargestError { largest: error, state };
+            }
+        }
+        largest
     }
 
     /// Computes `stages` and `to` for a step length.
     fn trial<S: System>(
         &mut self,
+        last: &mut LastStep,
         system: &mut S,
         jacobian: &mut Jacobian,
         length: f64,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        let size = self.from.len();
+        let LastStep { begin, from, to, .. } = last;
+        let size = from.len();
         if !self.matrix.factor::<S>(jacobian, length, size) {
             return LargestError { largest: f64::INFINITY, state: jacobian.first_not_finite(size) };
         }
@@ -306,7 +454,7 @@ impl Work {
                     }
                 }
                 let sums = self.moved.iter_mut().zip(solution.iter_mut());
-                for ((moved, right), (from, slope)) in sums.zip(self.from.iter().zip(&self.by_time)) {
+                for ((moved, right), (from, slope)) in sums.zip(from.iter().zip(&self.by_time)) {
                     *moved += from;
                     *right += by_time * slope;
                 }
@@ -317,14 +465,14 @@ impl Work {
                         moved += a * known[i];
                         right += c * known[i];
                     }
-                    self.moved[i] = self.from[i] + moved;
+                    self.moved[i] = from[i] + moved;
                     solution[i] = right / length + by_time * self.by_time[i];
                 }
             }
             if stage > 0 {
-                system.derivatives(self.begin + S::METHOD.times[stage] * length, &self.moved, &mut self.to);
+                system.derivatives(*begin + S::METHOD.times[stage] * length, &self.moved, to);
             }
-            let slopes = if stage > 0 { &self.to } else { &self.slopes };
+            let slopes = if stage > 0 { &*to } else { &self.slopes };
             if let Some(state) = slopes.iter().position(|slope| !slope.is_finite()) {
                 return LargestError { largest: f64::INFINITY, state };
             }
@@ -334,15 +482,16 @@ impl Work {
             self.matrix.solve::<S>(solution);
         }
         let stages = &self.stages[..const { S::METHOD.stages.len() }];
-        let (weighted, last) = (&stages[stages.len() - S::METHOD.error.len()..], &stages[stages.len() - 1]);
+        let (weighted, last_stage) =
+            (&stages[stages.len() - S::METHOD.error.len()..], &stages[stages.len() - 1]);
         let mut largest = LargestError { largest: 0.0, state: 0 };
-        for (state, (to, (moved, last))) in self.to.iter_mut().zip(self.moved.iter().zip(last)).enumerate() {
+        for (state, (to, (moved, last))) in to.iter_mut().zip(self.moved.iter().zip(last_stage)).enumerate() {
             *to = moved + last;
             let error = match S::METHOD.error {
                 [1.0] => *last,
                 weights => weights.iter().zip(weighted).map(|(weight, stage)| weight * stage[state]).sum(),
             };
-            let scale = tolerance.scale::<S>(state, self.from[state].abs().max(to.abs()));
+            let scale = tolerance.scale::<S>(state, from[state].abs().max(to.abs()));
             let error = (error / scale).abs();
             if !to.is_finite() || error.is_nan() {
                 return LargestError { largest: f64::INFINITY, state };
@@ -360,4 +509,10 @@ impl Work {
 struct LargestError {
     largest: f64,
     state: usize,
+}
+
+/// The largest magnitude of values of the states relative to their allowed errors.
+fn norm<S: System>(values: &[f64], states: &[f64], tolerance: &Tolerance<'_>) -> f64 {
+    let relative = |(i, value): (usize, &f64)| (value / tolerance.scale::<S>(i, states[i])).abs();
+    values.iter().enumerate().map(relative).fold(0.0, f64::max)
 }

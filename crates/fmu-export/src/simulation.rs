@@ -36,6 +36,9 @@ pub struct Simulation<M: Model> {
     /// The variables with the parameters that the model took last.
     #[doc(hidden)]
     pub taken: Option<M::Variables>,
+    /// The inputs of the last step, if they were constant, and the states at its end.
+    #[doc(hidden)]
+    pub left: Option<(InputsOf<M>, Vec<f64>)>,
 }
 
 impl<M: Model> Default for Simulation<M> {
@@ -49,6 +52,7 @@ impl<M: Model> Default for Simulation<M> {
             time: 0.0,
             messages: vec![],
             taken: None,
+            left: None,
         }
     }
 }
@@ -61,6 +65,7 @@ impl<M: Model> Simulation<M> {
     pub fn initialize(&mut self) -> Result<(), Error> {
         M::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
+        self.left = None;
         let Self { model, variables, inputs, experiment, messages, .. } = self;
         self.taken = Some(variables.clone());
         let mut log = log_to(messages);
@@ -72,7 +77,17 @@ impl<M: Model> Simulation<M> {
     /// # Errors
     /// Those of the model; also when it requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
-        self.step_with(size, &InputSignal::constant(self.inputs.clone()))
+        let mut inputs = InputSignal::constant(self.inputs.clone());
+        let mut states = vec![];
+        M::Variables::each_state(&self.variables, |_, state: f64| states.push(state));
+        if self.left.take().is_some_and(|left| left.0 == self.inputs && left.1 == states) {
+            inputs = inputs.kept();
+        }
+        self.step_with(size, &inputs)?;
+        states.clear();
+        M::Variables::each_state(&self.variables, |_, state: f64| states.push(state));
+        self.left = Some((self.inputs.clone(), states));
+        Ok(())
     }
 
     /// Ticks a clock at the present time, such as `|variables| &mut variables.clocks.sample`.
@@ -95,7 +110,8 @@ impl<M: Model> Simulation<M> {
     /// As [`Simulation::step`].
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
         self.take_parameters();
-        let Self { model, variables, experiment, messages, time, .. } = self;
+        let Self { model, variables, experiment, messages, time, left, .. } = self;
+        *left = None;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let mut context = Context::new(*experiment, &mut log);

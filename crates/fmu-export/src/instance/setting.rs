@@ -165,7 +165,7 @@ impl<M: Model> Instance<M> {
         if self.memory.phase == Phase::ContinuousTimeMode {
             return in_default_environment(|| self.set_between_events(references, values, types, setter));
         }
-        let &Setter { as_number, write, .. } = setter;
+        let &Setter { as_number, is_set, write } = setter;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs accept any finite value: bounds are applied later.
             if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
@@ -177,15 +177,19 @@ impl<M: Model> Instance<M> {
         for (&reference, &value) in references.iter().zip(values) {
             let variable = Self::checked(reference);
             let memory = &mut self.memory;
-            write(&mut memory.variables, reference, value);
             if let Some(position) = variable.real_input() {
+                write(&mut memory.variables, reference, value);
                 if memory.inputs.set_value(position, as_number(value)) {
                     status = self.warn_of_bounds(reference, as_number(value));
                 }
-            } else if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs());
+                continue;
+            }
+            let changed = !is_set(&memory.variables, reference, value);
+            write(&mut memory.variables, reference, value);
+            if variable.causality == Causality::Input {
+                memory.inputs.set_others(memory.variables.inputs(), changed);
             } else {
-                memory.parameters_changed = true;
+                memory.parameters_changed |= changed;
             }
         }
         Ok(status)
@@ -223,6 +227,7 @@ impl<M: Model> Instance<M> {
                 memory.variables.set_state(reference, as_number(value));
                 continue;
             }
+            let changed = !is_set(&memory.variables, reference, value);
             write(&mut memory.variables, reference, value);
             match variable.real_input() {
                 Some(position) => {
@@ -231,7 +236,7 @@ impl<M: Model> Instance<M> {
                     }
                 }
                 // A Float32.
-                None => memory.inputs.set_others(memory.variables.inputs()),
+                None => memory.inputs.set_others(memory.variables.inputs(), changed),
             }
         }
         Ok(status)

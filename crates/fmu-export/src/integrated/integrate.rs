@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::equated::Equated;
 use crate::equations::{Equations, Multirate};
-use crate::integrator::{Integrator, StepFailure, Tolerance, Trials, TwoRates};
+use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials, TwoRates};
 use crate::persistence::Persistent;
 use crate::variables::Variables as _;
 
@@ -12,21 +12,29 @@ use crate::variables::Variables as _;
 pub trait Integrate<E: Equations>: Clone + fmt::Debug + Persistent + Send + Sync + 'static {
     /// Whether [`Integrate::states_at`] gives states within a step, where events are searched.
     const FINDS_EVENTS: bool;
+    /// Whether a step may go beyond the end that is asked for.
+    const LOOKS_AHEAD: bool;
     /// An integrator of the model's states.
     fn new() -> Self;
     /// Prepares for a jump.
     fn restart(&mut self);
-    /// Has the Jacobian renewed before the next step.
-    fn discard_jacobian(&mut self);
-    /// Takes a step from `states` between two times in s, shortened until its error meets the tolerance. Returns the time
-    /// at which it ends.
+    /// Forgets what rests on the present parameters.
+    fn discard(&mut self);
+    /// Forgets a step beyond the present time.
+    fn forget_ahead(&mut self) {}
+    /// Has times count from another zero (s).
+    fn shift(&mut self, zero: f64) {
+        let _ = zero;
+    }
+    /// Takes a step from `states`, shortened until its error meets the tolerance, unless the last one already went beyond.
+    /// Returns the time (s) up to which the states are known.
     ///
     /// # Errors
     /// When even the shortest step misses the tolerance.
     fn step(
         &mut self,
         system: &mut Equated<'_, E>,
-        times: (f64, f64),
+        span: Span,
         states: &[f64],
         tolerance: &Tolerance<'_>,
         trials: Trials<'_>,
@@ -41,6 +49,7 @@ pub trait Integrate<E: Equations>: Clone + fmt::Debug + Persistent + Send + Sync
 
 impl<E: Equations> Integrate<E> for Integrator {
     const FINDS_EVENTS: bool = true;
+    const LOOKS_AHEAD: bool = E::Variables::EVENT_INDICATORS.is_empty();
 
     fn new() -> Self {
         Self::new(E::Variables::STATE_NOMINALS.len())
@@ -50,19 +59,27 @@ impl<E: Equations> Integrate<E> for Integrator {
         self.restart();
     }
 
-    fn discard_jacobian(&mut self) {
-        self.discard_jacobian();
+    fn discard(&mut self) {
+        self.discard();
+    }
+
+    fn forget_ahead(&mut self) {
+        self.forget_ahead();
+    }
+
+    fn shift(&mut self, zero: f64) {
+        self.shift(zero);
     }
 
     fn step(
         &mut self,
         system: &mut Equated<'_, E>,
-        times: (f64, f64),
+        span: Span,
         states: &[f64],
         tolerance: &Tolerance<'_>,
         trials: Trials<'_>,
     ) -> Result<f64, StepFailure> {
-        self.step(system, times, states, tolerance, trials.count)
+        self.step(system, span, states, tolerance, trials.count)
     }
 
     fn states_at(&mut self, system: &mut Equated<'_, E>, time: f64, states: &mut [f64]) {
@@ -78,6 +95,7 @@ impl<E: Equations> Integrate<E> for Integrator {
 
 impl<E: Multirate, const FAST: usize, const SLOW: usize> Integrate<E> for TwoRates<FAST, SLOW> {
     const FINDS_EVENTS: bool = false;
+    const LOOKS_AHEAD: bool = false;
 
     fn new() -> Self {
         Self::new::<Equated<'_, E>>(E::Variables::STATE_NOMINALS.len())
@@ -87,19 +105,19 @@ impl<E: Multirate, const FAST: usize, const SLOW: usize> Integrate<E> for TwoRat
         self.restart();
     }
 
-    fn discard_jacobian(&mut self) {
+    fn discard(&mut self) {
         self.discard_jacobian();
     }
 
     fn step(
         &mut self,
         system: &mut Equated<'_, E>,
-        times: (f64, f64),
+        span: Span,
         states: &[f64],
         tolerance: &Tolerance<'_>,
         trials: Trials<'_>,
     ) -> Result<f64, StepFailure> {
-        self.step(system, times, states, tolerance, trials)
+        self.step(system, (span.begin, span.end), states, tolerance, trials)
     }
 
     fn states_at(&mut self, system: &mut Equated<'_, E>, time: f64, states: &mut [f64]) {

@@ -164,7 +164,7 @@ impl Jacobian {
     ) {
         let size = states.len();
         (self.serves, self.served, self.factored_for) =
-            (if S::METHOD.takes_any_jacobian { SERVES } else { 1 }, 0, 0.0);
+            (if S::METHOD.takes_any_jacobian { SERVES } else { self.most }, 0, 0.0);
         if S::MAY_BE_SPARSE && size > MOST_DENSE {
             let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
             loop {

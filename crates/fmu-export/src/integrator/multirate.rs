@@ -95,7 +95,7 @@ impl<const FAST: usize, const SLOW: usize> TwoRates<FAST, SLOW> {
     /// Has the Jacobians renewed before the next step.
     pub fn discard_jacobian(&mut self) {
         (self.fast.serves, self.slow.serves) = (0, 0);
-        self.together.discard_jacobian();
+        self.together.discard();
     }
 
     /// Takes all steps to the end, and returns it.

@@ -127,8 +127,8 @@ fn trial<S: System>(
     length: f64,
     tolerance: &Tolerance<'_>,
 ) -> LargestError {
-    let Integrator { work, jacobian, .. } = integrator;
-    work.as_mut().unwrap().trial(system, jacobian, length, tolerance)
+    let Integrator { last, work, jacobian, .. } = integrator;
+    work.as_mut().unwrap().trial(last.as_mut().unwrap(), system, jacobian, length, tolerance)
 }
 
 /// Takes a step from t = 1 with an initial length and a distant end. Returns the number of trials.
@@ -182,6 +182,36 @@ fn lengths_that_are_far_off_take_few_trials() {
         (length, steps) = (integrator.steps.next, steps + 1);
     }
     assert_eq!(steps, 9);
+}
+
+#[test]
+fn the_error_of_the_dense_output_is_estimated() {
+    fn check<S: System>(mut system: S, length: f64) {
+        let mut integrator = Integrator::new(2);
+        integrator.steps.next = length;
+        let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
+        let span = Span { begin: 1.0, end: 1.0 + 0.1 * length, limit: 1.0 + length, rounding: 0.0 };
+        let reached = integrator.step(&mut system, span, &exact(1.0), &tolerance, &mut 0).unwrap();
+        assert_eq!(reached.to_bits(), span.end.to_bits());
+        let mut largest = 0.0_f64;
+        for part in 1..20 {
+            let time = 1.0 + f64::from(part) / 20.0 * length;
+            let mut states = [0.0; 2];
+            integrator.states_at(&mut system, time, &mut states);
+            for (state, exact) in states.iter().zip(exact(time)) {
+                largest = largest.max((state - exact).abs() / (1.0 + state.abs()));
+            }
+        }
+        let Integrator { last, work, .. } = &mut integrator;
+        let last = last.as_ref().unwrap();
+        let estimate = work.as_mut().unwrap().dense_error(last, &mut system, &tolerance).largest;
+        // Neither too low, but for terms of higher order, nor so high that steps would be much shorter than the method's.
+        assert!((0.5..10.0).contains(&(estimate / largest)), "{estimate:e} for {largest:e}, length {length}");
+    }
+    for length in [0.05, 0.1, 0.2, 0.4] {
+        check(NONLINEAR, length);
+        check(Kept(NONLINEAR), length);
+    }
 }
 
 #[test]
@@ -257,9 +287,9 @@ fn a_mode_a_million_times_as_fast_as_the_step_is_damped() {
     integrator.step(&mut stiff, (0.0, 1.0), &[1.0], &tolerance, &mut 0).unwrap();
     // An L-stable method with a few stages leaves a multiple of 1e-6; an explicit one would have 1e48.
     assert!(
-        integrator.work.as_ref().unwrap().to[0].abs() < 1e-4,
+        integrator.last.as_ref().unwrap().to[0].abs() < 1e-4,
         "{}",
-        integrator.work.as_ref().unwrap().to[0]
+        integrator.last.as_ref().unwrap().to[0]
     );
 }
 
