@@ -214,7 +214,7 @@ fn a_file_proposes_what_the_table_suggests() {
     assert!(printed.contains("missing; similar: speed_engine"), "{printed}");
     assert!(printed.contains("Those for engine_speed are proposals in comments"), "{printed}");
     let text = fs::read_to_string(&file).unwrap();
-    let proposal = "# from = \"engine_speed\"\n# to = \"plant:speed_engine\"\n";
+    let proposal = "# from = \"engine_speed\"\n# to = \"plant:speed_engine\"\n# from_unit = \"rpm\"\n";
     assert!(text.contains(proposal), "{text}");
 }
 

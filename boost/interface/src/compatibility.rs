@@ -202,6 +202,14 @@ impl<'a> Match<'a> {
         }
     }
 
+    /// The most similar name, if the variable is not found.
+    pub(crate) fn proposal(&self) -> Option<&'a str> {
+        match self {
+            Self::Missing { suggestions } | Self::Unknown { suggestions, .. } => suggestions.first().copied(),
+            Self::Unconnected | Self::Found { .. } => None,
+        }
+    }
+
     /// What to say of it.
     pub(crate) fn remarks(&self) -> String {
         let like = |suggestions: &[&str]| match suggestions {

@@ -2,8 +2,8 @@
 
 use fmu_io::document::Location;
 use fmu_io::terminal::in_line;
+use fmu_package::Kind;
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{Kind, Linear};
 
 use crate::compatibility::{Compatibility, Match};
 use crate::{Port, Role};
@@ -21,20 +21,14 @@ impl Compatibility<'_> {
             in_line(self.fmu.attribute("modelName")),
             self.role.name()
         );
-        let connectable = self.matches.iter().filter(|(port, _)| port.couples() || port.kind == Kind::Input);
-        for (port, found) in connectable {
+        for (port, found) in self.connectable() {
             let given = self.choices.get(port.name()).map(|choice| choice.connection.clone());
-            let connection = |name: &str| {
-                given.clone().unwrap_or_else(|| connection(port, self.role, name, conversion(port, found)))
-            };
-            let lines = match found {
-                Match::Found { variable, .. } => table(&connection(&variable.name)),
-                Match::Missing { suggestions } | Match::Unknown { suggestions, .. }
-                    if !suggestions.is_empty() =>
-                {
-                    commented(&self::connection(port, self.role, suggestions[0], Conversion::DECLARED))
+            let lines = match (found, found.proposal()) {
+                (Match::Found { variable, .. }, _) => {
+                    table(&given.unwrap_or_else(|| self.connection(port, &variable.name)))
                 }
-                _ if port.is_required() => commented(&connection(OPEN)),
+                (_, Some(name)) => commented(&self.connection(port, name)),
+                _ if port.is_required() => commented(&self.connection(port, OPEN)),
                 _ => continue,
             };
             let remarks = match found.remarks() {
@@ -53,24 +47,21 @@ impl Compatibility<'_> {
 
     /// The interface's names for which the file proposes a similar name of the FMU.
     pub fn proposed(&self) -> impl Iterator<Item = &str> {
-        self.matches.iter().filter_map(|(port, found)| match found {
-            Match::Missing { suggestions } | Match::Unknown { suggestions, .. }
-                if !suggestions.is_empty() =>
-            {
-                Some(port.name())
-            }
-            _ => None,
-        })
+        let proposed = self.connectable().filter(|(_, found)| found.proposal().is_some());
+        proposed.map(|(port, _)| port.name())
     }
-}
 
-/// A signal needs its unit for a conversion; a variable declares its own.
-fn conversion(port: &Port<'_>, found: &Match<'_>) -> Conversion {
-    match found {
-        Match::Found { to_interface, .. } if *to_interface != Linear::IDENTITY && !port.couples() => {
-            Conversion::Units { from: Some(port.unit().name), to: None }
-        }
-        _ => Conversion::DECLARED,
+    /// What a connection can lead to or from.
+    fn connectable(&self) -> impl Iterator<Item = &(Port<'_>, Match<'_>)> {
+        self.matches.iter().filter(|(port, _)| port.couples() || port.kind == Kind::Input)
+    }
+
+    /// The connection of a port with a variable of the FMU. A signal has no declared unit: it has the interface's.
+    fn connection(&self, port: &Port<'_>, name: &str) -> Connection {
+        let unit = port.unit().name;
+        let differs = self.fmu.variable(name).is_some_and(|variable| variable.unit != unit);
+        let from = (differs && !port.couples()).then_some(unit);
+        connection(port, self.role, name, Conversion::Units { from, to: None })
     }
 }
 

@@ -502,7 +502,7 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         (
             "startElement=\"first\"",
             "startElement=\"third\"",
-            "the component third, which the system does not have",
+            "the system's connections: there is no FMU third",
         ),
         (
             "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
