@@ -502,7 +502,7 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         (
             "startElement=\"first\"",
             "startElement=\"third\"",
-            "the system's connections: there is no FMU third",
+            "the connections of Chain: there is no FMU third",
         ),
         (
             "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
@@ -1120,4 +1120,27 @@ fn a_study_depends_on_its_connections() {
     bench.write("connections.toml", &CONNECTIONS.replace("to_unit = \"1\"", "to_unit = \"%\""));
     let message = bench.refusal(&sweep);
     assert!(message.contains("scenario's connections was "), "{message}");
+}
+
+/// Without connections.
+#[test]
+fn two_outputs_of_an_inputs_name_are_refused() {
+    let bench = coupled();
+    let taker =
+        DESCRIPTION.replace("name=\"level\"", "name=\"sum\"").replace("name=\"input\"", "name=\"level\"");
+    careless::write(&bench.path("other.fmu"), &taker, library());
+    let twin = "[[fmu]]\nname = \"twin\"\nfile = \"careless.fmu\"\n[inputs]\ninput = 1";
+    let scenario = bench.read("scenario.toml").replace("[inputs]\ndrive = 200", twin);
+    bench.write("scenario.toml", &scenario);
+    let message = bench.refusal(&["simulate", "scenario.toml"]);
+    assert!(
+        message.contains("fmu[2].file: other:level has two sources: alone:level and twin:level"),
+        "{message}"
+    );
+    // A signal of its own decides.
+    bench.write(
+        "scenario.toml",
+        &scenario.replace("file = \"other.fmu\"", "file = \"other.fmu\"\ninputs.level = 1"),
+    );
+    bench.succeeds(&["simulate", "scenario.toml", "--record", "sum"]);
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{FmuVariable, Linear, Unit, unit_conversion};
+use fmu_package::{FmuDescription, FmuVariable, Linear, Unit, unit_conversion};
 use fmu_terms::{Causality, like};
 
 use crate::importer::Fmu;
@@ -34,8 +34,10 @@ pub struct Link {
 /// # Errors
 /// When an FMU or variable is missing, an input has two sources, or units do not convert; the message names the place.
 pub fn links(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Vec<Link>> {
+    let members: Vec<_> =
+        scenario.fmus.iter().zip(fmus).map(|(member, fmu)| Ends::new(member, fmu)).collect();
     let given = scenario.connections.as_deref().map(Cow::Borrowed);
-    let connections = given.unwrap_or_else(|| by_name(scenario, fmus).into());
+    let connections = given.unwrap_or_else(|| by_name(&members).into());
     let mut links: Vec<Link> = vec![];
     let mut places = BTreeMap::new();
     for connection in connections.iter() {
@@ -43,21 +45,48 @@ pub fn links(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Vec<Link>> {
         let is_signal = scenario.connections.is_none() && connection.source.is_none();
         if let Some(other) = places.insert((connection.to(), is_signal), connection) {
             let [one, two] = [other, connection].map(Connection::from);
-            let line = other.location.line().map_or_else(String::new, |line| format!(", in line {line}"));
-            let message = format!("{} has two sources: {one}{line}, and {two}", connection.to());
+            let line = other.location.line().filter(|line| Some(*line) != connection.location.line());
+            let line = line.map_or_else(String::new, |line| format!(", in line {line},"));
+            let message = format!("{} has two sources: {one}{line} and {two}", connection.to());
             return Err(connection.location.error(message));
         }
-        links.push(connection.location.locate(Link::new(connection, &scenario.fmus, fmus))?);
+        links.push(connection.location.locate(Link::new(connection, &members))?);
     }
     Ok(links)
 }
 
+/// What connections may lead from and to, by name.
+struct Ends<'a> {
+    member: &'a Member,
+    description: &'a FmuDescription,
+    outputs: BTreeMap<&'a str, &'a FmuVariable>,
+    inputs: BTreeMap<&'a str, &'a FmuVariable>,
+}
+
+impl<'a> Ends<'a> {
+    fn new(member: &'a Member, fmu: &'a Fmu) -> Self {
+        let description = fmu.description();
+        let [outputs, inputs] = [Causality::Output, Causality::Input].map(|causality| {
+            let variables = description.of_causality(causality);
+            variables.map(|variable| (variable.name.as_str(), variable)).collect()
+        });
+        Self { member, description, outputs, inputs }
+    }
+
+    fn find(&self, causality: Causality, name: &str) -> Result<&'a FmuVariable> {
+        let known = if causality == Causality::Input { &self.inputs } else { &self.outputs };
+        known.get(name).copied().with_context(|| {
+            let like = like(name, known.keys().copied());
+            format!("{} has no {causality} {name}{like}", self.member.name)
+        })
+    }
+}
+
 /// Each output to the inputs of its name at other FMUs, unless a signal of its own drives one; and each input to a
 /// signal of its name.
-fn by_name(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<Connection> {
-    let members = || scenario.fmus.iter().zip(fmus);
-    let connection = |source: Option<&Member>, target: &Member, name: &str| Connection {
-        source: source.map(|member| member.name.clone()),
+fn by_name(members: &[Ends<'_>]) -> Vec<Connection> {
+    let connection = |source: Option<&Ends<'_>>, target: &Member, name: &str| Connection {
+        source: source.map(|giver| giver.member.name.clone()),
         output: name.to_owned(),
         target: target.name.clone(),
         input: name.to_owned(),
@@ -65,46 +94,43 @@ fn by_name(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<Connection> {
         location: target.location.clone(),
     };
     let mut connections = vec![];
-    for (member, fmu) in members() {
-        for name in fmu.names(Causality::Input) {
+    for Ends { member, inputs, .. } in members {
+        for name in inputs.keys() {
             connections.push(connection(None, member, name));
-            if member.inputs.iter().any(|input| input.name == name) {
+            if member.inputs.iter().any(|input| input.name == *name) {
                 continue;
             }
-            let others = members().filter(|(other, _)| other.name != member.name);
-            let givers =
-                others.filter(|(_, other)| other.names(Causality::Output).any(|output| output == name));
-            connections.extend(givers.map(|(giver, _)| connection(Some(giver), member, name)));
+            let givers = members.iter().filter(|giver| giver.member.name != member.name);
+            let givers = givers.filter(|giver| giver.outputs.contains_key(name));
+            connections.extend(givers.map(|giver| connection(Some(giver), member, name)));
         }
     }
     connections
 }
 
 impl Link {
-    fn new(connection: &Connection, members: &[Member], fmus: &[Arc<Fmu>]) -> Result<Self> {
-        let find = |fmu: &str, name: &str, causality: Causality| {
-            let index = members.iter().position(|member| member.name == fmu).with_context(|| {
-                let names = members.iter().map(|member| member.name.as_str());
+    fn new(connection: &Connection, members: &[Ends<'_>]) -> Result<Self> {
+        let position = |fmu: &str| {
+            members.iter().position(|ends| ends.member.name == fmu).with_context(|| {
+                let names = members.iter().map(|ends| ends.member.name.as_str());
                 format!("there is no FMU {fmu}{}", like(fmu, names))
-            })?;
-            let description = fmus[index].description();
-            let found = description.of_causality(causality).find(|variable| variable.name == name);
-            let variable = found.with_context(|| {
-                format!("{fmu} has no {causality} {name}{}", like(name, fmus[index].names(causality)))
-            })?;
-            anyhow::Ok((index, variable))
+            })
         };
-        let source = connection.source.as_ref().map(|fmu| find(fmu, &connection.output, Causality::Output));
+        let source = connection.source.as_ref().map(|fmu| {
+            let index = position(fmu)?;
+            anyhow::Ok((index, members[index].find(Causality::Output, &connection.output)?))
+        });
         let source = source.transpose()?;
-        let (target, input) = find(&connection.target, &connection.input, Causality::Input)?;
-        if source.is_some_and(|(index, _)| index == target) {
+        let index = position(&connection.target)?;
+        let taken = members[index].find(Causality::Input, &connection.input)?;
+        if source.is_some_and(|(giver, _)| giver == index) {
             anyhow::bail!("{} is of the same FMU", connection.from());
         }
-        let output = source.map(|(index, variable)| (variable, fmus[index].description()));
+        let output = source.map(|(giver, variable)| (variable, members[giver].description));
         Ok(Self {
-            conversion: connection.function(output, (input, fmus[target].description()))?,
-            source: source.map(|(index, _)| index),
-            target,
+            conversion: connection.function(output, (taken, members[index].description))?,
+            source: source.map(|(giver, _)| giver),
+            target: index,
             connection: connection.clone(),
         })
     }

@@ -160,7 +160,7 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
             target: target.clone(),
             input: end.connector.clone(),
             conversion: Conversion::Function(by_units.then(connection.transformation)),
-            location: Location::argument("the system's connections"),
+            location: Location::argument(&format!("the connections of {}", system.name)),
         });
     }
     scenario.connections = Some(connections);
