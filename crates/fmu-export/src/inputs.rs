@@ -51,7 +51,7 @@ pub struct InputSignal<I> {
     end: I,
     /// Whether `end` is current: the inputs had derivatives in the last step, and none has been set since.
     moved: bool,
-    /// Whether an input has been set to another value since the last step.
+    /// Whether an input has moved in the last step, or been set to another value since.
     changed: bool,
 }
 
@@ -112,7 +112,7 @@ impl<I: Inputs> InputSignal<I> {
             sloped: false,
             changed: true,
         };
-        signal.update();
+        signal.update(false);
         signal
     }
 
@@ -178,7 +178,6 @@ impl<I: Inputs> InputSignal<I> {
         let outside = !is_within::<I>(position, value);
         let has_left = outside && !real.outside;
         real.outside = outside;
-        self.changed |= self.moved || real.set.to_bits() != value.to_bits();
         real.set = value;
         real.slope = 0.0;
         self.updated = false;
@@ -197,18 +196,25 @@ impl<I: Inputs> InputSignal<I> {
         in_default_environment(|| self.find_order());
     }
 
-    /// Sets the inputs that are not Real, of which one may have `changed`.
-    pub(crate) fn set_others(&mut self, inputs: &I, changed: bool) {
-        self.changed |= self.moved || changed;
+    /// Sets the inputs that are not Real, one of which has changed.
+    pub(crate) fn set_others(&mut self, inputs: &I) {
+        self.changed = true;
         self.bounded.clone_from(inputs);
         self.updated = false;
         self.moved = false;
     }
 
-    /// Updates the inputs at the step's start, once for all values set by the importer.
-    pub(crate) fn update(&mut self) {
+    /// Updates the inputs at the step's start, once for all values set by the importer; `watches` for changes.
+    #[inline]
+    pub(crate) fn update(&mut self, watches: bool) {
         if !self.updated {
-            self.bounded.set_reals(|position| bound::<I>(position, self.reals[position].set));
+            let value = |position: usize| bound::<I>(position, self.reals[position].set);
+            if watches {
+                let is_kept =
+                    |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
+                self.changed |= !(0..I::REALS.len()).all(is_kept);
+            }
+            self.bounded.set_reals(value);
             self.updated = true;
         }
     }
@@ -291,7 +297,7 @@ impl<I: Inputs> InputSignal<I> {
 /// Reading recomputes derived fields.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        self.update();
+        self.update(true);
         let Self { bounded, updated: _, reals, moved, changed, end: _, order: _, sloped: _ } = self;
         bounded.persist(archive)?;
         reals.persist(archive)?;
@@ -356,7 +362,7 @@ mod tests {
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer limited");
         // Setting any value restores the set values.
         assert!(signal.set_value(1, 1.5));
-        signal.update();
+        signal.update(true);
         assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
         assert!(signal.is_free(0) && !signal.is_free(1));
     }

@@ -317,7 +317,7 @@ impl<M: Model> Instance<M> {
 
     fn compute_stale_values(&mut self) -> Answer {
         let memory = &mut self.memory;
-        memory.inputs.update();
+        memory.inputs.update(M::LOOKS_AHEAD);
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {

@@ -130,6 +130,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     type Variables = E::Variables;
     const SERVES: Serves = Serves { scheduled_execution: false, ..Serves::ALL };
     const LONGEST_STEP: f64 = E::LONGEST_STEP;
+    const LOOKS_AHEAD: bool = I::LOOKS_AHEAD;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         E::check_parameters(variables)

@@ -172,6 +172,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(Error::new("this model provides no adjoint derivatives of its initialization"))
     }
 
+    /// Whether a step may compute what lies beyond its end, if no input changes.
+    #[doc(hidden)]
+    const LOOKS_AHEAD: bool = false;
+
     /// Whether [`Model::calculate_parameters`] and [`Model::take_parameters`] do anything: if not,
     /// [`Simulation`](crate::Simulation) need not look for changes.
     const TAKES_PARAMETERS: bool = true;

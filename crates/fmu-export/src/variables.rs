@@ -4,8 +4,8 @@ use core::ops::Range;
 
 use crate::clock::Clock;
 use crate::description::{
-    ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference, VariableDescription,
-    Version,
+    Causality, ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference,
+    VariableDescription, Version,
 };
 use crate::inputs::Inputs;
 use crate::number::Number;
@@ -60,6 +60,9 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The number of scalars with the value references 0, 1, 2, … at the front of the description, which need no search.
     const FRONT: usize = front(Self::DESCRIPTION.variables);
 
+    /// The value reference of the independent variable, if there is one.
+    const TIME: Option<ValueReference> = time(Self::DESCRIPTION.variables);
+
     /// Whether arrays are variables, as in FMI 3.0.
     const HAS_ARRAYS: bool =
         matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
@@ -74,14 +77,30 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     #[must_use]
     #[inline]
     fn description(reference: ValueReference) -> Option<ScalarVariable> {
+        Self::description_near(reference, &mut None)
+    }
+    /// The scalar variable with a value reference, where it is likely to be an element of the array that was `last` found.
+    #[must_use]
+    #[inline]
+    fn description_near(
+        reference: ValueReference,
+        last: &mut Option<&'static VariableDescription>,
+    ) -> Option<ScalarVariable> {
         let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
         if position < Self::FRONT {
-            Some(ScalarVariable { description: &variables[position], element: 0 })
-        } else if Self::FRONT < variables.len() {
-            find(variables, reference)
-        } else {
-            None
+            return Some(ScalarVariable { description: &variables[position], element: 0 });
         }
+        if Self::FRONT == variables.len() {
+            return None;
+        }
+        if let Some(description) = *last
+            && let Some(element) = element(description, reference)
+        {
+            return Some(ScalarVariable { description, element });
+        }
+        let found = find(variables, reference)?;
+        *last = Some(found.description);
+        Some(found)
     }
     /// The scalar variables, each with its value reference.
     #[must_use]
@@ -278,6 +297,18 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn first_non_finite(&self) -> Option<ValueReference>;
 }
 
+/// The value reference of the independent variable.
+const fn time(variables: &[VariableDescription]) -> Option<ValueReference> {
+    let mut position = 0;
+    while position < variables.len() {
+        if matches!(variables[position].causality, Causality::Independent) {
+            return Some(variables[position].value_reference);
+        }
+        position += 1;
+    }
+    None
+}
+
 /// How many variables at the front are scalars whose value references are their positions.
 const fn front(variables: &[VariableDescription]) -> usize {
     let mut position = 0;
@@ -307,9 +338,18 @@ fn find(variables: &'static [VariableDescription], reference: ValueReference) ->
     let after = variables.partition_point(|variable| variable.value_reference <= reference);
     // The elements of an array of states alternate with their derivatives.
     variables[after.saturating_sub(2)..after].iter().rev().find_map(|variable| {
-        let (distance, stride) = (reference - variable.value_reference, variable.stride);
-        let element = (distance / stride) as usize;
-        let is_element = distance % stride == 0 && element < variable.elements();
-        is_element.then_some(ScalarVariable { description: variable, element })
+        element(variable, reference).map(|element| ScalarVariable { description: variable, element })
     })
+}
+
+/// The number of the element with a value reference, if it is one of the variable.
+#[inline]
+fn element(variable: &VariableDescription, reference: ValueReference) -> Option<usize> {
+    let distance = reference.checked_sub(variable.value_reference)?;
+    let element = match variable.stride {
+        1 => distance,
+        stride if distance % stride == 0 => distance / stride,
+        _ => return None,
+    } as usize;
+    (element < variable.elements()).then_some(element)
 }

@@ -23,7 +23,7 @@ impl<M: Model> Instance<M> {
         }
         self.check_activation(position, time)?;
         let memory = &mut self.memory;
-        memory.inputs.update();
+        memory.inputs.update(M::LOOKS_AHEAD);
         memory.accept_parameters()?;
         if memory.stale {
             memory.model.refresh(time, &mut memory.variables, memory.inputs.latest());

@@ -146,10 +146,6 @@ impl<M: Model> Instance<M> {
         if tries { Status::Ok } else { warned }
     }
 
-    fn is_real_input(reference: ValueReference) -> bool {
-        M::Variables::attributes(reference).is_some_and(|variable| variable.first_real_input.is_some())
-    }
-
     /// Sets values, after checking all of them.
     fn set<T: Copy>(
         &mut self,
@@ -166,16 +162,19 @@ impl<M: Model> Instance<M> {
             return in_default_environment(|| self.set_between_events(references, values, types, setter));
         }
         let &Setter { as_number, is_set, write } = setter;
+        let mut last = None;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs accept any finite value: bounds are applied later.
-            if !(types == REALS && Self::is_real_input(reference) && as_number(value).is_finite()) {
+            let variable = M::Variables::description_near(reference, &mut last);
+            let is_real_input = variable.is_some_and(|variable| variable.first_real_input.is_some());
+            if !(types == REALS && is_real_input && as_number(value).is_finite()) {
                 in_default_environment(|| self.check(reference, types, as_number(value)))?;
             }
         }
         self.memory.stale = true;
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::checked(reference);
+            let Some(variable) = M::Variables::description_near(reference, &mut last) else { continue };
             let memory = &mut self.memory;
             if let Some(position) = variable.real_input() {
                 write(&mut memory.variables, reference, value);
@@ -184,12 +183,14 @@ impl<M: Model> Instance<M> {
                 }
                 continue;
             }
-            let changed = !is_set(&memory.variables, reference, value);
+            if is_set(&memory.variables, reference, value) {
+                continue;
+            }
             write(&mut memory.variables, reference, value);
             if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs(), changed);
+                memory.inputs.set_others(memory.variables.inputs());
             } else {
-                memory.parameters_changed |= changed;
+                memory.parameters_changed = true;
             }
         }
         Ok(status)
@@ -227,7 +228,6 @@ impl<M: Model> Instance<M> {
                 memory.variables.set_state(reference, as_number(value));
                 continue;
             }
-            let changed = !is_set(&memory.variables, reference, value);
             write(&mut memory.variables, reference, value);
             match variable.real_input() {
                 Some(position) => {
@@ -236,7 +236,7 @@ impl<M: Model> Instance<M> {
                     }
                 }
                 // A Float32.
-                None => memory.inputs.set_others(memory.variables.inputs(), changed),
+                None => memory.inputs.set_others(memory.variables.inputs()),
             }
         }
         Ok(status)

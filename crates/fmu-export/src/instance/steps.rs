@@ -44,7 +44,7 @@ impl<M: Model> Instance<M> {
         if memory.end.is_some() {
             return Ok(self.discard_for_end(end));
         }
-        memory.inputs.update();
+        memory.inputs.update(M::LOOKS_AHEAD);
         if memory.accept_parameters()? {
             memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
         }

@@ -5,7 +5,7 @@ use std::ffi::CString;
 
 use super::{Answer, Instance};
 use crate::calling_sequence::Phase;
-use crate::description::{Causality, DataType, ScalarVariable, ValueReference, VariableDescription, Version};
+use crate::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::display::Shown;
 use crate::error::{Error, check_memory};
 use crate::model::Model;
@@ -61,6 +61,19 @@ impl<M: Model> Instance<M> {
     ) -> Result<&'static VariableDescription, Error> {
         let variable = M::Variables::attributes(reference).ok_or_else(|| Self::no_variable(reference))?;
         if types.contains(&variable.data_type) { Ok(variable) } else { Err(Self::type_error(reference)) }
+    }
+
+    /// Checks that variables exist and have one of `types`.
+    fn check_types(references: &[ValueReference], types: &[DataType]) -> Result<(), Error> {
+        let mut last = None;
+        for &reference in references {
+            match M::Variables::description_near(reference, &mut last) {
+                Some(variable) if types.contains(&variable.data_type) => {}
+                Some(_) => return Err(Self::type_error(reference)),
+                None => return Err(Self::no_variable(reference)),
+            }
+        }
+        Ok(())
     }
 
     #[cold]
@@ -132,9 +145,7 @@ impl<M: Model> Instance<M> {
         types: &[DataType],
         mut read: impl FnMut(&M::Variables, ValueReference, T) -> Result<(), Error>,
     ) -> Answer {
-        for &reference in references {
-            Self::attributes(reference, types)?;
-        }
+        Self::check_types(references, types)?;
         let status = self.compute_values()?;
         for (&reference, value) in references.iter().zip(values) {
             read(&self.memory.variables, reference, value)?;
@@ -146,9 +157,7 @@ impl<M: Model> Instance<M> {
         let time = self.memory.time;
         let mut no_number = Ok(());
         let status = self.get(references, values, REALS, |variables, reference, target| {
-            let causality = M::Variables::attributes(reference).map(|variable| variable.causality);
-            let is_time = causality == Some(Causality::Independent);
-            let value = if is_time { time } else { variables.real(reference) };
+            let value = if M::Variables::TIME == Some(reference) { time } else { variables.real(reference) };
             // The other values are still returned: after a failed step they help debugging.
             if value.is_finite() {
                 *target = value;
