@@ -1,9 +1,9 @@
-"""A parameter study of both FMUs on Dask: like `boost-lab sweep`, on any number of machines.
+"""A parameter study of both FMUs on Dask: like `cargo fmu sweep`, on any number of machines.
 
 python examples/sweep_with_dask.py [STUDY.toml] [--fmus DIR] [--out FILE.csv] [--scheduler ADDRESS]
 
 It supports grids of listed values as designs, and numbers and steps as signals. The master is like
-examples/closed_loop.py and steps in boost-lab's order, so the results are bit-identical. Dask repeats the
+examples/closed_loop.py and steps in its order, so the results are bit-identical. Dask repeats the
 runs of a lost worker on the others. The FMU folder must have the same path on all machines.
 """
 

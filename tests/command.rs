@@ -1,8 +1,11 @@
 //! The command, run as a user would: its error messages.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Output};
+
+use fmu_package::{End, SystemDescription};
 
 #[path = "../crates/cargo-fmu/tests/support/mod.rs"]
 mod support;
@@ -93,83 +96,187 @@ fn whether_an_fmu_fits_is_the_exit_code() {
     assert_eq!(code(&["check", &fitting, "--as", "controller"]), Some(1));
 }
 
+/// Connections of a plant with the interface's names, but for its duty and boost pressure, as a file.
+fn connections(duty: &str) -> String {
+    format!(
+        r#"connection = [
+            {{ from = "controller:hp_wastegate_pwm", to = {duty} }},
+            {{ from = "plant:pBoost", to = "controller:boost_pressure", from_unit = "bar" }},
+        ]"#
+    )
+}
+
 #[test]
-fn a_map_is_written_read_back_and_kept() {
+fn connections_are_written_read_back_and_kept() {
     let variables = r#"<ScalarVariable name="pBoost" causality="output"><Real/></ScalarVariable>
         <ScalarVariable name="duty" causality="input"><Real/></ScalarVariable>"#;
-    let fmu = archive("mapped.fmu", "modelDescription.xml", &description(variables));
-    let map = scratch("map.json");
-    let map_name = map.to_str().unwrap();
-    let _ = fs::remove_file(&map);
-    let check = |option: &str| boost_fmu(&["check", &fmu, "--as", "plant", option, map_name]);
+    let fmu = archive("connected.fmu", "modelDescription.xml", &description(variables));
+    let file = scratch("connections.toml");
+    let name = file.to_str().unwrap();
+    let _ = fs::remove_file(&file);
+    let check = |option: &str| boost_fmu(&["check", &fmu, "--as", "plant", option, name]);
 
-    assert_eq!(check("--write-map").status.code(), Some(1));
-    let template = fs::read_to_string(&map).unwrap();
-    assert!(template.contains(r#""name": "pBoost""#), "{template}");
+    assert_eq!(check("--write-connections").status.code(), Some(1));
+    let template = fs::read_to_string(&file).unwrap();
+    for part in [
+        "# Other as the plant: all connections, for a scenario or --connections\n",
+        "\n# boost_pressure: missing; similar: pBoost\n# [[connection]]\n# from = \"plant:pBoost\"\n\
+         # to = \"controller:boost_pressure\"\n",
+        "\n# vacuum_pump: missing\n# [[connection]]\n# from = \"controller:vacuum_pump\"\n# to = \"plant:?\"\n",
+        "\n[[connection]]\nfrom = \"boost_reference\"\nto = \"controller:boost_reference\"\n",
+    ] {
+        assert!(template.contains(part), "{template}");
+    }
+    // It can be read as it is, and as it is proposed.
+    assert_eq!(check("--connections").status.code(), Some(0));
+    fs::write(&file, template.replace("# [[", "[[").replace("# from", "from").replace("# to", "to")).unwrap();
+    let output = check("--connections");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("boost_pressure               pBoost"), "{printed}");
+    assert!(output.status.code() == Some(1) && printed.contains("? is missing"), "{printed}");
     // An existing file is not overwritten.
-    fs::write(&map, "mine").unwrap();
+    fs::write(&file, "mine").unwrap();
     assert_eq!(check("--write-map").status.code(), Some(2));
-    assert_eq!(fs::read_to_string(&map).unwrap(), "mine");
+    assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
 
     let edited = |text: &str| {
-        fs::write(&map, text).unwrap();
-        let output = check("--map");
+        fs::write(&file, text).unwrap();
+        let output = check("--connections");
         let printed = [output.stdout, output.stderr].concat();
         (output.status.code().unwrap(), String::from_utf8(printed).unwrap())
     };
-    let map_of = |role: &str, fmu: &str, variables: &str| {
-        format!(r#"{{"as": "{role}", "fmu": "{fmu}", "variables": {{{variables}}}}}"#)
-    };
-    // Names that are left open are reported.
-    let (code, printed) = edited(&template);
-    assert!(code == 2 && printed.contains("leaves the name for hp_bypass open"), "{printed}");
-    for (text, reason) in [
-        (map_of("plant", "Other", r#""boost": null"#), "names boost, which is not a variable of a plant"),
-        (map_of("plant", "Another", ""), "the map is for the FMU Another, not for Other"),
-        (map_of("controller", "Other", ""), "the map is for a controller, not for a plant"),
-        (map_of("plant", "Other", r#""boost_pressure": {"nam": "pBoost"}"#), "unknown field `nam`"),
-        ("{".to_owned(), "is not valid"),
+    for (list, reason) in [
+        (
+            r#"{ from = "engine:pBoost", to = "controller:boost_pressure" }"#,
+            "engine is neither plant nor controller",
+        ),
+        (
+            r#"{ from = "controller:command", to = "plant:duty" }"#,
+            "no variable of the interface: controller:command and plant:duty",
+        ),
+        (
+            r#"{ from = "throttle", to = "plant:engine_speed" }"#,
+            "two different variables of the interface: throttle and plant:engine_speed",
+        ),
+        (
+            r#"{ from = "throttle", to = "plant:a" }, { from = "throttle", to = "plant:b" }"#,
+            "throttle is connected with both a and b",
+        ),
+        (
+            r#"{ from = "throttle", to = "plant:?", too = 1 }"#,
+            "connection[1].too: this key is not known; did you mean to?",
+        ),
     ] {
-        let (code, printed) = edited(&text);
-        assert!(code == 2 && printed.contains(reason) && printed.contains(map_name), "{text}: {printed}");
-    }
-    let unconnected = r#""vacuum_pump": null, "lp_wastegate": null, "hp_bypass": null, "tank_pressure": null,
-        "supply_voltage_measured": null"#;
-    for (duty, expected, reason) in [
-        (r#"{"name": "duty", "unit": "1"}"#, 0, "hp_wastegate_pwm = 100 · duty"),
-        (r#"{"name": "duty", "factor": 50, "offset": 25}"#, 0, "hp_wastegate_pwm = 50 · duty + 25"),
-        (r#"{"name": "dutie"}"#, 1, "the map's dutie is missing; similar: duty"),
-        (r#"{"name": "duty", "unit": "V"}"#, 1, "its unit V has another dimension than %"),
-        (r#"{"name": "duty", "unit": "furlong"}"#, 1, "the map's unit furlong is not known"),
-        (r#"{"name": "duty", "unit": "1", "factor": 2}"#, 1, "both a unit and a factor"),
-        (r#"{"name": "duty", "factor": 0}"#, 1, "factor 0 and offset 0 are not a conversion"),
-    ] {
-        let variables = format!(
-            r#"{unconnected}, "boost_pressure": {{"name": "pBoost", "unit": "bar"}}, "hp_wastegate_pwm": {duty}"#
+        let (code, printed) = edited(&format!("connection = [{list}]"));
+        assert!(
+            code == 2 && printed.contains(reason) && printed.contains(&format!("{name}, line 1, ")),
+            "{list}: {printed}"
         );
-        let (code, printed) = edited(&map_of("plant", "Other", &variables));
+    }
+    let (code, printed) = edited(r#"{"as": "plant", "fmu": "Other", "variables": {}}"#);
+    assert!(code == 2 && printed.contains(&format!("{name} is JSON, as name maps were; ")), "{printed}");
+    for (duty, expected, reason) in [
+        (r#""plant:duty", to_unit = "1""#, 0, "hp_wastegate_pwm = 100 · duty"),
+        (r#""plant:duty", factor = 0.02, offset = -0.5"#, 0, "hp_wastegate_pwm = 50 · duty + 25"),
+        (r#""plant:dutie""#, 1, "dutie is missing; similar: duty"),
+        (r#""plant:duty", to_unit = "V""#, 1, "the unit V does not convert to %"),
+        (r#""plant:duty", to_unit = "furlong""#, 1, "the unit 'furlong' is not known"),
+    ] {
+        let (code, printed) = edited(&connections(duty));
         assert!(code == expected && printed.contains(reason), "{duty}: {code} {printed}");
         assert!(printed.contains("boost_pressure = 100000 · pBoost"), "{printed}");
-        let open = "It replaces the plant only in part: the map leaves vacuum_pump, lp_wastegate, hp_bypass, \
-                    tank_pressure, supply_voltage_measured unconnected.";
+        let open = "It replaces the plant only in part; not connected: vacuum_pump, lp_wastegate, hp_bypass, \
+                    tank_pressure, supply_voltage_measured.";
         assert_eq!(code == 0, printed.contains(open), "{printed}");
+    }
+    // What was given is written again.
+    let given = connections(r#""plant:duty", factor = 0.02, offset = -0.5"#);
+    let copy = scratch("copy.toml");
+    let _ = fs::remove_file(&copy);
+    fs::write(&file, given).unwrap();
+    let copy_name = copy.to_str().unwrap();
+    boost_fmu(&["check", &fmu, "--as", "plant", "--connections", name, "--write-connections", copy_name]);
+    let copied = fs::read_to_string(&copy).unwrap();
+    for part in ["to = \"plant:duty\"\nfactor = 0.02\noffset = -0.5\n", "from_unit = \"bar\"\n"] {
+        assert!(copied.contains(part), "{copied}");
     }
 }
 
-/// What the table suggests for a variable, the map proposes, even if the variable is not required.
+/// What the table suggests for a variable, the file proposes, even if the variable is not required.
 #[test]
-fn a_map_proposes_what_the_table_suggests() {
+fn a_file_proposes_what_the_table_suggests() {
     let variables = r#"<ScalarVariable name="speed_engine" causality="input"><Real/></ScalarVariable>"#;
     let fmu = archive("suggested.fmu", "modelDescription.xml", &description(variables));
-    let map = scratch("suggested.json");
-    let _ = fs::remove_file(&map);
-    let output = boost_fmu(&["check", &fmu, "--as", "plant", "--write-map", map.to_str().unwrap()]);
+    let file = scratch("suggested.toml");
+    let _ = fs::remove_file(&file);
+    let output = boost_fmu(&["check", &fmu, "--as", "plant", "--write-connections", file.to_str().unwrap()]);
     let printed = String::from_utf8(output.stdout).unwrap();
     assert!(printed.contains("missing; similar: speed_engine"), "{printed}");
-    assert!(printed.contains("Its names for engine_speed are proposals"), "{printed}");
-    let map = fs::read_to_string(&map).unwrap();
-    let proposal = "\"engine_speed\": {\n      \"name\": \"speed_engine\",\n      \"candidates\": [\n        \"speed_engine\"";
-    assert!(map.contains(proposal), "{map}");
+    assert!(printed.contains("Those for engine_speed are proposals in comments"), "{printed}");
+    let text = fs::read_to_string(&file).unwrap();
+    let proposal = "# from = \"engine_speed\"\n# to = \"plant:speed_engine\"\n# from_unit = \"rpm\"\n";
+    assert!(text.contains(proposal), "{text}");
+}
+
+/// Two FMUs of other makers, each with its own file: the system connects the names of both.
+#[test]
+fn the_files_of_two_fmus_go_together() {
+    let folder = empty("two");
+    for (role, (name, variables)) in [
+        ("plant", ("Engine", [["hp_wastegate_pwm", "input"], ["p", "output"], ["n", "input"]])),
+        (
+            "controller",
+            ("Law", [["duty", "output"], ["boost_pressure_signal", "input"], ["target", "input"]]),
+        ),
+    ] {
+        let variables = variables.map(|[name, causality]| {
+            format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real/></ScalarVariable>"#)
+        });
+        let text = description(&variables.concat()).replace("\"Other\"", &format!("\"{name}\""));
+        let fmu = archive(&format!("two_{role}.fmu"), "modelDescription.xml", &text);
+        fs::copy(fmu, folder.join(format!("{role}.fmu"))).unwrap();
+    }
+    let plant = r#"connection = [
+        { from = "controller:hp_wastegate_pwm", to = "plant:hp_wastegate_pwm" },
+        { from = "plant:p", to = "controller:boost_pressure", from_unit = "bar" },
+        { from = "engine_speed", to = "plant:n", to_unit = "rad/s" },
+        { from = "boost_reference", to = "controller:boost_reference" }]"#;
+    let controller = r#"connection = [
+        { from = "controller:duty", to = "plant:hp_wastegate_pwm", from_unit = "1" },
+        { from = "plant:boost_pressure", to = "controller:boost_pressure_signal" },
+        { from = "boost_reference", to = "controller:target", to_unit = "kPa" },
+        { from = "engine_speed", to = "plant:engine_speed" }]"#;
+    fs::write(folder.join("plant.toml"), plant).unwrap();
+    fs::write(folder.join("controller.toml"), controller).unwrap();
+    let mut systems = vec![];
+    for files in [["plant.toml", "controller.toml"], ["controller.toml", "plant.toml"]] {
+        let mut arguments = vec!["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu"];
+        arguments.extend(files.iter().flat_map(|file| ["--connections", file]));
+        let output = boost_fmu_in(&folder, &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let mut system = zip::ZipArchive::new(fs::File::open(folder.join("Boost.ssp")).unwrap()).unwrap();
+        let mut structure = String::new();
+        system.by_name("SystemStructure.ssd").unwrap().read_to_string(&mut structure).unwrap();
+        let connections = SystemDescription::parse(&structure).unwrap().connections.into_iter();
+        let name = |end: End| format!("{}:{}", end.component.unwrap_or_default(), end.connector);
+        let described =
+            connections.map(|each| (name(each.start), name(each.end), each.transformation.factor));
+        systems.push(described.collect::<Vec<_>>());
+    }
+    let [one, other] = <[_; 2]>::try_from(systems).unwrap();
+    assert_eq!(one, other);
+    // bar to Pa, 1 to %, rpm to rad/s and Pa to kPa.
+    for expected in [
+        ("Law:duty", "Engine:hp_wastegate_pwm", 100.0),
+        ("Engine:p", "Law:boost_pressure_signal", 1e5),
+        (":engine_speed", "Engine:n", std::f64::consts::TAU / 60.0),
+        (":boost_reference", "Law:target", 1e-3),
+    ] {
+        let found = one.iter().find(|(from, to, _)| (from.as_str(), to.as_str()) == (expected.0, expected.1));
+        let factor = found.unwrap_or_else(|| panic!("{expected:?}: {one:?}")).2;
+        // Up to the rounding of a quotient.
+        assert!((factor / expected.2 - 1.0).abs() < 4.0 * f64::EPSILON, "{expected:?}: {factor}");
+    }
 }
 
 /// The names in a folder.
@@ -288,8 +395,8 @@ fn too_large_contents_are_refused() {
         let ssp = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "no.ssp"];
         for arguments in [
             [&ssp[..], &["--parameters", "/dev/zero"]].concat(),
-            [&ssp[..], &["--map", "/dev/zero"]].concat(),
-            vec!["check", &plant, "--as", "plant", "--map", "/dev/zero"],
+            [&ssp[..], &["--connections", "/dev/zero"]].concat(),
+            vec!["check", &plant, "--as", "plant", "--connections", "/dev/zero"],
         ] {
             let message = refusal(&arguments);
             assert!(message.contains("/dev/zero: it is larger than 67108864 bytes"), "{message}");

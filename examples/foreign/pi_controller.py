@@ -1,6 +1,6 @@
 """A boost pressure PI controller in Python, as an FMU from another tool for BoostPlant.
 
-It has the interface's names and units, so it needs no map.
+It has the interface's names and units, so it needs no connections.
 """
 
 from pythonfmu import Fmi2Causality, Fmi2Variability

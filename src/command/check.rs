@@ -1,39 +1,36 @@
 //! `check`: prints a table that shows whether an FMU can replace the plant or the controller.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use boost_interface::{Compatibility, Interface, NameMap, Role};
+use anyhow::Result;
+use boost_interface::{Compatibility, Interface, Role};
 use fmu_io::terminal::print;
 use fmu_io::writing;
-use fmu_package::FmuDescription;
+use fmu_package::{FmuDescription, connection};
 
-/// Prints how an FMU fits, and optionally writes a map to edit. Returns whether it fits.
+/// Prints how an FMU fits, and optionally writes connections to edit. Returns whether it fits.
 pub fn run(
     interface: &Interface,
     path: &Path,
     role: Role,
-    map: Option<&Path>,
-    write_map: Option<&Path>,
+    connections: &[PathBuf],
+    write: Option<&Path>,
 ) -> Result<bool> {
     let description = FmuDescription::read(path)?;
-    let file = map;
-    let map = file.map(|file| NameMap::read(interface, file)).transpose()?;
-    // Only the map can be at fault.
-    let compatibility = Compatibility::new(interface, role, &description, map.as_ref())
-        .with_context(|| file.map_or_else(String::new, |file| file.display().to_string()))?;
+    let connections = connection::read_all(connections)?;
+    let compatibility = Compatibility::new(interface, role, &description, &connections)?;
     print(&compatibility.to_string())?;
-    if let Some(file) = write_map {
-        let map = compatibility.to_map(map.as_ref());
-        writing::write_new(file, map.to_json()?.as_bytes())?;
-        let proposed: Vec<_> = map.proposed().collect();
+    if let Some(file) = write {
+        writing::write_new(file, compatibility.connections().as_bytes())?;
+        let proposed: Vec<_> = compatibility.proposed().collect();
         let check = match proposed.as_slice() {
             [] => String::new(),
-            names => {
-                format!(" Its names for {} are proposals, with candidates beside them.", names.join(", "))
-            }
+            names => format!(" Those for {} are proposals in comments.", names.join(", ")),
         };
-        print(&format!("Wrote the map {}; edit it and pass it with --map.{check}\n", file.display()))?;
+        print(&format!(
+            "Wrote the connections {}; edit them and pass them with --connections.{check}\n",
+            file.display()
+        ))?;
     }
     Ok(compatibility.fits())
 }

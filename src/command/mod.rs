@@ -48,12 +48,12 @@ enum Command {
         /// The role to check
         #[arg(long = "as", value_name = "PLACE")]
         role: Role,
-        /// Map from its names and units to the interface
-        #[arg(long, value_name = "FILE.json")]
-        map: Option<PathBuf>,
-        /// Write a map to edit, with suggested names
-        #[arg(long, value_name = "FILE.json")]
-        write_map: Option<PathBuf>,
+        /// Connections of the system, for an FMU with other names or units; may be given several times
+        #[arg(long, value_name = "FILE.toml")]
+        connections: Vec<PathBuf>,
+        /// Write all connections to edit, with suggested names
+        #[arg(long, alias = "write-map", value_name = "FILE.toml")]
+        write_connections: Option<PathBuf>,
     },
     /// Write the coupled system of any plant and any controller
     Ssp {
@@ -63,9 +63,10 @@ enum Command {
         /// The controller
         #[arg(long, value_name = "FILE.fmu")]
         controller: PathBuf,
-        /// Map for an FMU with other names and units, written by `check --write-map`
-        #[arg(long, value_name = "FILE.json")]
-        map: Vec<PathBuf>,
+        /// Connections for FMUs with other names or units, written by `check --write-connections`; may be given several
+        /// times
+        #[arg(long, value_name = "FILE.toml")]
+        connections: Vec<PathBuf>,
         /// Parameter sets, each bound to the FMU that has its parameters
         #[arg(long, value_name = "FILE.ssv")]
         parameters: Vec<PathBuf>,
@@ -82,11 +83,11 @@ pub fn run() -> Result<bool> {
     let interface = &Interface::new(plant, controller)?;
     match arguments.command {
         Command::Export { export, parameters } => export::run(interface, export, &parameters).map(|()| true),
-        Command::Check { file, role, map, write_map } => {
-            check::run(interface, &file, role, map.as_deref(), write_map.as_deref())
+        Command::Check { file, role, connections, write_connections } => {
+            check::run(interface, &file, role, &connections, write_connections.as_deref())
         }
-        Command::Ssp { plant, controller, map, parameters, out } => {
-            ssp::run(interface, &plant, &controller, &map, &parameters, out.as_deref()).map(|()| true)
+        Command::Ssp { plant, controller, connections, parameters, out } => {
+            ssp::run(interface, &plant, &controller, &connections, &parameters, out.as_deref()).map(|()| true)
         }
     }
 }

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use boost_interface::{Compatibility, Interface, NameMap, Role};
+use boost_interface::{Compatibility, Interface, Role};
 use fmu_io::{reading, writing};
-use fmu_package::{FmuDescription, ParameterSet, SystemPackage};
+use fmu_package::{FmuDescription, ParameterSet, SystemPackage, connection};
 
 use super::coupling::{Member, couple};
 
@@ -17,28 +17,16 @@ pub fn run(
     interface: &Interface,
     plant: &Path,
     controller: &Path,
-    maps: &[PathBuf],
+    connections: &[PathBuf],
     parameter_files: &[PathBuf],
     out: Option<&Path>,
 ) -> Result<()> {
     let out = out.map_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")), Path::to_path_buf);
     let fmus = [plant, controller].map(Path::to_path_buf);
-    let inputs = [&fmus, maps, parameter_files].concat();
+    let inputs = [&fmus, connections, parameter_files].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
-    let maps: Vec<_> = maps
-        .iter()
-        .map(|path| Ok((path.display(), NameMap::read(interface, path)?)))
-        .collect::<Result<_>>()?;
-    let compatibility = |role: Role, description| {
-        let mut matching = maps.iter().filter(|(_, map)| map.role == role);
-        match (matching.next(), matching.next()) {
-            (Some((one, _)), Some((two, _))) => bail!("{one} and {two} are both maps for a {}", role.name()),
-            (Some((file, map)), None) => {
-                Compatibility::new(interface, role, description, Some(map)).with_context(|| file.to_string())
-            }
-            (None, _) => Compatibility::new(interface, role, description, None),
-        }
-    };
+    let connections = connection::read_all(connections)?;
+    let compatibility = |role, description| Compatibility::new(interface, role, description, &connections);
     let plant_description = FmuDescription::read(plant)?;
     let controller_description = FmuDescription::read(controller)?;
     let fits = [
@@ -47,7 +35,8 @@ pub fn run(
     ];
     if let Some(compatibility) = fits.iter().find(|compatibility| !compatibility.fits()) {
         bail!(
-            "{compatibility}Give a map: `boost-fmu check FILE.fmu --as {} --write-map MAP.json` writes one to edit.",
+            "{compatibility}Give connections: `boost-fmu check FILE.fmu --as {} --write-connections FILE.toml` writes \
+             them to edit.",
             compatibility.role.name()
         );
     }

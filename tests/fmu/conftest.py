@@ -56,13 +56,12 @@ def laboratory() -> Path:
     return command
 
 
-@pytest.fixture(scope="session")
-def lab(laboratory: Path) -> Run:
-    """Runs the laboratory's command, with additional environment variables."""
+def runs(command: Path) -> Run:
+    """Runs a command, with additional environment variables."""
 
     def run(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [laboratory, *arguments],
+            [command, *arguments],
             env={**os.environ, **environment},
             capture_output=True,
             text=True,
@@ -70,6 +69,20 @@ def lab(laboratory: Path) -> Run:
         )
 
     return run
+
+
+@pytest.fixture(scope="session")
+def lab(laboratory: Path) -> Run:
+    """The laboratory's command."""
+    return runs(laboratory)
+
+
+@pytest.fixture(scope="session")
+def cargo_fmu() -> Run:
+    """`cargo fmu`, with the commands that run FMUs."""
+    command = TARGET / "debug" / "cargo-fmu"
+    assert command.is_file(), "build first: cargo test --no-run --package cargo-fmu"
+    return runs(command)
 
 
 Once = Callable[[str, Callable[[Path], object]], Path]

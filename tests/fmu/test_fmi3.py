@@ -252,7 +252,7 @@ def test_ecos_couples_both_versions(
 FIGURE_13 = SCENARIOS / "figure_13.toml"
 
 
-def test_the_laboratory_couples_both_versions(lab: Run, exports: Exports, tmp_path: Path) -> None:
+def test_cargo_fmu_couples_both_versions(cargo_fmu: Run, exports: Exports, tmp_path: Path) -> None:
     """Fig. 13 by `simulate`: the same record, byte by byte, whatever versions plant and controller have."""
     records = {}
     for plant, controller in ((2, 2), (3, 3), (3, 2), (2, 3)):
@@ -261,7 +261,7 @@ def test_the_laboratory_couples_both_versions(lab: Run, exports: Exports, tmp_pa
             for name, model, version in (("plant", NAMES[0], plant), ("controller", NAMES[1], controller))
         ]
         out = tmp_path / f"{plant}{controller}.csv"
-        done = lab("simulate", FIGURE_13, *fmus, "--out", out)
+        done = cargo_fmu("simulate", FIGURE_13, *fmus, "--out", out)
         assert done.returncode == 0, done.stderr
         records[plant, controller] = out.read_bytes()
     assert len(records[2, 2].splitlines()) > 124 * 80
@@ -269,9 +269,10 @@ def test_the_laboratory_couples_both_versions(lab: Run, exports: Exports, tmp_pa
         assert record == records[2, 2], versions
 
 
-def test_check_and_ssp_take_both_versions(boost_fmu: Run, lab: Run, exports: Exports, tmp_path: Path) -> None:
-    """A system of both has the same results in the laboratory, byte by byte; its structure differs in
-    nothing."""
+def test_check_and_ssp_take_both_versions(
+    boost_fmu: Run, cargo_fmu: Run, exports: Exports, tmp_path: Path
+) -> None:
+    """A system of both has the same results, byte by byte; its structure differs in nothing."""
     systems = {}
     for versions in ((2, 2), (3, 3), (3, 2)):
         paths = [exports[name, version].path for name, version in zip(NAMES, versions, strict=True)]
@@ -281,7 +282,7 @@ def test_check_and_ssp_take_both_versions(boost_fmu: Run, lab: Run, exports: Exp
         out = tmp_path / f"{versions[0]}{versions[1]}.ssp"
         done = boost_fmu("ssp", "--plant", paths[0], "--controller", paths[1], "--out", out, folder=tmp_path)
         assert done.returncode == 0, done.stderr
-        done = lab("simulate", out, "--out", out.with_suffix(".csv"))
+        done = cargo_fmu("simulate", out, "--out", out.with_suffix(".csv"))
         assert done.returncode == 0, done.stderr
         with zipfile.ZipFile(out) as archive:
             structure = archive.read("SystemStructure.ssd")

@@ -205,11 +205,11 @@ def test_surrogate_is_fitted_to_the_maps(clone: Path, controller_fmu: Fmu) -> No
     assert min(time_constants) < 1.5 < max(time_constants)
 
 
-def test_check_sees_what_the_map_is_for(
+def test_check_sees_what_the_connections_are_for(
     clone: Path, boost_fmu: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
-    """The surrogate can replace the plant with the map, as the page says, and cannot without it."""
-    (line,) = [line for line in LINES if " check " in line and "--map" in line]
+    """The surrogate can replace the plant with the connections, as the page says, and cannot without them."""
+    (line,) = [line for line in LINES if " check " in line and "--connections" in line]
     done = documents.run(line, clone)
     assert "hp_wastegate_pwm = 100 · wg_duty" in done
     assert "boost_pressure = 100000 · p_boost" in done
@@ -217,7 +217,7 @@ def test_check_sees_what_the_map_is_for(
     assert without.returncode == 1
 
 
-def test_system_converts_by_the_map(clone: Path) -> None:
+def test_system_converts_by_the_connections(clone: Path) -> None:
     """Connections with the surrogate convert in their direction; the others do not convert."""
     with ZipFile(clone / "target" / "foreign" / "surrogate.ssp") as archive:
         structure = etree.fromstring(archive.read("SystemStructure.ssd"))
@@ -305,20 +305,21 @@ def test_system_with_the_plant_of_another_make(clone: Path) -> None:
 WITH_PYTHON = {
     "LD_PRELOAD": str(Path(sysconfig.get_config_var("LIBDIR")) / str(sysconfig.get_config_var("INSTSONAME")))
 }
-"""The laboratory with this Python's library loaded, which PythonFMU expects of its host."""
+"""Commands with this Python's library loaded, which PythonFMU expects of its host."""
 
 SCENARIO = re.sub(r"\[fmu\.run_in\]\n(.+\n)+", "", (SCENARIOS / "figure_13.toml").read_text())
 """The steps of Fig. 13 from the settled start, as the FMUs here."""
 
-MAP = "examples/foreign/surrogate_plant.json"
+CONNECTIONS = ROOT / "examples" / "foreign" / "surrogate_plant.toml"
 
 
-def simulate(lab: Run, clone: Path, folder: Path, text: str, *more: str | Path) -> Record:
-    """The laboratory's record of a scenario."""
+def simulate(cargo_fmu: Run, clone: Path, folder: Path, text: str, *more: str | Path) -> Record:
+    """The record of a scenario."""
     scenario = folder / "scenario.toml"
     scenario.write_text(text)
     out = folder / "record.csv"
-    done = lab("simulate", scenario, "--fmus", clone / "target" / "fmu", "--out", out, *more, **WITH_PYTHON)
+    fmus = clone / "target" / "fmu"
+    done = cargo_fmu("simulate", scenario, "--fmus", fmus, "--out", out, *more, **WITH_PYTHON)
     assert (done.returncode, done.stderr) == (0, "")
     names, *rows = csv.reader(csv_lines(out))
     return Record(zip(names, np.array(rows, dtype=float).T, strict=True))
@@ -336,8 +337,8 @@ def bits(column: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("stepping", ["in_turn", "at_once"])
 @pytest.mark.parametrize("given", ["by the option", "by the scenario"])
-def test_laboratory_couples_a_plant_of_another_make_by_its_map(
-    clone: Path, lab: Run, tmp_path: Path, stepping: str, given: str
+def test_cargo_fmu_couples_a_plant_of_another_make_by_connections(
+    clone: Path, cargo_fmu: Run, tmp_path: Path, stepping: str, given: str
 ) -> None:
     """Against the tests' master, which converts by the numbers above, at each communication point.
 
@@ -346,23 +347,42 @@ def test_laboratory_couples_a_plant_of_another_make_by_its_map(
     text = f'stepping = "{stepping}"\n{SCENARIO}'
     more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
     if given == "by the option":
-        more += ["--map", str(ROOT / MAP)]
+        more += ["--connections", str(CONNECTIONS)]
     else:
-        text = text.replace('"BoostPlant.fmu"\n', f'"BoostPlant.fmu"\nmap = "{ROOT / MAP}"\n')
-    found = simulate(lab, clone, tmp_path, text, *more)
+        text += CONNECTIONS.read_text()
+    names = [f"plant:{name}" for name, *_ in MEASUREMENTS] + ["hp_wastegate_pwm"]
+    found = simulate(cargo_fmu, clone, tmp_path, text, *more, "--record", ",".join(names))
 
     expected = loop(clone, "foreign_plant", stepping == "at_once")
-    for name in [*(name for _, name, _ in MEASUREMENTS), "hp_wastegate_pwm"]:
-        assert np.array_equal(bits(found[name][1:]), bits(expected[name])), name
-    assert np.ptp(found["boost_pressure"]) > LARGEST_STEP
+    for own, name, factor in MEASUREMENTS:
+        assert np.array_equal(bits(found[f"plant:{own}"][1:] * factor), bits(expected[name])), name
+    assert np.array_equal(bits(found["hp_wastegate_pwm"][1:]), bits(expected["hp_wastegate_pwm"]))
+    assert np.ptp(found["plant:p_boost"]) * 1e5 > LARGEST_STEP
 
 
-def test_laboratory_couples_a_controller_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
-    """Without a map."""
+def test_cargo_fmu_couples_a_controller_of_another_make(clone: Path, cargo_fmu: Run, tmp_path: Path) -> None:
+    """By its names."""
     foreign = clone / "target" / "foreign" / "PiController.fmu"
-    found = simulate(lab, clone, tmp_path, SCENARIO, *replacing("controller", foreign))
+    found = simulate(cargo_fmu, clone, tmp_path, SCENARIO, *replacing("controller", foreign))
     for name, column in loop(clone, "foreign_controller").items():
         assert np.array_equal(bits(found[name]), bits(column)), name
+
+
+def test_written_connections_run_as_they_are(
+    clone: Path, boost_fmu: Run, cargo_fmu: Run, tmp_path: Path
+) -> None:
+    """Those of the page with a unit that the FMU declares anyway: read and written again by `check`."""
+    given, written = tmp_path / "given.toml", tmp_path / "written.toml"
+    given.write_text(CONNECTIONS.read_text().replace('"plant:u_battery"', '"plant:u_battery"\nto_unit = "V"'))
+    surrogate = clone / "target" / "foreign" / "SurrogatePlant.fmu"
+    options = ["--connections", given, "--write-connections", written]
+    done = boost_fmu("check", surrogate, "--as", "plant", *options, folder=tmp_path)
+    assert done.returncode == 0, done.stdout
+    records = []
+    for file in (CONNECTIONS, written):
+        more = [*replacing("plant", surrogate), "--connections", file]
+        records.append(simulate(cargo_fmu, clone, tmp_path, SCENARIO, *more, "--record", "plant:p_boost"))
+    assert np.array_equal(*(bits(record["plant:p_boost"]) for record in records))
 
 
 def test_lines_of_the_laboratorys_page(clone: Path) -> None:
@@ -377,55 +397,8 @@ def test_lines_of_the_laboratorys_page(clone: Path) -> None:
         assert abs(float(rows[round(22 / SAMPLE_TIME)]["boost_pressure"]) - 150e3) < 100
 
 
-def entry(name: str, **more: str | float) -> dict[str, str | float]:
-    """A map's entry."""
-    return {"name": name, **more}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"boost_pressure": entry("p_bost")}, "the map's p_bost is missing; similar: p_boost, p_tank"),
-        ({"boost_pressure": entry("u_measured")}, "its unit V has another dimension than Pa"),
-        ({"boost_pressure": entry("p_boost", unit="V")}, "its unit V has another dimension than Pa"),
-        ({"tank_pressure": ...}, "WRONG  output  tank_pressure "),
-        ({"engine_speed": entry("wg_duty")}, "its unit 1 has another dimension than rpm"),
-        ({"throttle": entry("wg_duty")}, "its input wg_duty cannot be both hp_wastegate_pwm and throttle"),
-        ({"boost": entry("p_boost")}, "names boost, which is not a variable of a plant"),
-    ],
-)
-def test_laboratory_refuses_a_map_that_is_wrong(
-    clone: Path, lab: Run, tmp_path: Path, changes: dict, message: str
-) -> None:
-    wrong = json.loads((ROOT / MAP).read_text())
-    for name, change in changes.items():
-        wrong["variables"][name] = change
-        if change is ...:
-            del wrong["variables"][name]
-    (tmp_path / "wrong.json").write_text(json.dumps(wrong))
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
-    more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
-    more += ["--map", tmp_path / "wrong.json", "--fmus", clone / "target" / "fmu", "--out", tmp_path]
-    done = lab("simulate", tmp_path / "scenario.toml", *more, **WITH_PYTHON)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert not (tmp_path / "scenario.csv").exists()
-
-
-def test_map_for_an_fmu_that_is_not_there_is_refused(clone: Path, lab: Run, tmp_path: Path) -> None:
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
-    arguments = ["--fmus", clone / "target" / "fmu", "--map", ROOT / MAP]
-    done = lab("simulate", tmp_path / "scenario.toml", *arguments)
-    assert done.returncode == 2
-    assert done.stderr == (
-        f"error: the map {ROOT / MAP} is for the FMU SurrogatePlant, "
-        "which the scenario does not have: it has "
-        "BoostController, BoostPlant\n"
-    )
-
-
-def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
-    """Its runs use the map, and its journal refuses another one."""
+def test_sweep_with_a_plant_of_another_make(clone: Path, cargo_fmu: Run, tmp_path: Path) -> None:
+    """Its runs use the connections, and its journal refuses others."""
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     (tmp_path / "study.toml").write_text(
         'scenario = "scenario.toml"\n[grid]\n"controller:reference_lambda" = [0.48, 0.96]\n'
@@ -434,18 +407,20 @@ def test_study_with_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Pat
     more = replacing("plant", clone / "target" / "foreign" / "SurrogatePlant.fmu")
     arguments = ["sweep", tmp_path / "study.toml", "--fmus", clone / "target" / "fmu", *more]
     out = tmp_path / "out"
-    done = lab(*arguments, "--map", ROOT / MAP, "--out", out, **WITH_PYTHON)
+    done = cargo_fmu(*arguments, "--connections", CONNECTIONS, "--out", out, **WITH_PYTHON)
     assert done.returncode == 0, done.stderr
     one, other = csv.DictReader(csv_lines(out / "results.csv"))
     # 0.48 s is the default.
     assert float(one["peak"]) == loop(clone, "foreign_plant")["boost_pressure"].max()
     assert other["peak"] != one["peak"]
 
-    changed = tmp_path / "changed.json"
-    changed.write_text((ROOT / MAP).read_text().replace('"u_battery"', '"u_battery", "unit": "V"'))
-    done = lab(*arguments, "--map", changed, "--out", out, **WITH_PYTHON)
+    changed = tmp_path / "changed.toml"
+    changed.write_text(
+        CONNECTIONS.read_text().replace('"plant:u_battery"', '"plant:u_battery"\nto_unit = "V"')
+    )
+    done = cargo_fmu(*arguments, "--connections", changed, "--out", out, **WITH_PYTHON)
     assert done.returncode == 2
-    assert "plant's map was" in done.stderr
+    assert "scenario's connections was" in done.stderr
 
 
 def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path) -> None:
@@ -458,7 +433,8 @@ def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path
     references = reached + [300e3 + 1e3 * row for row in range(14)]
     out = tmp_path / "tuned"
     done = lab(
-        *["tune", "--plant", clone / "target" / "foreign" / "SurrogatePlant.fmu", "--map", ROOT / MAP],
+        *["tune", "--plant", clone / "target" / "foreign" / "SurrogatePlant.fmu"],
+        *["--connections", CONNECTIONS],
         *["--boost-references", ",".join(map(str, references)), "--out", out],
         **WITH_PYTHON,
     )
@@ -476,6 +452,19 @@ def test_tuning_to_a_plant_of_another_make(clone: Path, lab: Run, tmp_path: Path
         # Two lags of 1.5 and 0.07 s: the smaller one appears partly as lag and partly as delay.
         assert 1.5 < cell["time_constant"] < 1.57
         assert 0 < cell["delay"] < 0.07
+
+
+def test_tune_names_what_does_not_fit(clone: Path, lab: Run, tmp_path: Path) -> None:
+    """As `check` does."""
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(CONNECTIONS.read_text().replace("plant:p_boost", "plant:p_bost"))
+    plant = clone / "target" / "foreign" / "SurrogatePlant.fmu"
+    done = lab("tune", "--plant", plant, "--connections", wrong, "--out", tmp_path / "out", **WITH_PYTHON)
+    assert done.returncode == 2
+    assert re.search(
+        r"WRONG +output +boost_pressure +p_bost is missing; similar: p_boost, p_tank", done.stderr
+    )
+    assert not (tmp_path / "out").exists()
 
 
 if __name__ == "__main__":

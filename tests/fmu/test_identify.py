@@ -126,24 +126,26 @@ class Table:
         return path
 
 
-def bench(lab: Run, exported: Path, folder: Path, *, values: dict[str, float], parameters: str = "") -> Table:
+def bench(
+    cargo_fmu: Run, exported: Path, folder: Path, *, values: dict[str, float], parameters: str = ""
+) -> Table:
     """The record of a plant on the bench."""
     listed = ", ".join(f'"{name}" = {value!r}' for name, value in values.items())
     lines = f'file = "BoostPlant.fmu"\nvalues = {{ {listed} }}\n{parameters}'
     scenario = folder / "bench.toml"
     without_noise = BENCH.read_text().partition("[measurement_noise]")[0]
     scenario.write_text(without_noise.replace('file = "BoostPlant.fmu"\n', lines))
-    done = lab("simulate", scenario, "--fmus", exported, "--out", folder / "bench.csv")
+    done = cargo_fmu("simulate", scenario, "--fmus", exported, "--out", folder / "bench.csv")
     assert done.returncode == 0, done.stderr
     return Table.read(folder / "bench.csv")
 
 
 @pytest.fixture(scope="module")
-def benches(lab: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Table]:
+def benches(cargo_fmu: Run, exported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Table]:
     """The records of both plants, without noise."""
     folder = tmp_path_factory.mktemp("bench")
     return {
-        name: bench(lab, exported, folder, values=values)
+        name: bench(cargo_fmu, exported, folder, values=values)
         for name, values in [("defaults", {}), ("changed", CHANGED)]
     }
 
@@ -248,9 +250,9 @@ FAR = {
 
 
 def test_a_far_start_finds_the_same_minimum(
-    identify: Identify, lab: Run, exported: Path, tmp_path: Path
+    identify: Identify, cargo_fmu: Run, exported: Path, tmp_path: Path
 ) -> None:
-    report = identify(bench(lab, exported, tmp_path, values=FAR).measured(1))
+    report = identify(bench(cargo_fmu, exported, tmp_path, values=FAR).measured(1))
     found = estimates(report)
     for name, truth in (DEFAULTS | FAR).items():
         assert abs(found[name][0] - truth) < FARTHEST * found[name][1], name
@@ -258,10 +260,12 @@ def test_a_far_start_finds_the_same_minimum(
 
 
 def test_a_plant_of_another_structure_is_reported(
-    identify: Identify, lab: Run, exported: Path, tmp_path: Path
+    identify: Identify, cargo_fmu: Run, exported: Path, tmp_path: Path
 ) -> None:
     """The force of the exhaust gases, which the fits neglect."""
-    report = identify(bench(lab, exported, tmp_path, values={"actuator.exhaust_area": 1e-4}).measured(1))
+    report = identify(
+        bench(cargo_fmu, exported, tmp_path, values={"actuator.exhaust_area": 1e-4}).measured(1)
+    )
     assert any("the position residuals are" in note for note in report["notes"]), report["notes"]
 
 
@@ -318,12 +322,12 @@ def test_no_fit_sees_the_validation_data(
 
 
 def test_the_parameter_set_makes_the_plant_that_was_measured(
-    changed: tuple[dict, Path], lab: Run, exported: Path, benches: dict[str, Table], tmp_path: Path
+    changed: tuple[dict, Path], cargo_fmu: Run, exported: Path, benches: dict[str, Table], tmp_path: Path
 ) -> None:
     """The default plant with identified.ssv against the other one, within the sensors' noise."""
     _, out = changed
     parameters = f'parameters = ["{out / "identified.ssv"}"]\n'
-    found = bench(lab, exported, tmp_path, values={}, parameters=parameters)
+    found = bench(cargo_fmu, exported, tmp_path, values={}, parameters=parameters)
     expected, default = benches["changed"], benches["defaults"]
     for name in ["actuator_pressure", "actuator.position"]:
         error = np.sqrt(np.mean((found[name] - expected[name]) ** 2))

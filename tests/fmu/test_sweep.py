@@ -1,4 +1,4 @@
-"""Parameter studies: `boost-lab sweep`, and the same study with FMPy on Dask."""
+"""Parameter studies: `cargo fmu sweep`, and the same study with FMPy on Dask."""
 
 from __future__ import annotations
 
@@ -84,10 +84,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def results(lab: Run, exported: Path, study: Path) -> Path:
+def results(cargo_fmu: Run, exported: Path, study: Path) -> Path:
     """The study's results from two threads, for comparison."""
     out = study.parent / "out"
-    done = lab("sweep", study, "--fmus", exported, "--out", out, "--threads", "2")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", out, "--threads", "2")
     assert done.returncode == 0, done.stderr
     assert "12 runs, 4 failed" in done.stdout
     return out
@@ -153,20 +153,20 @@ def test_parquet_holds_the_same_table(results: Path) -> None:
 
 
 def test_results_do_not_depend_on_the_threads(
-    lab: Run, exported: Path, study: Path, results: Path, tmp_path: Path
+    cargo_fmu: Run, exported: Path, study: Path, results: Path, tmp_path: Path
 ) -> None:
-    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path, "--threads", "1")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path, "--threads", "1")
     assert done.returncode == 0, done.stderr
     for name in ["results.csv", "results.parquet", "records/0.csv", "records/11.csv"]:
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes(), name
 
 
 def test_a_study_that_was_ended_is_resumed(
-    lab: Run, exported: Path, study: Path, results: Path, tmp_path: Path
+    cargo_fmu: Run, exported: Path, study: Path, results: Path, tmp_path: Path
 ) -> None:
     """From the journal of an end within a line, which is ignored: the same results, and no run runs twice.
 
-    That each run is in the journal once it is done is tested in boost/lab/tests/command.rs.
+    That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running.rs.
     """
     settings, *runs = (results / "journal.jsonl").read_text().splitlines(keepends=True)
     journal = tmp_path / "journal.jsonl"
@@ -179,7 +179,7 @@ def test_a_study_that_was_ended_is_resumed(
     journal.write_text("".join(before) + '{"run":11,"error":null,"meas')
 
     arguments = ["sweep", study, "--fmus", exported, "--out", tmp_path]
-    done = lab(*arguments)
+    done = cargo_fmu(*arguments)
     assert done.returncode == 0, done.stderr
     assert "3 of 12 runs are in the journal" in done.stdout
     for file in ["results.csv", "results.parquet", *(f"records/{run}.csv" for run in (0, 11))]:
@@ -188,7 +188,7 @@ def test_a_study_that_was_ended_is_resumed(
     assert lines[: len(before)] == before
     assert sorted(json.loads(line)["run"] for line in lines[1:]) == list(range(12))
 
-    done = lab(*arguments)
+    done = cargo_fmu(*arguments)
     assert "12 of 12 runs are in the journal" in done.stdout
     assert journal.read_text().splitlines(keepends=True) == lines
 
@@ -205,24 +205,26 @@ def test_a_study_that_was_ended_is_resumed(
     ],
 )
 def test_a_journal_of_other_settings_is_refused_by_name(
-    lab: Run, exported: Path, results: Path, tmp_path: Path, old: str, new: str, message: str
+    cargo_fmu: Run, exported: Path, results: Path, tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     shutil.copytree(results, tmp_path / "out")
     text = ("records = true\n" + GRID + MEASURES).replace(old, new)
     study = write_study(tmp_path, text, SCENARIO.replace(old, new))
-    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert message in done.stderr
     assert (tmp_path / "out" / "journal.jsonl").read_text() == (results / "journal.jsonl").read_text()
 
 
-def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: Path, tmp_path: Path) -> None:
+def test_a_journal_of_another_fmu_is_refused(
+    cargo_fmu: Run, exported: Path, results: Path, tmp_path: Path
+) -> None:
     shutil.copytree(results, tmp_path / "out")
     other = copy_with(
         exported / "BoostPlant.fmu", tmp_path / "Other.fmu", "generationTool=", "generationTool="
     )
     study = write_study(tmp_path, "records = true\n" + GRID + MEASURES)
-    done = lab("sweep", study, "--fmus", exported, "--fmu", f"plant={other}", "--out", tmp_path / "out")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--fmu", f"plant={other}", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "SHA-256 of plant's file was" in done.stderr
 
@@ -250,10 +252,10 @@ def test_a_journal_of_another_fmu_is_refused(lab: Run, exported: Path, results: 
     ],
 )
 def test_errors_in_a_study_are_named(
-    lab: Run, exported: Path, tmp_path: Path, text: str, message: str
+    cargo_fmu: Run, exported: Path, tmp_path: Path, text: str, message: str
 ) -> None:
     study = write_study(tmp_path, text)
-    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert message in done.stderr
 
@@ -277,9 +279,9 @@ class Kill(WorkerPlugin):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_path: Path) -> None:
+def test_dask_loses_nothing_with_a_killed_worker(cargo_fmu: Run, exported: Path, tmp_path: Path) -> None:
     """The same study with FMPy on a cluster of two processes, one of which is killed as it begins a run
-    after it has results: boost-lab's numbers, to the bit."""
+    after it has results: `cargo fmu`'s numbers, to the bit."""
     measures = MEASURES.replace('mean = { mean = "boost_pressure", from = 0.5 }', "")
     study = write_study(tmp_path, GRID + measures)
     script = ROOT / "examples" / "sweep_with_dask.py"
@@ -292,7 +294,7 @@ def test_dask_loses_nothing_with_a_killed_worker(lab: Run, exported: Path, tmp_p
         arguments = [sys.executable, script, study, "--fmus", exported, "--out", out]
         subprocess.run([*arguments, "--scheduler", cluster.scheduler_address], check=True)
         assert marker.read_text() not in client.scheduler_info(n_workers=-1)["workers"]
-    done = lab("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     expected, found = rows(tmp_path / "out" / "results.csv"), rows(out)
     assert len(found) == len(expected) == 12

@@ -2,13 +2,17 @@
 //! them, and the FMU's description in the interface's names and units.
 //!
 //! The descriptions of this repository's `BoostPlant` and `BoostController` define the [`Interface`], a [`Port`] for
-//! each variable. An FMU from another tool that replaces one of them may have other names and units; a [`NameMap`]
-//! maps them. A [`Compatibility`] is the result of the check, and a [`Translation`](fmu_package::Translation) describes
-//! the FMU as if it had the interface's names and units.
+//! each variable. An FMU from another tool that replaces one of them may have other names and units;
+//! [connections](fmu_package::connection) of the system say which. A [`Compatibility`] is the result of the check, and a
+//! [`Translation`] describes the FMU as if it had the interface's names and units.
 
+mod choice;
 mod compatibility;
-mod name_map;
+mod connections;
+mod likeness;
+mod table;
 mod translation;
+mod units;
 
 use std::io;
 
@@ -16,14 +20,13 @@ use clap::ValueEnum;
 use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
 
 pub use self::compatibility::{Compatibility, Match, Verdict};
-pub use self::name_map::{Entry, Meaning, NameMap};
+pub use self::translation::Translation;
 
 /// Optional variables, which are connected if both FMUs have them.
 const OPTIONAL: [&str; 2] = ["hp_turbo_speed", "surge_valve"];
 
 /// The two roles in the system.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Role {
     /// The engine with its wastegate actuator
     Plant,
@@ -41,7 +44,7 @@ impl Role {
         }
     }
 
-    /// The name of the role in commands and maps.
+    /// The name of the role in commands and connections.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -151,6 +154,9 @@ impl<'i> Port<'i> {
 mod tests {
     use std::sync::LazyLock;
 
+    use fmu_io::document::Document;
+    use fmu_package::connection::{self, Connection};
+
     use super::*;
 
     /// The interface of this repository's FMUs.
@@ -158,6 +164,13 @@ mod tests {
         let [plant, controller] = boost_fmu::DESCRIPTIONS;
         Interface::new(plant, controller).unwrap()
     });
+
+    /// Connections, as a list in TOML.
+    pub(crate) fn connected(list: &str) -> Vec<Connection> {
+        let text = format!("connection = [{list}]");
+        let document = Document::parse("loop.toml", &text).unwrap();
+        connection::list(&document.root().required("connection", "connections").unwrap()).unwrap()
+    }
 
     #[test]
     fn the_interface_is_what_both_descriptions_have_in_common() {

@@ -3,10 +3,19 @@
 use std::collections::BTreeMap;
 
 use fmu_io::terminal::number;
-use fmu_package::{Causality, FmuVariable, Linear, Translation, Unit};
+use fmu_package::{Causality, FmuDescription, FmuVariable, Linear, Unit};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};
+
+/// The description of an FMU in the interface's names and units, and the conversion of its values.
+#[derive(Clone, Debug)]
+pub struct Translation {
+    /// The description in these names and units.
+    pub description: FmuDescription,
+    /// The conversions from the FMU's values, by name; values of other variables are not converted.
+    pub conversions: BTreeMap<String, Linear>,
+}
 
 impl Compatibility<'_> {
     /// The FMU in the interface's names and units.
@@ -87,8 +96,8 @@ mod tests {
     use fmu_package::FmuDescription;
 
     use super::*;
-    use crate::tests::INTERFACE;
-    use crate::{NameMap, Role};
+    use crate::Role;
+    use crate::tests::{INTERFACE, connected};
 
     const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Other">
       <CoSimulation modelIdentifier="Other"/>
@@ -104,20 +113,14 @@ mod tests {
         <ScalarVariable name="slip" causality="output"><Real unit="%"/></ScalarVariable>
       </ModelVariables></fmiModelDescription>"#;
 
-    fn map(variables: &str) -> NameMap {
-        serde_json::from_str(&format!(
-            r#"{{"as": "plant", "fmu": "Other", "variables": {{"vacuum_pump": null, "lp_wastegate": null,
-               "hp_bypass": null, "tank_pressure": null, "supply_voltage_measured": null, {variables}}}}}"#
-        ))
-        .unwrap()
-    }
-
     #[test]
     fn an_fmu_gets_the_names_and_units_of_the_interface() {
         let fmu = FmuDescription::parse(FMU).unwrap();
-        let map = map(r#""boost_pressure": {"name": "p"},
-               "hp_wastegate_pwm": {"name": "shut", "factor": -100, "offset": 100}"#);
-        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, Some(&map)).unwrap();
+        let connections = connected(
+            r#"{ from = "plant:p", to = "controller:boost_pressure" },
+               { from = "controller:hp_wastegate_pwm", to = "plant:shut", factor = -0.01, offset = 1 }"#,
+        );
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
         assert!(compatibility.fits(), "{compatibility}");
         let Translation { description, conversions: to_interface } = compatibility.translation();
         let seen: Vec<_> = description
@@ -149,9 +152,12 @@ mod tests {
     #[test]
     fn an_input_has_one_source() {
         let fmu = FmuDescription::parse(FMU).unwrap();
-        let map = map(r#""boost_pressure": {"name": "p"}, "throttle": {"name": "shut", "unit": "1"},
-               "hp_wastegate_pwm": {"name": "shut", "unit": "1"}"#);
-        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, Some(&map)).unwrap();
+        let connections = connected(
+            r#"{ from = "plant:p", to = "controller:boost_pressure" },
+               { from = "throttle", to = "plant:shut", to_unit = "1" },
+               { from = "controller:hp_wastegate_pwm", to = "plant:shut", to_unit = "1" }"#,
+        );
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
         assert_eq!(compatibility.problems, ["its input shut cannot be both hp_wastegate_pwm and throttle"]);
         assert!(!compatibility.fits());
     }

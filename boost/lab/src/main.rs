@@ -1,6 +1,6 @@
 //! `boost-lab`, the laboratory: drives FMUs through the experiments of boost control.
 //!
-//! - [`mapping`] gives FMUs the names and units of the interface.
+//! - [`interface`] opens FMUs in the names and units of the interface.
 //! - [`identify`] identifies the plant's actuator from measured data.
 //! - [`study`] judges a controller on random plants, ambient conditions and manoeuvres.
 //! - [`reproduce`] compares the results with the paper, figure by figure.
@@ -8,14 +8,13 @@
 //! - [`live`] writes a page that runs both FMUs in a browser.
 //! - [`command`] is the command line.
 //!
-//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`cargo_fmu::run`] has `simulate`, `compare`,
-//! `linearize` and `sweep`.
+//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`cargo_fmu::run`] has what the commands share.
 #![deny(unsafe_code)]
 
 mod command;
 mod identify;
+mod interface;
 mod live;
-mod mapping;
 mod reproduce;
 mod study;
 mod tune;

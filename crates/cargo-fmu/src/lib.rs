@@ -162,13 +162,13 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) => simulate.run(&run::Maps::NONE),
+            Command::Simulate(simulate) => simulate.run(),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
             #[cfg(feature = "simulate")]
-            Command::Linearize(linearize) => linearize.run(&run::Maps::NONE),
+            Command::Linearize(linearize) => linearize.run(),
             #[cfg(feature = "simulate")]
-            Command::Sweep(sweep) => sweep.run(&run::Maps::NONE),
+            Command::Sweep(sweep) => sweep.run(),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.

@@ -25,8 +25,8 @@
 //! # }
 //! ```
 //!
-//! A [`Master`] runs a [`Scenario`](scenario::Scenario), which couples FMUs by the names of their variables, converts
-//! units, drives inputs with signals and returns a [`Record`](fmu_record::Record). Scenarios are TOML files; [`system`]
+//! A [`Master`] runs a [`Scenario`](scenario::Scenario), which couples FMUs by connections or by the names of their
+//! variables, converts units, drives inputs with signals and returns a [`Record`](fmu_record::Record). Scenarios are TOML files; [`system`]
 //! creates them for one FMU or an SSP package.
 //!
 //! ```standalone_crate
@@ -56,15 +56,15 @@
 //! of `exit` by an FMU an error.
 
 mod importer;
+mod links;
 mod master;
 pub mod measure;
-mod name_map;
 mod noise;
 mod recorder;
 pub mod scenario;
 pub mod system;
 
 pub use importer::*;
+pub use links::{Link, links};
 pub use master::{LoadedFmus, Master, Run};
-pub use name_map::{NameMap, ReadMap};
 pub use recorder::column_of;

@@ -1,19 +1,17 @@
-//! The master: connects instances by variable name, and steps them through a scenario.
+//! The master: connects instances by a scenario's [`links`](crate::links()), and steps them through it.
 //!
-//! An output connects to the inputs of the same name at other FMUs; if the declared units differ, the value is
-//! converted, as in connections of System Structure and Parameterization 1.0. A signal of the scenario drives
-//! unconnected inputs of its name; a signal for a single FMU takes precedence over a connection. A scenario made from a
-//! system uses the system's connections instead.
+//! A signal for a single FMU takes precedence over a connection.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use fmu_package::Linear;
 use fmu_terms::{Causality, like};
 
 use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
+use crate::links::{Link, links, refuse_ambiguous_unit};
 use crate::noise::NoiseSource;
 use crate::recorder::Recorder;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
@@ -23,9 +21,9 @@ use fmu_record::{Column, Record};
 /// those of another, as a measured voltage changes a controller's duty.
 const INITIAL_EXCHANGES: usize = 2;
 
-/// The FMUs of experiments, each loaded once, by their paths, interfaces and maps. Clones share them.
+/// The FMUs of experiments, each loaded once, by their paths and interfaces. Clones share them.
 #[derive(Clone, Default)]
-pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>, Option<String>), Arc<Fmu>>);
+pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>), Arc<Fmu>>);
 
 impl LoadedFmus {
     /// All loaded FMUs, in the order of their paths.
@@ -38,14 +36,18 @@ impl LoadedFmus {
     /// # Errors
     /// Those of [`Fmu::open_with`], with the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
-        let key = (member.file.clone(), member.interface, member.map.as_ref().map(|map| map.text()));
+        let key = (member.file.clone(), member.interface);
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu =
-            member.location.locate(Fmu::open_with(&member.file, member.interface, member.map.as_deref()))?;
+        let fmu = member.location.locate(Fmu::open_with(&member.file, member.interface))?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
+    }
+
+    /// Takes an FMU that is loaded already, for members that have its path and leave the interface open.
+    pub fn insert(&mut self, path: PathBuf, fmu: Arc<Fmu>) {
+        self.0.insert((path, None), fmu);
     }
 }
 
@@ -128,27 +130,28 @@ impl<'a> Master<'a> {
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         let mut notes = vec![];
+        let links = links(scenario, &loaded)?;
         for input in &scenario.inputs {
-            if scenario.connections.is_none() {
-                take_note(scenario, has_input(&loaded, &input.name), input, &mut notes)?;
-            }
-            check_units(scenario, &loaded, input)?;
+            take_note(scenario, drives(input, scenario, &links), input, &mut notes)?;
+            refuse_ambiguous_unit(input, scenario, &links, &loaded)?;
         }
         let mut members = vec![];
         for (index, member) in scenario.fmus.iter().enumerate() {
             let fmu = &loaded[index];
-            let wires = wires(scenario, &loaded, index)?;
+            let wires = wires(scenario, &loaded, &links, index)?;
             let wired =
                 |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
             let mut inputs: Vec<(&str, &Input, Linear)> = vec![];
             for input in &member.inputs {
-                let found = has_input(&loaded[index..=index], &input.name);
+                let found = has_input(fmu, &input.name);
                 if take_note(scenario, found, input, &mut notes)? {
                     inputs.push((&input.name, input, Linear::IDENTITY));
                 }
             }
             for input in &scenario.inputs {
-                for (name, conversion) in scenario.inputs_of(member, fmu, &input.name) {
+                let driven = links.iter().filter(|link| link.target == index && link.is_from(&input.name));
+                for Link { connection, conversion, .. } in driven {
+                    let name = connection.input.as_str();
                     if wired(name) {
                         return Err(input.location.error(format!(
                             "{} gets {name} from another FMU; a signal among its own inputs would replace it",
@@ -156,7 +159,7 @@ impl<'a> Master<'a> {
                         )));
                     }
                     if !inputs.iter().any(|(own, ..)| *own == name) {
-                        inputs.push((name, input, conversion));
+                        inputs.push((name, input, *conversion));
                     }
                 }
             }
@@ -175,7 +178,7 @@ impl<'a> Master<'a> {
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
-        let recorder = Recorder::new(scenario, &loaded)?;
+        let recorder = Recorder::new(scenario, &loaded, &links, &mut notes)?;
         Ok(Self {
             scenario,
             members,
@@ -193,7 +196,7 @@ impl<'a> Master<'a> {
         self.recorder.record.columns().iter()
     }
 
-    /// The signals of the scenario that drive nothing, because an FMU was replaced; one message each.
+    /// The signals and recorded names that the FMUs do not have, because one was replaced; a message each.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -375,15 +378,15 @@ impl<'a> Master<'a> {
                 self.members.get_disjoint_mut([source, target_index]).context("two FMUs")?;
             let wires = &mut taker.wires[index];
             source.instance.read(&mut wires.outputs, &mut wires.values)?;
+            for (position, conversion) in &wires.conversions {
+                wires.values[*position] = conversion.apply(wires.values[*position]);
+            }
             if is_measured {
                 for noise in
                     self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
                 {
                     wires.values[noise.position] += noise.source.draw();
                 }
-            }
-            for (position, conversion) in &wires.conversions {
-                wires.values[*position] = conversion.apply(wires.values[*position]);
             }
             if let Some(tap) = self.tap.as_mut().filter(|tap| (tap.target, tap.wires) == (target, index)) {
                 tap.brought = wires.values[tap.position];
@@ -407,14 +410,25 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
-/// Rejects an input that no FMU has.
-fn has_input(fmus: &[Arc<Fmu>], name: &str) -> Result<()> {
-    let mut names = fmus.iter().flat_map(|fmu| fmu.names(Causality::Input));
-    if names.any(|known| known == name) {
+/// Rejects a signal that no input takes.
+fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
+    if links.iter().any(|link| link.is_from(&input.name)) {
         return Ok(());
     }
-    let names = fmus.iter().flat_map(|fmu| fmu.names(Causality::Input));
-    bail!("no FMU has an input {name}{}", like(name, names))
+    let outside = links.iter().filter(|link| link.source.is_none());
+    let like = like(&input.name, outside.map(|link| link.connection.output.as_str()));
+    Err(match scenario.connections {
+        None => anyhow!("no FMU has an input {}{like}", input.name),
+        Some(_) => anyhow!("no connection is from {}{like}", input.name),
+    })
+}
+
+/// Rejects an input that an FMU does not have.
+fn has_input(fmu: &Fmu, name: &str) -> Result<()> {
+    if fmu.names(Causality::Input).any(|known| known == name) {
+        return Ok(());
+    }
+    bail!("no FMU has an input {name}{}", like(name, fmu.names(Causality::Input)))
 }
 
 fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
@@ -458,111 +472,26 @@ fn converted(value: f64, conversion: Linear) -> f64 {
     if conversion == Linear::IDENTITY { value } else { conversion.apply(value) }
 }
 
-/// A connection to an FMU: an output and its input, and the conversion between them.
-struct Wire<'a> {
-    output: &'a str,
-    input: &'a str,
-    conversion: Linear,
-}
-
-/// The connections to an FMU, except to inputs driven by its own signals.
-fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], target: usize) -> Result<Vec<Wires>> {
-    let member = &scenario.fmus[target];
+/// The connections from other FMUs to an FMU, except to inputs driven by its own signals.
+fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) -> Result<Vec<Wires>> {
+    let own = &scenario.fmus[target].inputs;
+    let is_replaced = |link: &&Link| own.iter().any(|input| input.name == link.connection.input);
     let mut all = vec![];
-    let mut wired: BTreeMap<&str, usize> = BTreeMap::new();
-    for (source, fmu) in fmus.iter().enumerate().filter(|&(source, _)| source != target) {
-        let mut wires = match &scenario.connections {
-            None => wires_by_name((&scenario.fmus[source], fmu), (member, &fmus[target]))?,
-            Some(connections) => {
-                let name = &scenario.fmus[source].name;
-                let between = connections.iter().filter(|connection| {
-                    connection.source.as_ref() == Some(name) && connection.target == member.name
-                });
-                let wire = between.map(|connection| Wire {
-                    output: &connection.output,
-                    input: &connection.input,
-                    conversion: connection.conversion,
-                });
-                wire.collect()
-            }
-        };
-        wires.retain(|wire| !member.inputs.iter().any(|input| input.name == wire.input));
-        for wire in &wires {
-            if let Some(other) = wired.insert(wire.input, source) {
-                let [one, two] = [other, source].map(|index| scenario.fmus[index].name.as_str());
-                return Err(member
-                    .location
-                    .error(format!("{one} and {two} both have an output {}", wire.output)));
-            }
-        }
-        if !wires.is_empty() {
-            let conversions = wires.iter().map(|wire| wire.conversion).enumerate();
+    for (source, fmu) in fmus.iter().enumerate() {
+        let between = links.iter().filter(|link| link.target == target && link.source == Some(source));
+        let between: Vec<_> = between.filter(|link| !is_replaced(link)).collect();
+        if !between.is_empty() {
+            let conversions = between.iter().map(|link| link.conversion).enumerate();
             all.push(Wires {
                 source,
-                outputs: fmu.select(wires.iter().map(|wire| wire.output))?,
-                inputs: fmus[target].select(wires.iter().map(|wire| wire.input))?,
-                values: vec![0.0; wires.len()],
+                outputs: fmu.select(between.iter().map(|link| link.connection.output.as_str()))?,
+                inputs: fmus[target].select(between.iter().map(|link| link.connection.input.as_str()))?,
+                values: vec![0.0; between.len()],
                 conversions: conversions.filter(|(_, conversion)| *conversion != Linear::IDENTITY).collect(),
             });
         }
     }
     Ok(all)
-}
-
-/// The outputs of an FMU with the names of another's inputs.
-fn wires_by_name<'a>(giver: (&Member, &'a Fmu), taker: (&Member, &Fmu)) -> Result<Vec<Wire<'a>>> {
-    let is_wired = |name: &&str| taker.1.names(Causality::Input).any(|input| input == *name);
-    // An input driven by its own signal needs no conversion.
-    let is_driven = |name: &&str| taker.0.inputs.iter().any(|input| input.name == *name);
-    let names = giver.1.names(Causality::Output).filter(is_wired).filter(|name| !is_driven(name));
-    names
-        .map(|name| Ok(Wire { output: name, input: name, conversion: conversion(name, giver, taker)? }))
-        .collect()
-}
-
-/// The conversion between two FMUs of a variable's declared units; without a declared unit there is none.
-fn conversion(name: &str, giver: (&Member, &Fmu), taker: (&Member, &Fmu)) -> Result<Linear> {
-    let (given, taken) = (&giver.1.variable(name)?.unit, &taker.1.variable(name)?.unit);
-    if given.is_empty() || taken.is_empty() {
-        return Ok(Linear::IDENTITY);
-    }
-    let base = |fmu: &Fmu, unit: &str| fmu.description().unit(unit).and_then(|unit| unit.base);
-    let conversion = match (base(giver.1, given), base(taker.1, taken)) {
-        (Some(own), Some(other)) => own.to(&other),
-        // Equal names count as equal units.
-        _ => (given == taken).then_some(Linear::IDENTITY),
-    };
-    conversion.ok_or_else(|| {
-        let message = format!("{name} is in {taken}, but {} has it in {given}", giver.0.name);
-        taker.0.location.error(message + ", which does not convert")
-    })
-}
-
-/// Rejects a signal for several FMUs whose input units differ.
-fn check_units(scenario: &Scenario, fmus: &[Arc<Fmu>], input: &Input) -> Result<()> {
-    if scenario.connections.is_some() {
-        return Ok(());
-    }
-    let members = scenario.fmus.iter().zip(fmus.iter().map(Arc::as_ref));
-    let mut takers = members.filter(|(member, fmu)| {
-        let is_own = member.inputs.iter().any(|own| own.name == input.name);
-        !is_own && fmu.names(Causality::Input).any(|name| name == input.name)
-    });
-    let Some(first) = takers.next() else { return Ok(()) };
-    for other in takers {
-        if conversion(&input.name, first, other)? != Linear::IDENTITY {
-            let unit = |fmu: &Fmu| fmu.variable(&input.name).map(|variable| variable.unit.clone());
-            return Err(input.location.error(format!(
-                "{} has {} in {}, {} in {}: give each its own signal, or a map",
-                first.0.name,
-                input.name,
-                unit(first.1)?,
-                other.0.name,
-                unit(other.1)?
-            )));
-        }
-    }
-    Ok(())
 }
 
 /// The noise of a scenario, on every connection of the name.

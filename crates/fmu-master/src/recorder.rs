@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use fmu_package::{FmuDescription, FmuVariable, ValueType};
+use fmu_package::connection::Conversion;
+use fmu_package::{FmuDescription, FmuVariable, Linear, ValueType};
 use fmu_record::{Column, Record};
 use fmu_terms::{Causality, like};
 
 use crate::importer::{Fmu, Instance, Selection};
+use crate::links::{Link, signal};
 use crate::noise::NoiseSource;
 use crate::scenario::{Scenario, Signal};
 
@@ -29,12 +31,18 @@ enum Source {
 }
 
 impl Recorder {
-    pub fn new(scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Self> {
+    /// Names that replaced FMUs do not have become notes.
+    pub fn new(
+        scenario: &Scenario,
+        fmus: &[Arc<Fmu>],
+        links: &[Link],
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
         let mut names = vec![vec![]; fmus.len()];
         let mut sources = vec![];
         let mut columns = vec![];
         let mut add = |name: &str, found: Found| {
-            let column = found.column(name, fmus);
+            let column = found.column(name, fmus, links);
             let source = match found {
                 Found::Signal(signal) => Source::Signal(signal),
                 Found::Variable { member, name } => {
@@ -45,18 +53,25 @@ impl Recorder {
             sources.push(source);
             columns.push(column);
         };
+        let mut missing = vec![];
         if let Some(record) = &scenario.record {
             let mut seen = BTreeSet::new();
             for recorded in record {
                 if !seen.insert(&recorded.name) {
                     return Err(recorded.location.error(format!("{} is already recorded", recorded.name)));
                 }
-                let found = find(&recorded.name, scenario, fmus);
-                add(&recorded.name, recorded.location.locate(found)?);
+                match recorded.location.locate(find(&recorded.name, scenario, fmus, links)) {
+                    Ok(found) => add(&recorded.name, found),
+                    Err(error) if scenario.has_replaced_fmus => {
+                        notes.push(format!("{error:#}"));
+                        missing.push(&recorded.name);
+                    }
+                    Err(error) => return Err(error),
+                }
             }
         } else {
             for input in &scenario.inputs {
-                add(&input.name, Found::Signal(scenario.signal(input, fmus)?));
+                add(&input.name, Found::Signal(signal(input, links, fmus)?));
             }
             let signals = scenario.inputs.iter().map(|input| input.name.as_str());
             let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
@@ -75,13 +90,14 @@ impl Recorder {
         }
         for panel in scenario.panels.iter().flatten().flatten() {
             let mut known = columns.iter().map(|column| column.name.as_str());
-            if !known.clone().any(|name| name == panel.name) {
+            if !missing.contains(&&panel.name) && !known.clone().any(|name| name == panel.name) {
                 let message = format!("{} is not recorded{}", panel.name, like(&panel.name, &mut known));
                 return Err(panel.location.error(message));
             }
         }
         let mut noise = vec![];
-        for measured in &scenario.measurement_noise {
+        let noises = scenario.measurement_noise.iter().filter(|noise| !missing.contains(&&noise.name));
+        for measured in noises {
             let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
                 let known = columns.iter().map(|column| column.name.as_str());
                 let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
@@ -129,9 +145,9 @@ enum Found {
 }
 
 /// Resolves a name in `record`: a signal, else an output, else any variable. An FMU's name and a colon may precede it.
-fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
+fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link]) -> Result<Found> {
     if let Some(input) = scenario.inputs.iter().find(|input| input.name == name) {
-        return scenario.signal(input, fmus).map(Found::Signal);
+        return signal(input, links, fmus).map(Found::Signal);
     }
     if let Some((member, name)) = name.split_once(':') {
         let index = scenario.fmus.iter().position(|known| known.name == member);
@@ -155,21 +171,32 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Result<Found> {
 }
 
 impl Found {
-    /// The column, as declared by the FMU, or for a signal by the first FMU that has it, with a unit if any does.
-    fn column(&self, name: &str, fmus: &[Arc<Fmu>]) -> Column {
-        let (of, variable) = match self {
-            Self::Variable { member, name } => (&fmus[*member..=*member], name.as_str()),
-            Self::Signal(_) => (fmus, name),
+    /// The column: a variable's as the FMU declares it, a signal's as the first FMU that takes it unchanged does, with
+    /// a unit if any does.
+    fn column(&self, name: &str, fmus: &[Arc<Fmu>], links: &[Link]) -> Column {
+        let declared = |index: usize, name: &str| {
+            let description = fmus[index].description();
+            Some((description, description.variable(name)?))
         };
-        let declared = || {
-            let found = of.iter().map(|fmu| fmu.description());
-            found.filter_map(|description| Some((description, description.variable(variable)?)))
+        let found: Vec<_> = match self {
+            Self::Variable { member, name } => declared(*member, name).into_iter().collect(),
+            Self::Signal(_) => {
+                let takers =
+                    links.iter().filter(|link| link.is_from(name) && link.conversion == Linear::IDENTITY);
+                takers.filter_map(|link| declared(link.target, &link.connection.input)).collect()
+            }
         };
-        let with_unit = declared().find(|(_, variable)| !variable.unit.is_empty());
-        let Some((description, variable)) = with_unit.or_else(|| declared().next()) else {
-            return Column::from((name, ""));
-        };
-        column_of(name, variable, description)
+        let with_unit = found.iter().find(|(_, variable)| !variable.unit.is_empty());
+        if let Some((description, variable)) = with_unit.or_else(|| found.first()) {
+            return column_of(name, variable, description);
+        }
+        let mut given =
+            links.iter().filter(|link| link.is_from(name)).map(|link| &link.connection.conversion);
+        let unit = given.find_map(|conversion| match conversion {
+            Conversion::Units { from, .. } => from.as_deref(),
+            Conversion::Function(_) => None,
+        });
+        Column::from((name, unit.unwrap_or_default()))
     }
 }
 

@@ -8,12 +8,13 @@ use anyhow::{Context, Error, Result, bail};
 use fmu_io::reading;
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::number;
+use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{
     ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
 };
 
 use crate::importer::extract;
-use crate::scenario::{Connection, Input, Location, Member, Scenario, Signal};
+use crate::scenario::{Input, Location, Member, Scenario, Signal};
 
 /// The structure that every package has (SSP, section 3).
 const STRUCTURE: &str = "SystemStructure.ssd";
@@ -146,11 +147,6 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
         let (start, end) = (&connection.start, &connection.end);
         // System outputs drive nothing.
         let Some(target) = &end.component else { continue };
-        for name in [start.component.as_ref(), Some(target)].into_iter().flatten() {
-            if !system.components.iter().any(|component| component.name == *name) {
-                bail!("a connection names the component {name}, which the system does not have");
-            }
-        }
         let units = [start, end].map(|end| unit(end.component.as_deref(), &end.connector));
         let by_units = match units.map(|unit| unit.and_then(|unit| unit.base)) {
             [Some(from), Some(to)] if connection.converts_units => from.to(&to).with_context(|| {
@@ -163,7 +159,8 @@ fn of_structure(folder: &Path, times: Times) -> Result<Scenario> {
             output: start.connector.clone(),
             target: target.clone(),
             input: end.connector.clone(),
-            conversion: by_units.then(connection.transformation),
+            conversion: Conversion::Function(by_units.then(connection.transformation)),
+            location: Location::argument(&format!("the connections of {}", system.name)),
         });
     }
     scenario.connections = Some(connections);
@@ -202,6 +199,11 @@ fn take_start(
         }
         value => value.number().with_context(|| format!("{name} is not a number: {value}"))?,
     };
+    let mut connections = scenario.connections.iter().flatten();
+    if !connections.any(|connection| connection.source.is_none() && connection.output == name) {
+        // It drives nothing.
+        return Ok(());
+    }
     let location = Location::argument(&format!("the system's {name}"));
     scenario.inputs.retain(|input| input.name != name);
     scenario.inputs.push(Input { name: name.to_owned(), course: Signal::Constant(number).into(), location });

@@ -2,9 +2,10 @@
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, from any tool: [`archive::open`], [`FmuDescription`],
 //! [`SystemDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`],
-//! [checked](ParameterSet::fit) against an FMU, and [`Merged`] FMUs.
+//! [checked](ParameterSet::fit) against an FMU, [`Merged`] FMUs, and [`connection`]s between FMUs.
 
 pub mod archive;
+pub mod connection;
 mod declared;
 mod fmu;
 mod identifier;
@@ -17,7 +18,6 @@ mod platform;
 mod platform_list;
 mod system_description;
 mod system_structure;
-mod translation;
 mod units;
 pub mod validation;
 mod variable;
@@ -39,5 +39,5 @@ pub use system_description::{
 pub use system_structure::{
     Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
 };
-pub use translation::Translation;
+pub use units::unit_conversion;
 pub use variable::{Dimension, Element, FmuVariable, ValueType};

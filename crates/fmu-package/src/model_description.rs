@@ -276,9 +276,7 @@ impl FmuDescription {
     /// A unit by name, among the declared units and their display units.
     #[must_use]
     pub fn unit(&self, name: &str) -> Option<Unit> {
-        let declared = self.units.iter().find(|unit| unit.name == name).cloned();
-        let shown = || self.units.iter().flat_map(Unit::with_display_units).find(|unit| unit.name == name);
-        declared.or_else(shown)
+        units::find(name, &self.units)
     }
 
     /// The display unit that a variable's declaration names.

@@ -4,10 +4,11 @@ use std::io;
 
 use fmu_io::reading::broken;
 use fmu_io::terminal;
-use fmu_terms::{Linear, Unit, UnitTable, like, spelled};
+use fmu_terms::{Linear, Unit, like};
 
 use crate::model_description::FmuDescription;
 use crate::parameter_set::{Parameter, ParameterSet, Value};
+use crate::units::unit_conversion;
 use crate::variable::{FmuVariable, ValueType};
 
 impl ParameterSet {
@@ -44,7 +45,7 @@ const FAR: f64 = 100.0;
 
 impl Value {
     /// The value converted to the type and unit of an FMU's variable. Units are those given with the value, else the
-    /// FMU's, else those of the [table](UnitTable). Integers are accepted as Reals; an enumeration's item is a name, even
+    /// FMU's, else those of the [table](fmu_terms::UnitTable). Integers are accepted as Reals; an enumeration's item is a name, even
     /// as a String, or its number. The range is not checked.
     ///
     /// # Errors
@@ -56,9 +57,11 @@ impl Value {
         match (variable.value_type(), self) {
             (ValueType::Real, Self::Real(value, unit)) => {
                 let value = match unit {
-                    Some(unit) if *unit != variable.unit => conversion(unit, variable, units, fmu)
-                        .map_err(|reason| self.refused(variable, &reason))?
-                        .apply(*value),
+                    Some(unit) if *unit != variable.unit => {
+                        unit_conversion((unit, units), (&variable.unit, &fmu.units))
+                            .map_err(|reason| self.refused(variable, &reason))?
+                            .apply(*value)
+                    }
                     _ => *value,
                 };
                 Ok(Self::Real(value, Some(variable.unit.clone()).filter(|unit| !unit.is_empty())))
@@ -163,7 +166,7 @@ fn units_of(variable: &FmuVariable, fmu: &FmuDescription) -> impl Iterator<Item 
 
 impl FmuVariable {
     /// The conversion from a unit to the variable's; none if there is no unit to convert from or to. The unit is one of
-    /// the FMU's, or of the [table](UnitTable).
+    /// the FMU's, or of the [table](fmu_terms::UnitTable).
     ///
     /// # Errors
     /// When the unit is not known, or does not convert.
@@ -171,26 +174,8 @@ impl FmuVariable {
         if unit.is_empty() || self.unit.is_empty() || unit == self.unit {
             return Ok(Linear::IDENTITY);
         }
-        conversion(unit, self, &[], fmu)
+        unit_conversion((unit, &fmu.units), (&self.unit, &fmu.units))
     }
-}
-
-/// The conversion from a unit to the variable's.
-fn conversion(
-    unit: &str,
-    variable: &FmuVariable,
-    units: &[Unit],
-    fmu: &FmuDescription,
-) -> Result<Linear, String> {
-    let known = units.iter().find(|known| known.name == unit).cloned().or_else(|| fmu.unit(unit));
-    let base = match known {
-        Some(known) => known.base,
-        None => UnitTable::default().base(&spelled(unit))?,
-    };
-    let wanted = fmu.unit(&variable.unit).and_then(|unit| unit.base);
-    base.zip(wanted)
-        .and_then(|(own, wanted)| own.to(&wanted))
-        .ok_or_else(|| format!("the unit {unit} does not convert to {}", variable.unit))
 }
 
 #[cfg(test)]

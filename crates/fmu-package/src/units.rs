@@ -2,7 +2,7 @@
 
 use std::io;
 
-use fmu_terms::{BASE_UNITS, BaseUnit, DisplayUnit, Unit};
+use fmu_terms::{BASE_UNITS, BaseUnit, DisplayUnit, Linear, Unit, UnitTable, spelled};
 use fmu_xml::{XmlWriter, conversion, element, empty};
 
 use crate::xml::{Element, children, number, text};
@@ -33,6 +33,32 @@ fn read_unit(element: Element<'_>) -> io::Result<Unit> {
         }
     }
     Ok(unit)
+}
+
+/// A unit among declared ones and their display units.
+pub(crate) fn find(name: &str, declared: &[Unit]) -> Option<Unit> {
+    let shown = || declared.iter().flat_map(Unit::with_display_units).find(|unit| unit.name == name);
+    declared.iter().find(|unit| unit.name == name).cloned().or_else(shown)
+}
+
+/// The conversion between two units, each with those declared beside it. A unit that is not defined there is one
+/// of the other's, or of the [table](UnitTable).
+///
+/// # Errors
+/// When a unit is not known, or does not convert.
+pub fn unit_conversion(from: (&str, &[Unit]), to: (&str, &[Unit])) -> Result<Linear, String> {
+    let base = |name: &str, declared: [&[Unit]; 2]| {
+        let defined = declared.into_iter().find_map(|units| find(name, units)?.base);
+        defined.map_or_else(|| UnitTable::default().base(&spelled(name)), |base| Ok(Some(base)))
+    };
+    let refusal = || format!("the unit {} does not convert to {}", from.0, to.0);
+    match (base(from.0, [from.1, to.1]), base(to.0, [to.1, from.1])) {
+        (Ok(Some(own)), Ok(Some(other))) => own.to(&other).ok_or_else(refusal),
+        // Equal names count as equal units.
+        _ if from.0 == to.0 => Ok(Linear::IDENTITY),
+        (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        _ => Err(refusal()),
+    }
 }
 
 /// Writes the list of units in SSP files: only those defined in SI base units, as SSP has no others.

@@ -27,43 +27,53 @@ most = {{ maximum = "hp_wastegate_position" }}
 
 @pytest.fixture(scope="session")
 def files(
-    once: Once, lab: Run, exported: Path, reproduction: Path, tuned: Path, live: Path
+    once: Once, lab: Run, cargo_fmu: Run, exported: Path, reproduction: Path, tuned: Path, live: Path
 ) -> dict[str, Path]:
     """The pages of the FMUs, a report of each command, and the page that runs them."""
     PICTURES.mkdir(exist_ok=True)
-    folder = once("pages", lambda folder: write_pages(lab, exported, folder))
+    folder = once("pages", lambda folder: write_pages(lab, cargo_fmu, exported, folder))
     pages = {name: folder / f"{name}.html" for name in [*FMUS, "simulation", "system", LINEAR]}
     reports = {name: folder / name / "report.html" for name in ["identification", "study", "sweep"]}
     of_others = {"reproduction": reproduction / "report.html", "tuning": tuned / "report.html", LIVE: live}
     return {**pages, **reports, **of_others}
 
 
-def write_pages(lab: Run, exported: Path, folder: Path) -> None:
+def write_pages(lab: Run, cargo_fmu: Run, exported: Path, folder: Path) -> None:
     """Writes those that no other test takes."""
     for name in FMUS:
         with zipfile.ZipFile(exported / f"{name}.fmu") as archive:
             (folder / f"{name}.html").write_bytes(archive.read("documentation/index.html"))
 
-    def run(*arguments: str | Path, status: int = 0) -> None:
-        done = lab(*arguments)
+    def run(command: Run, *arguments: str | Path, status: int = 0) -> None:
+        done = command(*arguments)
         assert (done.returncode, done.stderr) == (status, "")
 
     plant = ["--plant", exported / "BoostPlant.fmu"]
     both = [*plant, "--controller", exported / "BoostController.fmu"]
     steps = ROOT / "boost" / "lab" / "scenarios" / "figure_13.toml"
     bench = folder / "bench.csv"
-    run("simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)
-    run("identify", "actuator", bench, *plant, "--out", folder / "identification")
-    run("simulate", steps, "--fmus", exported, "--out", folder, "--plot", folder / "simulation.html")
+    run(cargo_fmu, "simulate", ROOT / "examples" / "actuator_bench.toml", "--fmus", exported, "--out", bench)
+    run(lab, "identify", "actuator", bench, *plant, "--out", folder / "identification")
+    run(
+        cargo_fmu,
+        "simulate",
+        steps,
+        "--fmus",
+        exported,
+        "--out",
+        folder,
+        "--plot",
+        folder / "simulation.html",
+    )
     pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60", "--plot", folder / "system.html"]
-    run("simulate", exported / "Boost.ssp", "--out", folder, *pumping)
+    run(cargo_fmu, "simulate", exported / "Boost.ssp", "--out", folder, *pumping)
     loop = ["--at", "24", "--path", "hp_wastegate_pwm,boost_pressure", "--loop", "controller:boost_pressure"]
-    run("linearize", steps, "--fmus", exported, *loop, "--plot", folder / f"{LINEAR}.html")
+    run(cargo_fmu, "linearize", steps, "--fmus", exported, *loop, "--plot", folder / f"{LINEAR}.html")
     # This strategy fails, so that the report explains cases.
-    run("study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
+    run(lab, "study", *both, "--cases", "4", "--strategy", "by_speed", "--out", folder / "study", status=1)
     sweep = folder / "sweep.toml"
     sweep.write_text(SWEEP.format(scenario=steps.with_name("figure_1.toml")))
-    run("sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
+    run(cargo_fmu, "sweep", sweep, "--fmus", exported, "--out", folder / "sweep")
 
 
 @pytest.fixture

@@ -582,7 +582,7 @@ def test_an_experiment_sets_pace_and_controls(opened: Page) -> None:
     assert opened.locator("#pace").input_value() == "5"
 
 
-def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_path: Path) -> None:
+def test_record_is_that_of_cargo_fmu(opened: Page, cargo_fmu: Run, exported: Path, tmp_path: Path) -> None:
     """To the last bit, with the same names and units."""
     opened.locator("#pace").select_option("Infinity")
     opened.locator("#choices button").first.click()
@@ -593,7 +593,7 @@ def test_record_is_the_laboratorys(opened: Page, lab: Run, exported: Path, tmp_p
     assert saved.name == "figure_1_run_1.csv"
     download.value.save_as(saved)
     scenario = SCENARIOS / "figure_1.toml"
-    assert lab("simulate", scenario, "--fmus", exported, "--out", recorded).returncode == 0
+    assert cargo_fmu("simulate", scenario, "--fmus", exported, "--out", recorded).returncode == 0
     rows, others = (list(csv.reader(file.read_text().splitlines())) for file in (saved, recorded))
     assert rows[:2] == others[:2]
     assert rows[1][rows[0].index("boost_pressure")] == "Pa"

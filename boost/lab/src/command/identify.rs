@@ -45,7 +45,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
     super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
-    let plant = run::open(&plant, None)?;
+    let plant = run::open(&plant)?;
     let sets = super::parameter_sets(&parameters)?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;

@@ -8,14 +8,12 @@ mod tune;
 
 use std::path::PathBuf;
 
-use crate::mapping;
 use crate::study::draw::known_plants;
 use anyhow::Result;
 use cargo_fmu::run::{
-    self, FMUS, Maps, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write,
-    write_file,
+    FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
 };
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use fmu_package::ParameterSet;
 
 /// The files in a folder of results.
@@ -28,9 +26,7 @@ Exit status:
   0    success; `reproduce`: no claim fails except known differences; `study`: all criteria are met
   1    `reproduce`: a claim fails; `study`: a criterion is not met
   2    failure or wrong command line; see standard error
-  130  interrupted
-
-A failed run of a `sweep` is reported in its row of the results and does not change the exit status.";
+  130  interrupted";
 
 /// Laboratory for boost control: runs experiments with FMUs
 #[derive(Parser)]
@@ -42,12 +38,6 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scenario, a system or a single FMU
-    Simulate(WithMaps<Box<run::Simulate>>),
-    /// Compare records: their differences in numbers, and overlaid in a plot
-    Compare(run::Compare),
-    /// Linearize FMUs at an operating point: matrices, poles, frequency response, and a loop's margins
-    Linearize(WithMaps<Box<run::Linearize>>),
     /// Reproduce the paper's figures and check its claims against the FMUs
     ///
     /// Exits with 0 if no claim fails except known differences, 1 if one does, and 2 if an experiment cannot be run.
@@ -65,8 +55,6 @@ enum Command {
     Live(live::Arguments),
     /// Tune the controller's gain schedule to a plant
     Tune(tune::Arguments),
-    /// Run a scenario for many parameter values, on all cores; resumes if interrupted
-    Sweep(WithMaps<run::Sweep>),
     /// Judge a controller on random plants, ambient conditions and manoeuvres; resumes if interrupted
     ///
     /// Exits with 0 if all criteria are met, and 1 if not.
@@ -76,29 +64,6 @@ enum Command {
         #[command(subcommand)]
         what: Identify,
     },
-}
-
-/// The arguments of a command that runs FMUs, with maps of names.
-#[derive(Args)]
-struct WithMaps<T: Args> {
-    #[command(flatten)]
-    own: T,
-    #[command(flatten)]
-    maps: MapArguments,
-}
-
-/// Maps of names.
-#[derive(Args)]
-struct MapArguments {
-    /// Map for an FMU with other names and units, written by `boost-fmu check --write-map`
-    #[arg(long = "map", value_name = "FILE.json")]
-    maps: Vec<PathBuf>,
-}
-
-impl MapArguments {
-    fn maps(&self) -> Maps<'_> {
-        Maps { read: mapping::read, files: &self.maps, give: mapping::give }
-    }
 }
 
 fn parameter_sets(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
@@ -121,13 +86,9 @@ pub fn run() -> Result<bool> {
     match Arguments::parse().command {
         Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),
         Command::Study(arguments) => return study::run(&arguments),
-        Command::Simulate(WithMaps { own, maps }) => own.run(&maps.maps()),
-        Command::Compare(compare) => compare.run(),
-        Command::Linearize(WithMaps { own, maps }) => own.run(&maps.maps()),
         Command::Live(arguments) => live::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
-        Command::Sweep(WithMaps { own, maps }) => own.run(&maps.maps()),
     }
     .map(|()| true)
 }

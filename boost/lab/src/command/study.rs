@@ -3,15 +3,17 @@
 use std::path::PathBuf;
 
 use super::{HTML, JOURNAL, JSON};
-use crate::mapping;
-use crate::study::case::{Rig, Source};
+use crate::interface::open;
+use crate::study::case::Rig;
 use crate::study::draw::Cases;
 use crate::study::{Study, StudyReport, csv, outside};
 use anyhow::Result;
+use boost_interface::Role;
 use cargo_fmu::run::journal::{Journal, Settings, digest};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
+use fmu_package::connection;
 
 const CSV: &str = "results.csv";
 
@@ -23,9 +25,10 @@ pub struct Arguments {
     /// The controller
     #[arg(long, value_name = "FILE.fmu", default_value = "target/fmu/BoostController.fmu")]
     controller: PathBuf,
-    /// Map for an FMU with other names and units, written by `boost-fmu check --write-map`
-    #[arg(long = "map", value_name = "FILE.json")]
-    maps: Vec<PathBuf>,
+    /// Connections for FMUs with other names or units, written by `boost-fmu check --write-connections`; may be given
+    /// several times
+    #[arg(long, value_name = "FILE.toml")]
+    connections: Vec<PathBuf>,
     /// Parameters of a plant: values are drawn between the FMU's and those of each set; may be given several times
     /// [default: those in this repository's parameters/]
     #[arg(long, value_name = "FILE.ssv")]
@@ -55,21 +58,19 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<bool> {
     let out = &arguments.out;
     let outputs = [CSV, HTML, JSON, JOURNAL].map(|name| out.join(name));
-    let inputs = [&arguments.plant, &arguments.controller].into_iter().chain(&arguments.maps);
+    let inputs = [&arguments.plant, &arguments.controller].into_iter().chain(&arguments.connections);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
-    let mut sources =
-        [&arguments.plant, &arguments.controller].map(|file| Source { file: file.clone(), map: None });
-    let fmus = sources.iter_mut().map(|source| Ok((mapping::model(&source.file)?, &mut source.map)));
-    mapping::assign(&arguments.maps, fmus.collect::<Result<_>>()?, "study")?;
+    let connections = connection::read_all(&arguments.connections)?;
+    let plant = open(&arguments.plant, Role::Plant, &connections)?;
+    let controller = open(&arguments.controller, Role::Controller, &connections)?;
     let sets = super::plants(&arguments.parameters)?;
 
     let mut settings = Settings::new();
-    for (name, source) in ["plant", "controller"].iter().zip(&sources) {
-        settings.insert(format!("SHA-256 of the {name}'s file"), digest(&source.file)?);
-        settings
-            .insert(format!("{name}'s map"), source.map.as_ref().map(|map| map.text()).unwrap_or_default());
+    for (name, file) in [("plant", &arguments.plant), ("controller", &arguments.controller)] {
+        settings.insert(format!("SHA-256 of the {name}'s file"), digest(file)?);
     }
+    settings.insert("connections".into(), connection::in_line(&connections));
     for (index, set) in sets.iter().enumerate() {
         settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
     }
@@ -77,10 +78,8 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     settings.insert("seed".into(), arguments.seed.to_string());
     settings.insert("strategies".into(), format!("{:?}, {:?}", arguments.strategy, arguments.beside));
 
-    let [plant, controller] = sources;
-    let mut rig = Rig::new(plant, controller, arguments.seed)?;
+    let rig = Rig::new(plant, controller, arguments.seed)?;
     let cases = Cases::draw(rig.plant.description(), &sets, arguments.cases as usize, arguments.seed)?;
-    rig.load(&cases.case(0))?;
     for note in &cases.notes {
         complain(&format!("note: {note}"));
     }

@@ -1,15 +1,18 @@
 //! `tune`: tunes the controller's gain schedule to a plant; writes a parameter set and a report.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::{HTML, JOURNAL, JSON};
-use crate::mapping;
-use crate::study::case::{Rig, Source};
+use crate::interface::open;
+use crate::study::case::Rig;
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
+use boost_interface::Role;
 use cargo_fmu::run::{self, journal::digest};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
+use fmu_package::connection;
 
 /// The name of the parameter set.
 const SET: &str = "schedule";
@@ -22,9 +25,10 @@ pub struct Arguments {
     /// The plant
     #[arg(long, value_name = "FILE.fmu")]
     plant: PathBuf,
-    /// Map for a plant with other names and units, written by `boost-fmu check --write-map`
-    #[arg(long, value_name = "FILE.json")]
-    map: Option<PathBuf>,
+    /// Connections for a plant with other names or units, written by `boost-fmu check --write-connections`; may be given
+    /// several times
+    #[arg(long, value_name = "FILE.toml")]
+    connections: Vec<PathBuf>,
     /// Plant parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
@@ -53,27 +57,27 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let out = &arguments.out;
     let outputs = [SET_FILE, DCM_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
-    let inputs = [&arguments.plant].into_iter().chain(&arguments.map).chain(&arguments.controller);
+    let inputs = [&arguments.plant].into_iter().chain(&arguments.connections).chain(&arguments.controller);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
     let schedule = match &arguments.controller {
-        Some(path) => Schedule::read(run::open(path, None)?.description(), arguments.strategy)
+        Some(path) => Schedule::read(run::open(path)?.description(), arguments.strategy)
             .with_context(|| format!("{} cannot be tuned", path.display()))?,
         None => Schedule::built_in(arguments.strategy)?,
     };
-    let plant_map = arguments.map.as_deref().map(mapping::read).transpose()?;
+    let connections = connection::read_all(&arguments.connections)?;
     let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
         Procedure::split_range(allocation.parameters.low_pressure_open())
     });
     let task = Task {
-        plant: run::open(&arguments.plant, plant_map.as_deref())?,
-        plant_map,
         plant_parameters: super::parameter_sets(&arguments.parameters)?,
         schedule: schedule.with(
             arguments.engine_speeds.clone(),
             arguments.boost_references.clone(),
             arguments.lambda,
         )?,
+        plant: open(&arguments.plant, Role::Plant, &connections)?,
+        connections,
         procedure,
     };
     super::make_folder(out)?;
@@ -91,11 +95,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let (Some(controller), None, Strategy::SplitRange) =
         (&arguments.controller, arguments.lambda, arguments.strategy)
     {
-        let source = |file: &PathBuf, map| Source { file: file.clone(), map };
-        let plant = source(&arguments.plant, tuning.task.plant_map.clone());
-        let mut rig = Rig::new(plant, source(controller, None), 0)?;
+        let rig = Rig::new(Arc::clone(&tuning.task.plant), run::open(controller)?, 0)?;
         let threads = super::threads(None, [&*rig.plant, &*rig.controller])?;
-        if let Some(lambda) = rest::shortest_lambda(&mut rig, &tuning, &threads)? {
+        if let Some(lambda) = rest::shortest_lambda(&rig, &tuning, &threads)? {
             tuning.task.schedule.find_lambda(lambda);
         } else {
             complain("note: no feedback_lambda was found with which a vacuum pump sustains noise at rest");

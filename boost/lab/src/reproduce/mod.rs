@@ -290,7 +290,7 @@ impl Laboratory {
         if !self.scenarios.contains(&(name, text)) {
             self.scenarios.push((name, text));
         }
-        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
+        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder)?;
         for member in &scenario.fmus {
             member.location.locate(refuse_missing(&member.file))?;
         }
@@ -309,7 +309,7 @@ impl Laboratory {
         (name, text): (&'static str, &'static str),
         seconds: f64,
     ) -> Result<(Run, Figure)> {
-        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder, crate::mapping::read)?;
+        let scenario = Scenario::parse(name, text, Path::new(""), &self.folder)?;
         let mut begin = scenario.clone();
         begin.end_at(scenario.start_time + seconds)?;
         let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;

@@ -5,16 +5,15 @@
 //! knows the plant, which is tried on the plant itself, from its state at that moment ([`OpenLoop::fastest`]). Between
 //! two references the pressure may be anywhere between them, until [`ALLOWANCE`] after that control has arrived.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use super::draw::{Case, Event, SETTLING, STEP};
+use super::draw::{CONTROLLER, Case, Event, PLANT, SETTLING, STEP};
 use super::names::{ALARM, BOOST, FLOWS, SHAFT, has, recorded};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
-use crate::mapping;
 use fmu_master::Fmu;
 use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::{Scenario, Signal};
@@ -32,16 +31,8 @@ const ARRIVES_WITHIN: f64 = 100.0;
 /// Overshoot counts for this time after a step (s), or until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
 
-/// An FMU's file, and its map if it has other names.
-#[derive(Clone)]
-pub struct Source {
-    pub file: PathBuf,
-    pub map: Option<Arc<dyn fmu_master::NameMap>>,
-}
-
 /// The FMUs of a study.
 pub struct Rig {
-    sources: [Source; 2],
     fmus: LoadedFmus,
     pub plant: Arc<Fmu>,
     pub controller: Arc<Fmu>,
@@ -96,36 +87,22 @@ pub fn point(time: f64) -> usize {
 }
 
 impl Rig {
-    pub fn new(plant: Source, controller: Source, seed: u64) -> Result<Self> {
-        let [plant_fmu, controller_fmu] =
-            [&plant, &controller].map(|source| Fmu::open_with(&source.file, None, source.map.as_deref()));
-        let (plant_fmu, controller_fmu) = (plant_fmu?, controller_fmu?);
-        for (fmu, source, kind, name) in [
-            (&plant_fmu, &plant, Causality::Input, "hp_wastegate_pwm"),
-            (&plant_fmu, &plant, Causality::Input, "engine_speed"),
-            (&plant_fmu, &plant, Causality::Output, BOOST),
-            (&controller_fmu, &controller, Causality::Input, "boost_reference"),
-            (&controller_fmu, &controller, Causality::Input, BOOST),
+    pub fn new(plant: Arc<Fmu>, controller: Arc<Fmu>, seed: u64) -> Result<Self> {
+        for (fmu, kind, name) in [
+            (&plant, Causality::Input, "hp_wastegate_pwm"),
+            (&plant, Causality::Input, "engine_speed"),
+            (&plant, Causality::Output, BOOST),
+            (&controller, Causality::Input, "boost_reference"),
+            (&controller, Causality::Input, BOOST),
         ] {
-            anyhow::ensure!(has(fmu, kind, name), "{} has no {kind} {name}", source.file.display());
+            let model = fmu.description().attribute("modelName");
+            anyhow::ensure!(has(fmu, kind, name), "{model} has no {kind} {name}");
         }
-        Ok(Self {
-            saves_states: plant_fmu.has_capability("canGetAndSetFMUstate"),
-            plant: plant_fmu,
-            controller: controller_fmu,
-            sources: [controller, plant],
-            fmus: LoadedFmus::default(),
-            seed,
-        })
-    }
-
-    /// Loads both FMUs once for all cases.
-    pub fn load(&mut self, case: &Case) -> Result<()> {
-        let scenario = self.scenario(case, None)?;
-        for member in &scenario.fmus {
-            self.fmus.get(member)?;
+        let mut fmus = LoadedFmus::default();
+        for (file, fmu) in [(PLANT, &plant), (CONTROLLER, &controller)] {
+            fmus.insert(file.into(), Arc::clone(fmu));
         }
-        Ok(())
+        Ok(Self { saves_states: plant.has_capability("canGetAndSetFMUstate"), plant, controller, fmus, seed })
     }
 
     /// A case as the text of a scenario.
@@ -137,14 +114,9 @@ impl Rig {
 
     /// A case as a scenario; its FMUs are the controller and the plant.
     pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
-        let none = std::path::Path::new("");
+        let none = Path::new("");
         let name = format!("case {}", case.number);
-        let mut scenario = Scenario::parse(&name, &self.text(case, strategy), none, none, mapping::read)?;
-        for (member, source) in scenario.fmus.iter_mut().zip(&self.sources) {
-            member.file.clone_from(&source.file);
-            member.map.clone_from(&source.map);
-        }
-        Ok(scenario)
+        Scenario::parse(&name, &self.text(case, strategy), none, none)
     }
 
     /// The closed loop from the start to a communication point.

@@ -11,6 +11,9 @@ use rand_pcg::Pcg64;
 use cargo_fmu::run::{Range, latin_fractions};
 use fmu_master::scenario::Signal;
 
+/// The FMUs' files in a case's scenario.
+pub const CONTROLLER: &str = "BoostController.fmu";
+pub const PLANT: &str = "BoostPlant.fmu";
 /// The communication step (s): the controller's sample time.
 pub const STEP: f64 = 0.0125;
 /// Time from the start to the first reference step (s), when judging starts: a plant that differs from the controller's
@@ -255,7 +258,7 @@ impl Case {
         time >= AT_REST_AFTER && !self.events.iter().any(moves)
     }
 
-    /// The case as a scenario for `simulate`, with the inputs and records that the FMUs have.
+    /// The case as a scenario for `cargo fmu simulate`, with the inputs and records that the FMUs have.
     pub fn scenario(
         &self,
         strategy: Option<&str>,
@@ -265,13 +268,13 @@ impl Case {
     ) -> String {
         let mut text = format!(
             "title = \"Case {} of the study with the seed {seed}\"\nstep = {STEP:?}\nstop_time = {:?}\nrecord = {recorded:?}\n\n\
-             [[fmu]]\nname = \"controller\"\nfile = \"BoostController.fmu\"\n",
+             [[fmu]]\nname = \"controller\"\nfile = \"{CONTROLLER}\"\n",
             self.number, self.stop_time
         );
         if let Some(strategy) = strategy {
             let _ = writeln!(text, "values = {{ strategy = \"{strategy}\" }}");
         }
-        text += "\n[[fmu]]\nname = \"plant\"\nfile = \"BoostPlant.fmu\"\n\n[fmu.values]\n";
+        let _ = writeln!(text, "\n[[fmu]]\nname = \"plant\"\nfile = \"{PLANT}\"\n\n[fmu.values]");
         for (name, value) in &self.parameters {
             let _ = writeln!(text, "\"{name}\" = {value:?}");
         }

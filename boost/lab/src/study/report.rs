@@ -347,7 +347,7 @@ impl StudyReport<'_> {
         drawn.chunks(DRAWN_IN_ROW).for_each(|row| table.row(row.concat()));
         report.table(&table);
         let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
-        report.details("Scenario for boost-lab simulate", &scenario);
+        report.details("Scenario for cargo fmu simulate", &scenario);
     }
 }
 

@@ -24,6 +24,7 @@ use anyhow::{Context, Result};
 use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
 use clap::ValueEnum as _;
+use fmu_package::connection::{self, Connection};
 use fmu_package::{Parameter, ParameterSet, Value};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -46,8 +47,8 @@ pub use self::schedule::{Schedule, ScheduleTable};
 
 pub struct Task {
     pub plant: Arc<Fmu>,
-    /// The plant's name map, if any.
-    pub plant_map: Option<Arc<dyn fmu_master::NameMap>>,
+    /// The connections by which the plant is seen, if any.
+    pub connections: Vec<Connection>,
     /// The plant's parameters, set in their order.
     pub plant_parameters: Vec<ParameterSet>,
     /// The controller's grid.
@@ -173,9 +174,7 @@ impl Task {
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into();
-        if let Some(map) = &self.plant_map {
-            settings.insert("the plant's map".to_owned(), map.text());
-        }
+        settings.insert("the connections".to_owned(), connection::in_line(&self.connections));
         settings
     }
 

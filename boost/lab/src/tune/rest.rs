@@ -30,14 +30,13 @@ const PER_SECOND: f64 = 100.0;
 
 /// The shortest λ (s), from the actuator's lag to the reference's time constant; none if the loop has no vacuum pump, or
 /// no λ is sustained.
-pub fn shortest_lambda(rig: &mut Rig, tuning: &Tuning, threads: &ThreadPool) -> Result<Option<f64>> {
+pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Result<Option<f64>> {
     let [(_, _, _, lag), _] = tuning.dynamics();
     let (Some(lag), Some(longest)) = (lag, tuning.task.schedule.reference_lambda) else { return Ok(None) };
     if !has(&rig.plant, Causality::Input, PUMP) || !has(&rig.controller, Causality::Output, PUMP) {
         return Ok(None);
     }
     let cases = at_rest(rig, tuning);
-    rig.load(&cases[0])?;
     let scenarios: Vec<_> =
         cases.iter().map(|case| tuned(rig.scenario(case, None)?, tuning)).collect::<Result<_>>()?;
     let mut hundredths = (PER_SECOND * lag).ceil();

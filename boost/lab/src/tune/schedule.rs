@@ -1,7 +1,7 @@
 //! The controller's gain schedule: its grid of engine speeds and boost references, and the other parameters that an
 //! identification needs.
 
-use crate::mapping::INTERFACE;
+use crate::interface::INTERFACE;
 use anyhow::{Context, Result, bail};
 use boost_fmu::controller::variables::AllocationParameters;
 use boost_interface::Role;

@@ -2,8 +2,9 @@
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use super::{FmuArguments, Maps, inputs, name_and_value, positive};
+use super::{FmuArguments, inputs, name_and_value, positive};
 use crate::Export;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
@@ -13,7 +14,7 @@ use fmu_io::terminal::complain;
 use fmu_io::writing;
 use fmu_master::scenario::{Assignment, Course, Input, Location, Measured, Member, Scenario, Signal};
 use fmu_master::system::{self, Times};
-use fmu_master::{Interface, LoadedFmus};
+use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_record::Data;
 use fmu_terms::{Causality, like};
@@ -75,18 +76,17 @@ impl Experiment {
     pub fn run<T>(
         &self,
         subject: &Path,
-        maps: &Maps<'_>,
         end: End,
         outputs: &[PathBuf],
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
-        let (scenario, folder) = self.scenario(subject, maps, end).map_err(|error| {
+        let (scenario, folder) = self.scenario(subject, end).map_err(|error| {
             let is_endless = error.is::<system::NoStopTime>();
             if is_endless { anyhow!("{error:#}; give --{}", end.option) } else { error }
         })?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
-            let files: Vec<_> = inputs(&scenario, maps).into_iter().chain(own).collect();
+            let files: Vec<_> = inputs(&scenario).into_iter().chain(own).collect();
             writing::refuse_overlap(outputs, &files)?;
             let mut loaded = LoadedFmus::default();
             let scenario = self.with_values(scenario, &mut loaded)?;
@@ -101,12 +101,14 @@ impl Experiment {
     /// The scenario with the values of the command line.
     fn with_values(&self, mut scenario: Scenario, loaded: &mut LoadedFmus) -> Result<Scenario> {
         scenario.tolerance = self.tolerance;
+        let fmus = scenario.fmus.iter().map(|member| loaded.get(member)).collect::<Result<Vec<_>>>()?;
+        let links = links(&scenario, &fmus)?;
         if let Some(path) = &self.input {
-            take_inputs(&mut scenario, loaded, path)?;
+            take_inputs(&mut scenario, &links, path)?;
         }
         for (name, value) in &self.values {
             let location = Location::argument(&format!("--set {name}={value}"));
-            set(&mut scenario, loaded, name, value, &location)?;
+            set(&mut scenario, &fmus, &links, name, value, &location)?;
         }
         for path in &self.parameters {
             let location = Location::argument(&format!("--parameters {}", path.display()));
@@ -118,20 +120,19 @@ impl Experiment {
     }
 
     /// What to run, and the temporary folder of a system's FMUs, which must outlive the run.
-    fn scenario(&self, subject: &Path, maps: &Maps<'_>, end: End) -> Result<(Scenario, Option<Folder>)> {
+    fn scenario(&self, subject: &Path, end: End) -> Result<(Scenario, Option<Folder>)> {
         let Self { fmus, step, .. } = self;
         let times = Times { start: None, stop: end.time, step: *step };
         let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
         let (mut scenario, folder) = match ending.to_str() {
             Some("fmu") => {
-                fmus.refuse_files("single FMUs")?;
+                fmus.refuse("single FMUs")?;
                 let mut scenario = system::alone(subject, times)?;
-                fmus.give(&mut scenario, maps)?;
+                fmus.give(&mut scenario)?;
                 (scenario, None)
             }
             Some("ssp") => {
-                fmus.refuse_files("systems")?;
-                maps.refuse("a system defines its own conversions")?;
+                fmus.refuse("systems")?;
                 let (scenario, folder) = system::read(subject, times)?;
                 (scenario, Some(folder))
             }
@@ -139,12 +140,12 @@ impl Experiment {
                 if step.is_some() {
                     bail!("--step is for a system or a single FMU; {} sets its own", subject.display());
                 }
-                let mut scenario = Scenario::read(subject, &fmus.folder, maps.read)?;
+                let mut scenario = Scenario::read(subject, &fmus.folder)?;
                 if let Some(time) = end.time {
                     let location = Location::argument(&format!("--{} {time}", end.option));
                     location.locate(scenario.end_at(time))?;
                 }
-                fmus.give(&mut scenario, maps)?;
+                fmus.give(&mut scenario)?;
                 (scenario, None)
             }
         };
@@ -171,15 +172,14 @@ fn model_of_this_folder() -> Result<PathBuf> {
 }
 
 /// Drives inputs by the columns of measured data.
-fn take_inputs(scenario: &mut Scenario, loaded: &mut LoadedFmus, path: &Path) -> Result<()> {
+fn take_inputs(scenario: &mut Scenario, links: &[Link], path: &Path) -> Result<()> {
     let location = Location::argument("--input");
     let data = location.locate(Data::read(path, None))?;
-    let fmus = scenario.fmus.iter().map(|member| loaded.get(member)).collect::<Result<Vec<_>>>()?;
-    let known = scenario.signals_of(&fmus);
     for column in data.columns() {
         let name = column.name();
-        if !known.iter().any(|known| known == name) {
-            let like = like(name, known.iter().map(String::as_str));
+        if !links.iter().any(|link| link.is_from(name)) {
+            let signals = links.iter().filter(|link| link.source.is_none());
+            let like = like(name, signals.map(|link| link.connection.output.as_str()));
             complain(&format!("warning: --input {}: no FMU has an input {name}{like}", path.display()));
             continue;
         }
@@ -192,23 +192,29 @@ fn take_inputs(scenario: &mut Scenario, loaded: &mut LoadedFmus, path: &Path) ->
 /// Sets a variable before initialization, or an input's signal.
 fn set(
     scenario: &mut Scenario,
-    loaded: &mut LoadedFmus,
+    fmus: &[Arc<Fmu>],
+    links: &[Link],
     name: &str,
     text: &str,
     location: &Location,
 ) -> Result<()> {
     let mut found = vec![];
-    for (index, member) in scenario.fmus.iter().enumerate() {
-        let fmu = loaded.get(member)?;
+    for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {
         let own = name.strip_prefix(&format!("{}:", member.name));
-        // A system's inputs are named after its connectors.
-        let driven = scenario.inputs_of(member, &fmu, name).into_iter().next().filter(|_| own.is_none());
-        let wanted = own.or(driven.map(|(input, _)| input)).unwrap_or(name);
+        // Connections may give a signal another name than its inputs.
+        let driven = links.iter().find(|link| link.target == index && link.is_from(name));
+        let driven = driven.filter(|_| own.is_none());
+        let wanted = own.or(driven.map(|link| link.connection.input.as_str())).unwrap_or(name);
         let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
         else {
             continue;
         };
         let value = location.locate(value(variable, text).and_then(|value| {
+            let value = match (value, driven) {
+                // A plain number is in the signal's unit.
+                (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.apply(number), None),
+                (value, _) => value,
+            };
             if let Some(meant) = value.meant_unit(variable, fmu.description()) {
                 let FmuVariable { name, start, unit, .. } = variable;
                 complain(&format!(
@@ -220,14 +226,13 @@ fn set(
             fitted.check_range(variable)?;
             Ok(fitted)
         }))?;
-        found.push((index, variable.clone(), value, driven.map(|(_, conversion)| conversion)));
+        found.push((index, variable.clone(), value, driven.map(|link| link.conversion)));
     }
     let [(index, variable, value, conversion), others @ ..] = &found[..] else {
-        return Err(location.error(not_found(scenario, loaded, name)?));
+        return Err(location.error(not_found(scenario, fmus, name)));
     };
     let number = value.number();
     if let (Some(conversion), Some(number)) = (conversion, number) {
-        // A plain number is in the signal's own unit.
         let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
         for member in &mut scenario.fmus {
             member.inputs.retain(|input| input.name != name);
@@ -262,10 +267,9 @@ fn drive(inputs: &mut Vec<Input>, name: &str, course: Course, location: &Locatio
     inputs.push(Input { name: name.to_owned(), course, location: location.clone() });
 }
 
-fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result<String> {
+fn not_found(scenario: &Scenario, fmus: &[Arc<Fmu>], name: &str) -> String {
     let mut known = vec![];
-    for member in &scenario.fmus {
-        let fmu = loaded.get(member)?;
+    for (member, fmu) in scenario.fmus.iter().zip(fmus) {
         let settable = fmu.description().variables.iter().filter(|variable| variable.is_settable());
         for variable in settable {
             known.push(variable.name.clone());
@@ -273,7 +277,7 @@ fn not_found(scenario: &Scenario, loaded: &mut LoadedFmus, name: &str) -> Result
         }
     }
     let like = like(name, known.iter().map(String::as_str));
-    Ok(format!("no FMU has a settable variable {name}{like}"))
+    format!("no FMU has a settable variable {name}{like}")
 }
 
 /// Parses a variable's value; a number may be followed by a space and a unit.

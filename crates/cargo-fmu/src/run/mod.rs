@@ -19,7 +19,8 @@ use clap::Args;
 use fmu_io::terminal::print;
 use fmu_io::writing;
 use fmu_master::scenario::Scenario;
-use fmu_master::{Fmu, NameMap, ONLY_ONCE, ReadMap};
+use fmu_master::{Fmu, ONLY_ONCE};
+use fmu_package::connection;
 use fmu_terms::like;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -34,13 +35,13 @@ pub use sweep::design::{Range, latin_fractions};
 /// Where `export` writes FMUs in a workspace.
 pub const FMUS: &str = "target/fmu";
 
-/// Opens an FMU for the command line, with different names and units if there is a map.
+/// Opens an FMU for the command line.
 ///
 /// # Errors
-/// Those of [`Fmu::open_with`]; for a missing file, with what to do about it.
-pub fn open(path: &Path, map: Option<&dyn NameMap>) -> Result<Arc<Fmu>> {
+/// Those of [`Fmu::open`]; for a missing file, with what to do about it.
+pub fn open(path: &Path) -> Result<Arc<Fmu>> {
     refuse_missing(path)?;
-    Fmu::open_with(path, None, map)
+    Fmu::open(path)
 }
 
 /// Refuses an FMU that is not there.
@@ -67,35 +68,7 @@ fn remedy(path: &Path) -> String {
     format!("`export` writes FMUs to {FMUS}{like}")
 }
 
-/// Maps of names, for commands that have them.
-#[derive(Clone, Copy)]
-pub struct Maps<'a> {
-    /// Reads the file that a scenario names.
-    pub read: ReadMap,
-    /// The files of the command line.
-    pub files: &'a [PathBuf],
-    /// Gives each of these to the FMUs of a scenario that it is for.
-    pub give: fn(&mut Scenario, &[PathBuf]) -> Result<()>,
-}
-
-impl Maps<'_> {
-    /// No maps.
-    pub const NONE: Self = Self { read: refuse_map, files: &[], give: |_, _| Ok(()) };
-
-    /// Refuses maps.
-    fn refuse(&self, reason: &str) -> Result<()> {
-        match self.files.first() {
-            Some(map) => bail!("--map {}: {reason}", map.display()),
-            None => Ok(()),
-        }
-    }
-}
-
-fn refuse_map(path: &Path) -> Result<Arc<dyn NameMap>> {
-    bail!("{}: this command has no maps of names", path.display())
-}
-
-/// Which FMUs a scenario runs.
+/// Which FMUs a scenario runs, and how they are connected.
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct FmuArguments {
@@ -105,14 +78,17 @@ pub struct FmuArguments {
     /// Replace an FMU of the scenario, by its name there, with another file
     #[arg(long = "fmu", value_name = "NAME=FILE.fmu", value_parser = name_and_value::<PathBuf>("NAME=FILE.fmu"))]
     pub files: Vec<(String, PathBuf)>,
+    /// Replace the scenario's connections, for FMUs with other names or units
+    #[arg(long, value_name = "FILE.toml")]
+    pub connections: Option<PathBuf>,
 }
 
 impl FmuArguments {
-    /// Replaces a scenario's FMUs with the given files, by name, and adds the maps.
+    /// Replaces a scenario's FMUs with the given files, by name, and its connections.
     ///
     /// # Errors
-    /// When the scenario has no such FMU, or there is no file.
-    pub fn give(&self, scenario: &mut Scenario, maps: &Maps<'_>) -> Result<()> {
+    /// When the scenario has no such FMU, there is no file, or the connections cannot be read.
+    pub fn give(&self, scenario: &mut Scenario) -> Result<()> {
         for (index, (name, file)) in self.files.iter().enumerate() {
             if self.files[..index].iter().any(|(other, _)| other == name) {
                 bail!("duplicate FMU: --fmu names {name} twice");
@@ -134,23 +110,29 @@ impl FmuArguments {
                 )));
             }
         }
-        (maps.give)(scenario, maps.files)
+        if let Some(file) = &self.connections {
+            scenario.connections = Some(connection::read(file)?);
+            scenario.files.push(file.clone());
+        }
+        Ok(())
     }
 
-    /// Refuses other files for FMUs.
-    fn refuse_files(&self, subject: &str) -> Result<()> {
-        match self.files.first() {
-            Some((name, file)) => bail!("--fmu {name}={}: only for scenarios, not {subject}", file.display()),
-            None => Ok(()),
-        }
+    /// Refuses what replaces parts of a scenario.
+    fn refuse(&self, subject: &str) -> Result<()> {
+        let option = match (self.files.first(), &self.connections) {
+            (Some((name, file)), _) => format!("--fmu {name}={}", file.display()),
+            (None, Some(file)) => format!("--connections {}", file.display()),
+            (None, None) => return Ok(()),
+        };
+        bail!("{option}: only for scenarios, not {subject}")
     }
 }
 
 /// All files that a run of the scenario depends on.
 #[must_use]
-pub fn inputs(scenario: &Scenario, maps: &Maps<'_>) -> Vec<PathBuf> {
+pub fn inputs(scenario: &Scenario) -> Vec<PathBuf> {
     let members = scenario.fmus.iter().map(|member| member.file.clone());
-    members.chain(scenario.files.clone()).chain(maps.files.iter().cloned()).collect()
+    members.chain(scenario.files.clone()).collect()
 }
 
 /// Threads for runs: a number of them or one per core, but a single one if an FMU allows only one instance per process.

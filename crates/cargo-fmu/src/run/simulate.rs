@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
-use super::{Maps, finite, progress_bar, write_file};
+use super::{finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
@@ -47,7 +47,7 @@ impl Simulate {
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
-    pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
+    pub fn run(&self) -> Result<()> {
         let subject = self.experiment.subject()?;
         let name = subject.file_stem().unwrap_or_default().to_string_lossy();
         let out = self.out.as_ref().map(|out| {
@@ -60,7 +60,7 @@ impl Simulate {
         let outputs: Vec<_> =
             out.iter().map(|(_, file)| file).chain(plot.iter().map(|(_, file)| file)).cloned().collect();
         let end = End { time: self.stop_time, option: "stop-time" };
-        self.experiment.run(&subject, maps, end, &outputs, |mut scenario, loaded| {
+        self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
             if let Some(names) = &self.record {
                 let location = Location::argument("--record");
                 let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };

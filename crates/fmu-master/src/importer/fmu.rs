@@ -8,12 +8,11 @@ use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
-use fmu_package::{FmuDescription, FmuVariable, Linear, Platform, Translation};
+use fmu_package::{FmuDescription, FmuVariable, Linear, Platform};
 use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;
 use super::folder::extract;
-use crate::name_map::NameMap;
 
 /// The capability flag of FMUs with a single instance per process, for [`Fmu::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
@@ -52,25 +51,17 @@ impl Fmu {
     /// If there is no such file, it is not an FMU, it has neither interface, it is not for this platform, its FMI
     /// version is neither 2.0 nor 3.0, or its library cannot be loaded; the message names the file.
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
-        Self::open_with(path, None, None)
+        Self::open_with(path, None)
     }
 
-    /// Opens an FMU as [`Fmu::open`] does, for the given interface, if any, and with the names and units of a map, if
-    /// any.
+    /// Opens an FMU as [`Fmu::open`] does, for the given interface, if any.
     ///
     /// # Errors
-    /// Those of [`Fmu::open`] and of the map, or when the FMU does not have the interface.
-    pub fn open_with(
-        path: impl AsRef<Path>,
-        interface: Option<Interface>,
-        map: Option<&dyn NameMap>,
-    ) -> Result<Arc<Self>> {
+    /// Those of [`Fmu::open`], or when the FMU does not have the interface.
+    pub fn open_with(path: impl AsRef<Path>, interface: Option<Interface>) -> Result<Arc<Self>> {
         let path = path.as_ref();
         let fmu = Self::open_anonymous(path, interface);
-        let fmu = Arc::new(fmu.with_context(|| format!("cannot import {}", path.display()))?);
-        let Some(map) = map else { return Ok(fmu) };
-        let translation = map.translation(&fmu.description).with_context(|| path.display().to_string())?;
-        Ok(fmu.translated(translation))
+        Ok(Arc::new(fmu.with_context(|| format!("cannot import {}", path.display()))?))
     }
 
     fn open_anonymous(path: &Path, interface: Option<Interface>) -> Result<Self> {
@@ -113,17 +104,21 @@ impl Fmu {
         })
     }
 
-    /// The FMU with other names and units, which replace its own from here on. Both share the loaded library.
+    /// The FMU with another description, whose names and units replace its own from here on. `conversions` lead from
+    /// the FMU's values to those of the names. Both share the loaded library.
     #[must_use]
-    pub fn translated(&self, translation: Translation) -> Arc<Self> {
-        let mut conversions = translation.conversions;
+    pub fn translated(
+        &self,
+        description: FmuDescription,
+        mut conversions: BTreeMap<String, Linear>,
+    ) -> Arc<Self> {
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
         Arc::new(Self {
             path: self.path.clone(),
             interface: self.interface,
             states: Arc::clone(&self.states),
             has_event_mode: self.has_event_mode,
-            description: translation.description,
+            description,
             conversions,
             functions: Arc::clone(&self.functions),
         })

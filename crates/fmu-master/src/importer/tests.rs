@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Result;
-use fmu_package::{FmuDescription, Linear, Translation, Value};
+use fmu_package::{FmuDescription, Linear, Value};
 
 use self::careless::DESCRIPTION;
 use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
@@ -73,7 +73,7 @@ fn a_translated_fmu_has_other_names_and_values() {
     // pressure = 2 level + 1
     let conversions = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
     let description = FmuDescription::parse(&description).unwrap();
-    let seen = own.translated(Translation { description, conversions });
+    let seen = own.translated(description, conversions);
     let mut instance = started(&seen).unwrap();
     let mut selections =
         [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];
@@ -534,7 +534,7 @@ fn an_interface_is_chosen_or_refused() {
     let path = folder.path().join("careless.fmu");
     careless::write(&path, DESCRIPTION, careless::library());
     assert_eq!(Fmu::open(&path).unwrap().interface(), Interface::CoSimulation);
-    let refusal = refusal(Fmu::open_with(&path, Some(Interface::ModelExchange), None));
+    let refusal = refusal(Fmu::open_with(&path, Some(Interface::ModelExchange)));
     assert!(refusal.ends_with("it is not for Model Exchange, only for co-simulation"), "{refusal}");
 }
 
@@ -568,8 +568,7 @@ fn members_of_model_exchange_are_coupled() {
         name = "follower"
         file = "follower.fmu"
     "#;
-    let maps = |_: &Path| anyhow::bail!("there are no maps");
-    let mut scenario = Scenario::parse("balls.toml", text, folder.path(), folder.path(), maps).unwrap();
+    let mut scenario = Scenario::parse("balls.toml", text, folder.path(), folder.path()).unwrap();
     let run = Master::new(&scenario, &mut LoadedFmus::default()).unwrap().run(|_| ()).unwrap();
     let [v, w] = ["v", "w"].map(|name| run.record.get(name).unwrap());
     let mut expected = 0.0;
@@ -584,7 +583,7 @@ fn members_of_model_exchange_are_coupled() {
         Master::new(&scenario, &mut LoadedFmus::default()).err().expect("it is refused").to_string();
     assert!(refused.ends_with("it is not for co-simulation, only for Model Exchange"), "{refused}");
     let refused =
-        Scenario::parse("balls.toml", &text.replace("\"me\"", "\"se\""), folder.path(), folder.path(), maps);
+        Scenario::parse("balls.toml", &text.replace("\"me\"", "\"se\""), folder.path(), folder.path());
     let refused = refused.unwrap_err().to_string();
     let expected = "expected \"cs\" for co-simulation or \"me\" for Model Exchange, found the text \"se\"";
     assert!(refused.ends_with(expected), "{refused}");
@@ -596,7 +595,7 @@ fn integrated(version: u8, states: usize, values: &[(&str, Value)]) -> Instance 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("misbehaving.fmu");
     careless::write(&path, &careless::misbehaving(version, states, "none"), careless::misbehaving_library());
-    let fmu = Fmu::open_with(&path, Some(Interface::ModelExchange), None).unwrap();
+    let fmu = Fmu::open_with(&path, Some(Interface::ModelExchange)).unwrap();
     let mut instance = fmu.instantiate("misbehaving").unwrap();
     instance.set_up(0.0, None).unwrap();
     for (name, value) in values {

@@ -24,34 +24,31 @@
 //!     reference = { steps = [[0, 1.0], [5, 1.5]] }
 //! "#;
 //! let [folder, fmus] = ["scenarios", "fmus"].map(Path::new);
-//! let scenario = Scenario::parse("tank.toml", text, folder, fmus, |_| anyhow::bail!("there are no maps"))?;
+//! let scenario = Scenario::parse("tank.toml", text, folder, fmus)?;
 //! assert_eq!(scenario.steps, 3000);
 //! assert_eq!(scenario.fmus[1].file, Path::new("fmus/Tank.fmu"));
 //! # Ok::<(), anyhow::Error>(())
 //! ```
 
 mod course;
-pub mod document;
 mod signal;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use fmu_io::document::{Document, Node, TomlTable};
 use fmu_io::reading;
 use fmu_io::terminal::number;
-use fmu_package::{Linear, ParameterSet, Value};
+use fmu_package::connection::{self, Connection};
+use fmu_package::{ParameterSet, Value};
 use fmu_record::Data;
-use fmu_terms::Causality;
 use toml::de::DeValue;
 
-use crate::importer::{Fmu, Interface};
-use crate::name_map::{NameMap, ReadMap};
+use crate::importer::Interface;
 
 pub use self::course::{Course, Measured};
-pub use self::document::Location;
-use self::document::{Document, Node, TomlTable};
 pub use self::signal::Signal;
+pub use fmu_io::document::Location;
 
 /// An experiment with coupled FMUs. Its methods keep dependent fields consistent, such as `stop_time` and `steps`.
 #[derive(Clone, Debug, Default)]
@@ -76,7 +73,7 @@ pub struct Scenario {
     pub fmus: Vec<Member>,
     /// Signals for the inputs of every FMU that has them.
     pub inputs: Vec<Input>,
-    /// The connections; none if outputs connect to inputs of the same name.
+    /// All connections; if none are given, outputs and signals connect to inputs of the same name.
     pub connections: Option<Vec<Connection>>,
     /// Whether an FMU was replaced by another that may lack some of its inputs.
     pub has_replaced_fmus: bool,
@@ -111,8 +108,6 @@ pub struct Member {
     pub file: PathBuf,
     /// The interface by which it runs; by default co-simulation if it offers that, else Model Exchange.
     pub interface: Option<Interface>,
-    /// From the FMU's names and units to those of the scenario.
-    pub map: Option<Arc<dyn NameMap>>,
     /// Where the scenario names it.
     pub location: Location,
     /// Parameter sets, applied before initialization.
@@ -160,25 +155,10 @@ pub struct Input {
     pub location: Location,
 }
 
-/// A connection of a system.
-#[derive(Clone, Debug)]
-pub struct Connection {
-    /// The name of the FMU; none if it is a signal of the scenario.
-    pub source: Option<String>,
-    /// Its output, or the signal.
-    pub output: String,
-    /// The name of the FMU.
-    pub target: String,
-    /// Its input.
-    pub input: String,
-    /// From the output's value to the input's.
-    pub conversion: Linear,
-}
-
 /// Normally distributed noise on a connection or in the record.
 #[derive(Clone, Debug)]
 pub struct Noise {
-    /// The output, or the recorded variable.
+    /// The input that the connection leads to, or the recorded variable.
     pub name: String,
     /// In the variable's unit.
     pub standard_deviation: f64,
@@ -205,7 +185,6 @@ impl Member {
             name: name.to_owned(),
             file: file.to_owned(),
             interface: None,
-            map: None,
             location,
             parameters: vec![],
             values: vec![],
@@ -216,15 +195,14 @@ impl Member {
 }
 
 impl Scenario {
-    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`. `maps` reads the name maps of FMUs. The
-    /// FMUs are not opened.
+    /// Reads a file. Paths are relative to its folder, those of FMUs to `fmus`. The FMUs are not opened.
     ///
     /// # Errors
     /// When a file cannot be read, or the scenario is not valid; the message names line and key, and what was expected.
-    pub fn read(path: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
+    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
         let text = reading::text(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus, maps)?;
+        let mut scenario = Self::parse(&path.to_string_lossy(), &text, folder, fmus)?;
         scenario.files.push(path.to_owned());
         Ok(scenario)
     }
@@ -233,7 +211,7 @@ impl Scenario {
     ///
     /// # Errors
     /// See [`Scenario::read`].
-    pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path, maps: ReadMap) -> Result<Self> {
+    pub fn parse(file: &str, text: &str, folder: &Path, fmus: &Path) -> Result<Self> {
         let document = Document::parse(file, text)?;
         let root = document.root();
         let title = root.title()?.map(str::to_owned);
@@ -261,8 +239,9 @@ impl Scenario {
                     _ => Err(node.unexpected(EXPECTED)),
                 }
             })?,
-            fmus: read_members(&root, step, [folder, fmus], maps)?,
+            fmus: read_members(&root, step, [folder, fmus])?,
             inputs: root.optional("inputs").map_or(Ok(vec![]), |node| read_inputs(&node, folder))?,
+            connections: root.optional("connection").map(|node| connection::list(&node)).transpose()?,
             noise: root.optional("noise").map_or(Ok(vec![]), |node| read_noise(&node))?,
             measurement_noise: root
                 .optional("measurement_noise")
@@ -290,58 +269,6 @@ impl Scenario {
             Course::Signal(signal) => Some(signal),
             Course::Measured(_) => None,
         }
-    }
-
-    /// The inputs of an FMU that a signal of the scenario drives, each with the conversion from the signal's value.
-    #[must_use]
-    pub fn inputs_of<'a>(&'a self, member: &Member, fmu: &Fmu, signal: &'a str) -> Vec<(&'a str, Linear)> {
-        match &self.connections {
-            None => {
-                let is_input = fmu.names(Causality::Input).any(|name| name == signal);
-                is_input.then_some((signal, Linear::IDENTITY)).into_iter().collect()
-            }
-            Some(connections) => {
-                let driven = connections.iter().filter(|connection| {
-                    connection.source.is_none()
-                        && connection.output == signal
-                        && connection.target == member.name
-                });
-                driven.map(|connection| (connection.input.as_str(), connection.conversion)).collect()
-            }
-        }
-    }
-
-    /// The names by which a signal can drive inputs of the FMUs.
-    #[must_use]
-    pub fn signals_of(&self, fmus: &[Arc<Fmu>]) -> Vec<String> {
-        match &self.connections {
-            None => fmus.iter().flat_map(|fmu| fmu.names(Causality::Input)).map(str::to_owned).collect(),
-            Some(connections) => {
-                let outside = connections.iter().filter(|connection| connection.source.is_none());
-                outside.map(|connection| connection.output.clone()).collect()
-            }
-        }
-    }
-
-    /// The signal of an input that every FMU with it takes, by the first of them that declares a unit, if any does.
-    ///
-    /// # Errors
-    /// When measured data do not fit.
-    pub(crate) fn signal(&self, input: &Input, fmus: &[Arc<Fmu>]) -> Result<Signal> {
-        let members = self.fmus.iter().zip(fmus);
-        let takers: Vec<_> = members
-            .flat_map(|(member, fmu)| {
-                let taken = self.inputs_of(member, fmu, &input.name);
-                taken.into_iter().filter_map(|(name, conversion)| {
-                    Some((fmu.description().variable(name)?, fmu.description(), conversion))
-                })
-            })
-            .collect();
-        let with_unit = takers.iter().find(|(variable, ..)| !variable.unit.is_empty());
-        input.location.locate(match with_unit.or(takers.first()) {
-            Some((variable, fmu, conversion)) => input.course.fit(variable, fmu, *conversion),
-            None => input.course.plain(),
-        })
     }
 
     /// Lets the scenario end at another time (s).
@@ -412,24 +339,18 @@ fn count(duration: f64, step: f64) -> Result<u32> {
     Ok(count as u32)
 }
 
-fn read_members(root: &TomlTable<'_>, step: f64, folders: [&Path; 2], maps: ReadMap) -> Result<Vec<Member>> {
+fn read_members(root: &TomlTable<'_>, step: f64, folders: [&Path; 2]) -> Result<Vec<Member>> {
     const EXPECTED: &str = "a table [[fmu]] for each FMU, in the order of stepping";
     let list = root.required("fmu", EXPECTED)?;
     let mut members: Vec<Member> = vec![];
     for node in list.list(EXPECTED)? {
-        members.push(read_member(&node, step, folders, maps, &members)?);
+        members.push(read_member(&node, step, folders, &members)?);
     }
     if members.is_empty() { Err(list.unexpected(EXPECTED)) } else { Ok(members) }
 }
 
 /// Reads an FMU that comes after others.
-fn read_member(
-    node: &Node<'_>,
-    step: f64,
-    [folder, fmus]: [&Path; 2],
-    maps: ReadMap,
-    others: &[Member],
-) -> Result<Member> {
+fn read_member(node: &Node<'_>, step: f64, [folder, fmus]: [&Path; 2], others: &[Member]) -> Result<Member> {
     let table = node.table("a table [[fmu]]")?;
     let name_node = table.required("name", "the FMU's name in the scenario")?;
     let name = name_node.string("a text")?;
@@ -442,7 +363,6 @@ fn read_member(
     let path = file.path("the FMU's path", fmus)?;
     let member = Member {
         interface: table.optional("interface").map(|node| read_interface(&node)).transpose()?,
-        map: table.optional("map").map(|node| read_map(&node, folder, maps)).transpose()?,
         parameters: table.optional("parameters").map_or(Ok(vec![]), |node| {
             const EXPECTED: &str = "a list of paths of parameter sets (.ssv)";
             node.list(EXPECTED)?.iter().map(|node| read_parameters(node, folder, EXPECTED)).collect()
@@ -462,11 +382,6 @@ fn read_interface(node: &Node<'_>) -> Result<Interface> {
         Ok(interface @ (Interface::CoSimulation | Interface::ModelExchange)) => Ok(interface),
         _ => Err(node.unexpected(EXPECTED)),
     }
-}
-
-fn read_map(node: &Node<'_>, folder: &Path, maps: ReadMap) -> Result<Arc<dyn NameMap>> {
-    let path = node.path("the path of a map (.json)", folder)?;
-    node.location().locate(maps(&path))
 }
 
 fn read_parameters(node: &Node<'_>, folder: &Path, expected: &str) -> Result<(ParameterSet, Location)> {

@@ -3,9 +3,8 @@
 use std::f64::consts::TAU;
 
 use anyhow::Result;
+use fmu_io::document::{Node, TomlTable};
 use fmu_io::terminal::number as shown;
-
-use super::document::{Node, TomlTable};
 
 /// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
 const ROUNDING: f64 = 1e-9;

@@ -1,12 +1,8 @@
 use std::fs;
 
-use fmu_package::FmuDescription;
+use fmu_package::{FmuDescription, Linear};
 
 use super::*;
-
-fn no_maps(path: &Path) -> Result<Arc<dyn NameMap>> {
-    bail!("cannot read {}", path.display())
-}
 
 /// The least that a scenario needs, with lines after it.
 fn with(more: &str) -> String {
@@ -14,7 +10,7 @@ fn with(more: &str) -> String {
 }
 
 fn parse(text: &str) -> Result<Scenario> {
-    Scenario::parse("test.toml", text, Path::new("data"), Path::new("fmus"), no_maps)
+    Scenario::parse("test.toml", text, Path::new("data"), Path::new("fmus"))
 }
 
 fn refusal(text: &str) -> String {
@@ -206,7 +202,7 @@ fn a_column_of_a_file_is_what_its_input_makes_of_it() {
     .unwrap();
     let read = |column: &str, more: &str| {
         let text = with(&format!("[inputs]\na = {{ csv = \"a.csv\", column = \"{column}\"{more} }}"));
-        let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""), no_maps);
+        let scenario = Scenario::parse("test.toml", &text, folder.path(), Path::new(""));
         scenario.map(|scenario| scenario.inputs[0].course.clone()).map_err(|error| format!("{error:#}"))
     };
     let fmu = FmuDescription::parse(
@@ -264,13 +260,4 @@ fn a_column_of_a_file_is_what_its_input_makes_of_it() {
         assert!(refusal.ends_with(&format!("{place}{expected}")), "{refusal}");
     }
     assert!(read("nott", "").unwrap_err().starts_with("test.toml, line 7, inputs.a.csv: cannot read "));
-}
-
-/// The parser takes much memory for brackets.
-#[test]
-fn a_file_of_a_mebibyte_is_read_and_no_larger_one() {
-    let text = |length: usize| format!("title = \"{}\"", "x".repeat(length - 10));
-    assert!(Document::parse("a.toml", &text(1 << 20)).is_ok());
-    let refusal = Document::parse("a.toml", &"[".repeat((1 << 20) + 1)).err().unwrap().to_string();
-    assert!(refusal.starts_with("a.toml is larger than 1048576 bytes"), "{refusal}");
 }

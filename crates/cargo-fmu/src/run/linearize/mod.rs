@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 use self::loop_gain::{Margins, Point, margins, measure, periods};
 use self::response::{StateSpace, frequencies};
 use super::experiment::{End, Experiment};
-use super::{Maps, finite, number_in, positive, progress_bar, write_file};
+use super::{finite, number_in, positive, progress_bar, write_file};
 
 /// The sine added to a loop, relative to the connection's signal: far above integrator tolerances, and small enough to
 /// keep most loops at their operating points.
@@ -113,7 +113,7 @@ impl Linearize {
     ///
     /// # Errors
     /// When it cannot be run, there is nothing to linearize, or a file cannot be read or written.
-    pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
+    pub fn run(&self) -> Result<()> {
         if let Some(plot) = self.plot.as_ref().filter(|plot| plot.extension().is_none_or(|end| end != "html"))
         {
             bail!("{}: the page must end with .html", plot.display());
@@ -122,7 +122,7 @@ impl Linearize {
         let subject = self.experiment.subject()?;
         let outputs: Vec<_> = self.out.iter().chain(&self.plot).cloned().collect();
         let end = End { time: self.at, option: "at" };
-        let found = self.experiment.run(&subject, maps, end, &outputs, |scenario, loaded| {
+        let found = self.experiment.run(&subject, end, &outputs, |scenario, loaded| {
             let name = subject.file_stem().unwrap_or_default().to_string_lossy();
             let title = scenario.title.clone().unwrap_or_else(|| name.into_owned());
             self.find(title, scenario, loaded)

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::{JOURNAL, Study, report, results};
 use crate::run::journal::Journal;
-use crate::run::{FmuArguments, Maps, inputs, make_folder, progress_bar, refuse_overlap, threads, write};
+use crate::run::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, threads, write};
 use anyhow::Result;
 use clap::Args;
 use fmu_io::terminal::{complain, print};
@@ -33,11 +33,11 @@ impl Sweep {
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
-    pub fn run(&self, maps: &Maps<'_>) -> Result<()> {
+    pub fn run(&self) -> Result<()> {
         let Self { study, fmus, out, threads: wanted } = self;
-        let mut study = Study::read(study, &fmus.folder, maps)?;
-        fmus.give(&mut study.scenario, maps)?;
-        refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario, maps))?;
+        let mut study = Study::read(study, &fmus.folder)?;
+        fmus.give(&mut study.scenario)?;
+        refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario))?;
         let study = study.load()?;
         for note in &study.notes {
             complain(&format!("note: {note}"));

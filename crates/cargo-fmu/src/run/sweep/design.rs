@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use toml::de::DeValue;
 
 use super::Parameter;
-use fmu_master::scenario::document::{Node, TomlTable};
+use fmu_io::document::{Node, TomlTable};
 use fmu_master::scenario::read_value;
 
 /// The maximum number of runs, as a guard against typing errors.
@@ -185,7 +185,7 @@ fn read_list(node: &Node<'_>) -> Result<Design> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_master::scenario::document::Document;
+    use fmu_io::document::Document;
 
     fn design(text: &str) -> Result<Vec<Vec<f64>>> {
         let document = Document::parse("study", text)?;

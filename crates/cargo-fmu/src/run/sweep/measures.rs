@@ -4,8 +4,8 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use fmu_io::terminal::number;
 
+use fmu_io::document::{Node, TomlTable};
 use fmu_master::measure::{Following, between, greatest, least};
-use fmu_master::scenario::document::{Node, TomlTable};
 use fmu_master::scenario::{Location, Scenario, Signal};
 use fmu_record::{Column, Record};
 

@@ -16,9 +16,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use fmu_io::document::Document;
 use fmu_io::temporary::remove_unfinished;
 use fmu_io::{reading, writing};
-use fmu_package::{FmuVariable, Value};
+use fmu_package::{FmuVariable, Value, connection};
 use rayon::ThreadPool;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
@@ -26,8 +27,7 @@ use self::design::Design;
 use self::measures::Measure;
 use self::outcome::Outcome;
 use crate::run::journal::{Journal, digest};
-use crate::run::{Maps, make_folder};
-use fmu_master::scenario::document::Document;
+use crate::run::make_folder;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master, column_of};
 use fmu_record::{Column, TableFormat};
@@ -78,7 +78,7 @@ pub struct Loaded {
 
 impl Study {
     /// Reads a file, and the scenario that it names, relative to its folder. Paths of FMUs are relative to `fmus`.
-    pub fn read(path: &Path, fmus: &Path, maps: &Maps<'_>) -> Result<Self> {
+    pub fn read(path: &Path, fmus: &Path) -> Result<Self> {
         let text = reading::text(path)?;
         let document = Document::parse(&path.to_string_lossy(), &text)?;
         let root = document.root();
@@ -86,7 +86,7 @@ impl Study {
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = scenario.path("the path of a scenario", folder)?;
         // The scenario's messages have their own locations.
-        let mut scenario = Scenario::read(&file, fmus, maps.read)?;
+        let mut scenario = Scenario::read(&file, fmus)?;
         scenario.files.push(path.to_owned());
         let title = root.title()?.map(str::to_owned);
         let keeps_records = root.optional("records").map_or(Ok(false), |node| {
@@ -215,9 +215,6 @@ impl Loaded {
         for member in &scenario.fmus {
             let name = &member.name;
             set(format!("SHA-256 of {name}'s file"), digest(&member.file)?);
-            if let Some(map) = &member.map {
-                set(format!("{name}'s map"), map.text());
-            }
             for (index, (parameters, _)) in member.parameters.iter().enumerate() {
                 set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));
             }
@@ -236,6 +233,9 @@ impl Loaded {
             for input in &member.inputs {
                 set(format!("{name}'s inputs.{}", input.name), format!("{:?}", input.course));
             }
+        }
+        if let Some(connections) = &scenario.connections {
+            set("scenario's connections".into(), connection::in_line(connections));
         }
         for input in &scenario.inputs {
             set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.course));

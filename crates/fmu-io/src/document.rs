@@ -1,10 +1,10 @@
-//! Reads a TOML file value by value: a scenario, or a file of your own. Errors are reported with file,
+//! Reads a TOML file value by value: a scenario, connections, or a file of your own. Errors are reported with file,
 //! line and key.
 //!
 //! In each function, `expected` describes a valid value, for the message: `a number above 0, in m`.
 //!
 //! ```
-//! use fmu_master::scenario::document::Document;
+//! use fmu_io::document::Document;
 //!
 //! let document = Document::parse("study.toml", "runs = 3\nseeds = 1")?;
 //! let root = document.root();
@@ -100,7 +100,8 @@ impl<'a> Document<'a> {
     }
 
     /// All paths that were read.
-    pub(crate) fn into_files(self) -> Vec<PathBuf> {
+    #[must_use]
+    pub fn into_files(self) -> Vec<PathBuf> {
         self.files.into_inner()
     }
 
@@ -343,5 +344,19 @@ impl<'a> Node<'a> {
             Node::new(self.document, value, format!("{}[{}]", self.path, index + 1), &self.location)
         };
         Ok(list.iter().enumerate().map(node).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The parser takes much memory for brackets.
+    #[test]
+    fn a_file_of_a_mebibyte_is_read_and_no_larger_one() {
+        let text = |length: usize| format!("title = \"{}\"", "x".repeat(length - 10));
+        assert!(Document::parse("a.toml", &text(1 << 20)).is_ok());
+        let refusal = Document::parse("a.toml", &"[".repeat((1 << 20) + 1)).err().unwrap().to_string();
+        assert!(refusal.starts_with("a.toml is larger than 1048576 bytes"), "{refusal}");
     }
 }

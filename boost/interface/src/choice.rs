@@ -1,0 +1,99 @@
+//! The variables that connections choose for the ports of an FMU.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use fmu_package::Kind;
+use fmu_package::connection::{Connection, Conversion};
+
+use crate::{Interface, Port, Role};
+
+/// An FMU's variable for a port.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// Its name.
+    pub name: String,
+    /// From its values to the interface's.
+    pub to_interface: Conversion,
+    /// The connection that names it.
+    pub connection: Connection,
+}
+
+/// The choices of connections for an FMU in a role, by the ports' names.
+///
+/// One end of each connection has a name of the interface, the other the FMU's. If both ends are of the interface, the
+/// FMU has its name, unless another connection says otherwise: so the files of two FMUs go together.
+///
+/// # Errors
+/// When a connection names another FMU, has no end or two different ones of the interface, or a port has two variables.
+pub fn choices(
+    interface: &Interface,
+    role: Role,
+    connections: &[Connection],
+) -> Result<BTreeMap<String, Choice>> {
+    let mut choices: BTreeMap<String, Choice> = BTreeMap::new();
+    for connection in connections {
+        let Connection { source, output, target, input, location, .. } = connection;
+        for fmu in source.iter().chain([target]) {
+            if ![role, role.other()].iter().any(|role| role.name() == fmu) {
+                return Err(location.error(format!("{fmu} is neither plant nor controller")));
+            }
+        }
+        let (kind, own, other) = if target == role.name() {
+            (Kind::Input, input, output)
+        } else if source.as_deref() == Some(role.name()) {
+            (Kind::Output, output, input)
+        } else {
+            continue;
+        };
+        // A signal may drive any input.
+        let port = |name: &String| {
+            let is_meant = |port: &Port<'_>| {
+                port.kind == kind && port.name() == name && (source.is_none() || port.couples())
+            };
+            interface.ports(role).find(is_meant).map(|port| port.name())
+        };
+        let [from, to] = [connection.from(), connection.to()];
+        let refused = |reason: &str| Err(location.error(format!("{reason}: {from} and {to}")));
+        let (name, has_others_name) = match (port(other), port(own)) {
+            (Some(theirs), Some(ours)) if theirs != ours => {
+                return refused("two different variables of the interface");
+            }
+            (Some(name), _) => (name, true),
+            (None, Some(name)) => (name, false),
+            (None, None) => {
+                return refused("no variable of the interface");
+            }
+        };
+        let choice = Choice {
+            name: own.clone(),
+            to_interface: oriented(&connection.conversion, kind, has_others_name),
+            connection: connection.clone(),
+        };
+        match choices.get(name) {
+            Some(known) if known.name == *own || own == name => {}
+            Some(known) if known.name != name => {
+                let [one, two] = [&known.name, own];
+                return Err(location.error(format!("{name} is connected with both {one} and {two}")));
+            }
+            _ => {
+                choices.insert(name.to_owned(), choice);
+            }
+        }
+    }
+    Ok(choices)
+}
+
+/// The conversion to the interface. If the other end does not have the interface's name, its units are not those of the
+/// interface.
+fn oriented(conversion: &Conversion, kind: Kind, has_others_name: bool) -> Conversion {
+    let to_interface = match kind {
+        Kind::Input => conversion.inverse(),
+        Kind::Output => conversion.clone(),
+    };
+    match to_interface {
+        whole if has_others_name => whole,
+        Conversion::Units { from, .. } => Conversion::Units { from, to: None },
+        Conversion::Function(_) => Conversion::DECLARED,
+    }
+}
