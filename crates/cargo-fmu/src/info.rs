@@ -232,6 +232,5 @@ fn columns(variable: &FmuVariable, fmu: &FmuDescription) -> [String; 8] {
     let sizes = sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let FmuVariable { name, causality, variability, data_type, unit, start, description, .. } = variable;
     let data_type = if sizes.is_empty() { data_type.to_string() } else { format!("{data_type}[{sizes}]") };
-    [name, causality.text(), variability.text(), &data_type, unit, start, &range, description]
-        .map(|text| in_line(text))
+    [name, causality.text(), variability.text(), &data_type, unit, start, &range, description].map(in_line)
 }

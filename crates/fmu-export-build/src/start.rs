@@ -95,7 +95,7 @@ impl Start {
                     format!("'{name}' is not one of {}'s items {known}{nearest}", variable.data_type)
                 })
             }
-            _ => number().map(Self::Real),
+            ValueType::Standard(_) => number().map(Self::Real),
         }
     }
 }

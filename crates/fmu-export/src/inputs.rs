@@ -35,6 +35,7 @@ pub trait Inputs: Clone + core::fmt::Debug + PartialEq + Persistent + Send + Syn
 }
 
 /// The inputs as functions of the time since the step's start.
+#[allow(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
     /// The inputs at the step's start, within their bounds, as of [`InputSignal::update`].

@@ -272,7 +272,7 @@ impl Integrator {
             if is_beyond && error.largest <= 1.0 {
                 work.find_dense(last, system);
                 let of_dense = work.dense_error(last, system, tolerance);
-                if !(of_dense.largest <= error.largest) {
+                if of_dense.largest > error.largest {
                     error = of_dense;
                 }
             }

@@ -251,7 +251,7 @@ impl<'m, 'a> Page<'m, 'a> {
                 let name = &self.model.declaration.enumerations[enumeration].name;
                 format!("<a href=\"#{name}\">{}</a>", breakable(name))
             }
-            _ => field.declaration.data_type.clone(),
+            ValueType::Standard(_) => field.declaration.data_type.clone(),
         }
     }
 

@@ -67,7 +67,7 @@ impl Generator<'_, '_> {
                 }
                 ValueType::Standard(DataType::String) => "u8::from(mark).to_string()".to_owned(),
                 ValueType::Standard(DataType::Binary) => "vec![mark.into()]".to_owned(),
-                _ => "mark.into()".to_owned(),
+                ValueType::Standard(_) => "mark.into()".to_owned(),
             };
             let _ = if variable.is_array() {
                 let (place, flat) = (scalar.place.field_name(), self.flat(variable, true));

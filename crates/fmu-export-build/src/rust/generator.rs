@@ -111,7 +111,7 @@ impl<'m, 'a> Generator<'m, 'a> {
             ValueType::Standard(DataType::Float32) => "f32",
             ValueType::Standard(DataType::Binary) => "Vec<u8>",
             ValueType::Standard(DataType::Clock) => "::fmu_export::Clock",
-            _ => "T",
+            ValueType::Standard(_) => "T",
         };
         name.to_owned()
     }
@@ -211,7 +211,9 @@ impl<'m, 'a> Generator<'m, 'a> {
                 let items = self.model.declaration.enumerations[enumeration].items.len();
                 ("1.0".to_owned(), format!("{items}.0"))
             }
-            _ => (bound(scalar.min, "f64::NEG_INFINITY"), bound(scalar.max, "f64::INFINITY")),
+            ValueType::Standard(_) => {
+                (bound(scalar.min, "f64::NEG_INFINITY"), bound(scalar.max, "f64::INFINITY"))
+            }
         }
     }
 }

@@ -257,7 +257,7 @@ fn stiff_states_are_within_the_tolerance_at_all_points() {
                 simulation.step(100.0 / f64::from(steps)).unwrap();
                 let mut states = [0.0; 8];
                 hires::Variables::each_state(&simulation.variables, |state, value: f64| {
-                    states[state] = value
+                    states[state] = value;
                 });
                 states
             })
