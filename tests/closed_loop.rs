@@ -23,7 +23,7 @@ use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
 use boost_steps::BOOST_STEPS;
 use fmu_export::description::Causality;
-use fmu_export::{Experiment, InputSignal, Model, Simulation, Variables};
+use fmu_export::{Experiment, Fmu, InputSignal, InputsOf, Model, Simulation, Variables};
 use random::Random;
 
 /// The controller's sample time and the step of most masters here (s).
@@ -35,42 +35,42 @@ const END_OF_FIGURE_13: f64 = 124.0;
 const MARGIN: f64 = 20.0;
 
 /// A model with its variables.
-struct Instance<M: Model>(Simulation<M>);
+struct Instance<F: Fmu>(Simulation<F>);
 
-impl<M: Model> Deref for Instance<M> {
-    type Target = Simulation<M>;
+impl<F: Fmu> Deref for Instance<F> {
+    type Target = Simulation<F>;
 
     fn deref(&self) -> &Self::Target {
         &self.0
     }
 }
 
-impl<M: Model> DerefMut for Instance<M> {
+impl<F: Fmu> DerefMut for Instance<F> {
     fn deref_mut(&mut self) -> &mut Self::Target {
         &mut self.0
     }
 }
 
-impl<M: Model> Instance<M> {
+impl<F: Fmu> Instance<F> {
     fn new(start_time: f64) -> Self {
         let experiment = Experiment { start_time, ..Experiment::default() };
         Self(Simulation { experiment, ..Simulation::default() })
     }
 
-    fn initialize(&mut self, inputs: &<M::Variables as Variables>::Inputs) {
+    fn initialize(&mut self, inputs: &InputsOf<F::Model>) {
         self.inputs.clone_from(inputs);
         self.0.initialize().expect("initialization succeeds");
     }
 
     /// All outputs, in the order of the description.
     fn outputs(&self) -> Vec<f64> {
-        M::Variables::described()
+        <F::Model as Model>::Variables::described()
             .filter(|(_, variable)| variable.causality == Causality::Output)
             .map(|(reference, _)| self.variables.real(reference))
             .collect()
     }
 
-    fn step(&mut self, start: f64, size: f64, inputs: &<M::Variables as Variables>::Inputs) {
+    fn step(&mut self, start: f64, size: f64, inputs: &InputsOf<F::Model>) {
         self.time = start;
         self.0.step_with(size, &InputSignal::constant(inputs.clone())).expect("the step succeeds");
     }

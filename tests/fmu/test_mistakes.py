@@ -11,8 +11,7 @@ import pytest
 
 from fmu import ROOT, TARGET
 
-USE = """use fmu_export::{Clocked, Context, Equations, Error, InputsOf, Model, Number};
-use fmu_export::{Persistent, Sampled, Step};
+USE = """use fmu_export::{Context, Equations, Error, InputsOf, Model, Number, Persistent, Sampled, Step};
 """
 
 EQUATIONS = """
@@ -35,10 +34,9 @@ impl Model for Motor {
 }
 """
 
-SAMPLED = """
+TICKED = """
 impl Sampled for Motor {
     type Variables = Variables;
-    fn period(_: &Variables) -> f64 { 0.1 }
     fn sample(
         &mut self, _: fmu_export::Sample, _: &mut Variables, _: &Inputs, _: &mut Context<'_>,
     ) -> Result<(), Error> {
@@ -46,6 +44,7 @@ impl Sampled for Motor {
     }
 }
 """
+SAMPLED = TICKED.replace("Variables;", "Variables;\n    fn period(_: &Variables) -> f64 { 0.1 }", 1)
 
 
 def with_first(statement: str) -> str:
@@ -76,10 +75,6 @@ MISTAKES = {
     "equations_as_sampled": (
         "fmu!(sampled struct Motor);" + EQUATIONS,
         "`Motor` does not implement `Sampled`: write `fmu!(Motor)`",
-    ),
-    "equations_as_clocked": (
-        "fmu!(clocked struct Motor);" + EQUATIONS,
-        "`Motor` does not implement `Clocked`: write `fmu!(Motor)`",
     ),
     "nothing_implemented": (
         "fmu!(equations struct Motor);",
@@ -236,6 +231,22 @@ def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_
     print(result.stderr)
     assert result.returncode != 0
     assert "`next_event` says when its samples are due, and `event` computes them" in result.stderr
+
+
+def test_a_sampled_model_with_neither_period_nor_clocks_is_refused(tmp_path: Path) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    tmp_path.joinpath("model.json").write_text(json.dumps(DECLARATION))
+    tmp_path.joinpath("src").mkdir()
+    tmp_path.joinpath("src", "lib.rs").write_text(
+        "#![allow(unused)]\n" + USE + "fmu_export::fmu!(sampled struct Motor);" + TICKED
+    )
+    # The compiler looks at it as it makes code.
+    result = cargo("build", tmp_path)
+    print(result.stderr)
+    assert result.returncode != 0
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    assert "a `Sampled` model needs `fn period`, or clocks in its JSON" in said[0]
+    assert len(said) <= 2
 
 
 @pytest.mark.parametrize(

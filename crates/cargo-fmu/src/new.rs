@@ -60,6 +60,8 @@ enum Template {
     NeuralLayer,
     /// A sampled PI controller
     Sampled,
+    /// Two sampled controllers, each with a clock of its own
+    Cascade,
 }
 
 /// The files of a template.
@@ -98,6 +100,7 @@ impl Template {
             Self::Resource => files!("resource", "resources/y.txt"),
             Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),
             Self::Sampled => files!("sampled"),
+            Self::Cascade => files!("cascade"),
         }
     }
 }
@@ -218,14 +221,12 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
 }
 
 /// Types used by the templates, after which no model can be named.
-const USED_TYPES: [&str; 20] = [
-    "Clocked",
+const USED_TYPES: [&str; 17] = [
     "Context",
     "Equations",
     "Error",
     "Event",
     "Inputs",
-    "Integrated",
     "Locals",
     "Mode",
     "Number",
@@ -235,7 +236,6 @@ const USED_TYPES: [&str; 20] = [
     "Persistent",
     "Sample",
     "Sampled",
-    "SampledModel",
     "Simulation",
     "States",
     "Variables",

@@ -55,6 +55,9 @@ pub(crate) fn model<'a>(
     check::model::variables(&model, &mut refusals);
     dependencies::refuse_cycles(&model.scalars, &mut refusals);
     refusals.check()?;
+    if fmi.version == Version::Two {
+        leave_out_clocks(&mut model.scalars);
+    }
     if fmi.version == Version::Three && fmi.interfaces.model_exchange() {
         add_event_indicators(&mut model, &mut refusals);
         refusals.check()?;
@@ -73,6 +76,22 @@ pub(crate) fn model<'a>(
 /// The value reference after all others.
 fn next_reference(scalars: &[Scalar]) -> u32 {
     scalars.iter().map(|scalar| scalar.value_reference + 1).max().unwrap_or(0)
+}
+
+/// Lets nothing refer to clocks: in FMI 2.0, what changes at their ticks changes at time events.
+fn leave_out_clocks(scalars: &mut [Scalar]) {
+    let are_clocks: Vec<_> = scalars.iter().map(|scalar| scalar.place == Place::Clocks).collect();
+    for scalar in scalars {
+        scalar.clocks.clear();
+        if scalar.is_previous {
+            // It is of an earlier event.
+            scalar.reads = Some(Vec::new());
+        }
+        (scalar.previous, scalar.is_previous) = (None, false);
+        for reads in [&mut scalar.reads, &mut scalar.initial_reads].into_iter().flatten() {
+            reads.retain(|&read| !are_clocks[read]);
+        }
+    }
 }
 
 /// Adds the clock of a sampled model. Every variable changes only at its ticks, and depends on everything known then.

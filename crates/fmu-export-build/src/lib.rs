@@ -96,7 +96,7 @@ pub fn generate(declaration: impl AsRef<Path>) {
         Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
             println!(
                 "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
-                 model's type, or `sampled` or `clocked` instead of `equations`, or neither for a `Model`",
+                 model's type, or `sampled` instead of `equations`, or neither for a `Model`",
                 declaration.display()
             );
             end_build();

@@ -211,6 +211,11 @@ impl<'a> Model<'a> {
         self.fmi.version == Version::Three && self.reads_elements
     }
 
+    /// Whether the FMU has a place's variables. In FMI 2.0 it has no clocks: their ticks are time events.
+    pub(crate) fn exports(&self, place: Place) -> bool {
+        place != Place::Clocks || self.fmi.version == Version::Three
+    }
+
     /// The declared variable of a position.
     pub(crate) fn field(&self, position: usize) -> &Field<'a> {
         let [part, field] = self.scalars[position].field;

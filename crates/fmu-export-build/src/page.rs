@@ -105,7 +105,7 @@ impl<'m, 'a> Page<'m, 'a> {
     fn facts(&self, guid: &str) -> String {
         let model = self.model;
         let counts = TABLES.iter().filter_map(|table| {
-            let fields = fields(model).filter(|(_, field)| table.has(field));
+            let fields = fields(model).filter(|(_, field)| table.has(field) && model.exports(field.place));
             let count: usize = fields.map(|(_, field)| field.positions.len()).sum();
             (count > 0).then(|| format!("{count} {}", table.title.to_lowercase()))
         });

@@ -48,7 +48,7 @@ macro_rules! exported_function {
         unsafe extern "C" fn $symbol($($argument: $type),*) $(-> $result)? {
             #[inline]
             #[allow(clippy::too_many_arguments, reason = "those of the standard")]
-            unsafe fn of<$fmu: Exported>($($argument: $type),*) $(-> $result)? {
+            unsafe fn of<$fmu: $crate::Fmu>($($argument: $type),*) $(-> $result)? {
                 // SAFETY: the arguments are the importer's, unchanged.
                 unsafe { $body }
             }
@@ -63,18 +63,9 @@ macro_rules! exported_function {
 #[macro_export]
 macro_rules! exported_model {
     ($model:ty) => {
-        struct Fmu;
+        type Fmu = $model;
 
-        trait Exported {
-            type Model: $crate::Model;
-            const CHECKED: () = $crate::check_interfaces::<Self::Model>();
-        }
-
-        impl Exported for Fmu {
-            type Model = $model;
-        }
-
-        const _: () = <Fmu as Exported>::CHECKED;
+        const _: () = <Fmu as $crate::Fmu>::CHECKED;
     };
 }
 

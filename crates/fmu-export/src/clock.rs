@@ -1,6 +1,8 @@
 //! The clocks of FMI 3.0 (FMI 3.0.2, section 2.2.8), as a model sees them among its variables.
 
-use crate::description::IntervalVariability;
+use crate::description::{IntervalVariability, Name};
+use crate::display::Shown;
+use crate::error::Error;
 
 /// A clock: whether it ticks now and, if the model determines it, when it ticks next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,9 +20,11 @@ pub struct Clock {
     pub(crate) has_ticked: bool,
     /// In Scheduled Execution, the time of the last tick in s.
     pub(crate) activated: Option<f64>,
+    /// How many samples it has activated.
+    samples: u64,
 }
 
-crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated });
+crate::persistent!(Clock { ticks, interval, shift, is_new, told, has_ticked, activated, samples });
 
 /// The state of a reported interval: `fmi3IntervalQualifier`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +87,38 @@ impl Clock {
         }
     }
 
+    /// The time of its next sample in s, if its interval does not change.
+    pub(crate) fn next(&self, start_time: f64) -> Option<f64> {
+        Some(start_time + self.shift + self.samples as f64 * self.interval?)
+    }
+
+    /// Counts from 0 again.
+    pub(crate) fn restart(&mut self) {
+        self.samples = 0;
+    }
+
+    /// Counts a sample. Returns its number, from 0.
+    pub(crate) fn count(&mut self) -> u64 {
+        let number = self.samples;
+        self.samples += 1;
+        number
+    }
+
+    /// The interval in s, unless the model has not set it or it is invalid.
+    pub(crate) fn checked_interval(&self, name: Name, kind: IntervalVariability) -> Result<f64, Error> {
+        let Some(interval) = self.interval else {
+            return Err(Error::new(format!("the model has not set the interval of the clock {name}")));
+        };
+        check_time("interval", name, interval, interval > 0.0 || interval >= 0.0 && !kind.is_periodic())?;
+        Ok(interval)
+    }
+
+    /// The shift in s, unless it is invalid.
+    pub(crate) fn checked_shift(&self, name: Name) -> Result<f64, Error> {
+        check_time("shift", name, self.shift, self.shift >= 0.0)?;
+        Ok(self.shift)
+    }
+
     /// Reports the interval to the importer, and how it relates to the last report.
     pub(crate) fn tell(&mut self, kind: IntervalVariability) -> IntervalQualifier {
         let Some(interval) = self.interval else { return IntervalQualifier::NotYetKnown };
@@ -91,5 +127,14 @@ impl Clock {
         let has_changed =
             if kind.is_periodic() { told.map(f64::to_bits) != Some(interval.to_bits()) } else { is_new };
         if has_changed { IntervalQualifier::Changed } else { IntervalQualifier::Unchanged }
+    }
+}
+
+/// Rejects invalid clock times.
+pub(crate) fn check_time(what: &str, name: Name, time: f64, is_allowed: bool) -> Result<(), Error> {
+    if is_allowed && time.is_finite() {
+        Ok(())
+    } else {
+        Err(Error::new(format!("{} s for the {what} of the clock {name}", Shown(time))))
     }
 }

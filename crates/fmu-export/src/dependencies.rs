@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::description::{DataType, Dependencies, Name, ValueReference};
 use crate::error::Error;
-use crate::model::{Model, calculate_parameters};
+use crate::model::{Fmu, Model, calculate_parameters};
 use crate::number::Dual;
 use crate::variables::Variables;
 
@@ -22,7 +22,11 @@ const MOST_GROUPS: usize = 61;
 ///
 /// # Errors
 /// The first undeclared dependency, or a model without derivatives.
-pub fn check_dependencies<M: Model>(variables: &M::Variables) -> Result<(), Error> {
+pub fn check_dependencies<F: Fmu>(variables: &<F::Model as Model>::Variables) -> Result<(), Error> {
+    check::<F::Model>(variables)
+}
+
+fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
     let (mut model, mut variables) = (M::default(), variables.clone());
     calculate_parameters(&model, &mut variables);
     model.take_parameters(&variables);

@@ -29,8 +29,8 @@ use crate::variables::Variables;
 /// The struct's fields are what the model remembers between events, such as the active branch; `Clone` and
 /// [`Persistent`] must cover all of them, as in [`Model`](crate::Model).
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Equations`: write `fmu!({Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it implements \
-               `Model`, `Sampled` or `Clocked`",
+    message = "`{Self}` does not implement `Equations`: write `fmu!({Self})` or `fmu!(sampled {Self})` if it implements `Model` or \
+               `Sampled`",
     label = "exported as an `Equations`"
 )]
 pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {

@@ -19,7 +19,7 @@ use crate::event_loop::{EventLoop, Hybrid};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::Inputs as _;
 use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
-use crate::model::{InputsOf, Model, Serves, Step};
+use crate::model::{Fmu, InputsOf, Model, Serves, Step};
 use crate::number::Dual;
 use crate::search::{self, Trajectory};
 use crate::stops::{Stop, Stops};
@@ -113,6 +113,10 @@ impl<E: Equations, I: Integrate<E>> Default for Integrated<E, I> {
             evaluated: None,
         }
     }
+}
+
+impl<E: Equations, I: Integrate<E>> Fmu for Integrated<E, I> {
+    type Model = Self;
 }
 
 /// The rest belongs to a step in progress.

@@ -8,7 +8,7 @@
 //   fmi2, fmi3                            the functions of an FMI version
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled, clocked          models of equations (integrated), sampled and clocked ones as models
+//   integrated, sampled                   models of equations (integrated) and sampled ones as models
 //   equations, integration                the trait of models of equations, and how they are integrated
 //   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
 //   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
@@ -29,7 +29,6 @@ mod c_boundary;
 mod calling_sequence;
 mod checksum;
 mod clock;
-mod clocked;
 mod context;
 mod dependencies;
 pub mod description;
@@ -70,7 +69,6 @@ mod variables;
 pub mod wasm;
 
 pub use clock::Clock;
-pub use clocked::{Clocked, ClockedModel};
 pub use context::{Context, Experiment};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
@@ -79,15 +77,18 @@ pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+#[doc(hidden)]
 pub use integrated::{Integrate, Integrated};
 pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use integrator::{Part, TwoRates};
-pub use model::{InputsOf, Model, Step};
 #[doc(hidden)]
-pub use model::{Serves, check_interfaces};
+pub use model::Serves;
+pub use model::{Fmu, InputsOf, Model, Step};
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
-pub use sampled::{Sample, Sampled, SampledModel};
+#[doc(hidden)]
+pub use sampled::SampledModel;
+pub use sampled::{Sample, Sampled};
 pub use simulation::Simulation;
 #[doc(hidden)]
 pub use stops::{EventsLeft, Stop, Stops};
@@ -96,8 +97,8 @@ pub use variables::Variables;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a
-/// type that implements [`Model`], or after `equations`, [`Equations`], after `sampled`, [`Sampled`], after `clocked`,
-/// [`Clocked`]. `struct` before the type's name declares it, for a model without other memory.
+/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`]. `struct` before
+/// the type's name declares it, for a model without other memory.
 ///
 /// ```ignore
 /// fmu_export::fmu!(struct Lag);
@@ -122,28 +123,17 @@ macro_rules! fmu {
         $crate::fmu!(equations $model, $integrator);
     };
     (equations $model:ident $(, $integrator:ty)?) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::Integrated<$model $(, $integrator)?>);
+        $crate::fmu!(@exported $model, $crate::Integrated<$model $(, $integrator)?>);
     };
     (sampled struct $model:ident) => {
         $crate::fmu!(@struct $model);
         $crate::fmu!(sampled $model);
     };
     (sampled $model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::SampledModel<$model>);
-    };
-    (clocked struct $model:ident) => {
-        $crate::fmu!(@struct $model);
-        $crate::fmu!(clocked $model);
-    };
-    (clocked $model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($crate::ClockedModel<$model>);
+        $crate::fmu!(@exported $model, $crate::SampledModel<$model>);
     };
     ($model:ident) => {
-        $crate::fmu!(@variables);
-        variables::export_functions!($model);
+        $crate::fmu!(@exported $model, $model);
     };
     (@struct $model:ident) => {
         /// The model.
@@ -151,7 +141,7 @@ macro_rules! fmu {
         pub struct $model;
         $crate::persistent!($model {});
     };
-    (@variables) => {
+    (@exported $exported:ident, $model:ty) => {
         /// The model's variables.
         pub mod variables {
             include!(env!(
@@ -165,11 +155,17 @@ macro_rules! fmu {
         }
         #[allow(unused_imports)]
         use variables::*;
+
+        impl $crate::Fmu for $exported {
+            type Model = $model;
+        }
+
+        variables::export_functions!($exported);
     };
     ($($other:tt)*) => {
         ::core::compile_error!(::core::concat!(
-            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)`, \
-             `fmu!(clocked NAME)` and `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
+            "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)` and \
+             `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
         ));
     };
 }

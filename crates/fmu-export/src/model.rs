@@ -16,14 +16,14 @@ use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.
 ///
-/// It is also the runtime's view of the other kinds of models, [`Equations`](crate::Equations),
-/// [`Sampled`](crate::Sampled) and [`Clocked`](crate::Clocked); the items that only these need are hidden.
+/// It is also the runtime's view of the other kinds of models, [`Equations`](crate::Equations) and
+/// [`Sampled`](crate::Sampled); the items that only these need are hidden.
 ///
 /// `Clone` saves and restores the model, and [`Persistent`] carries it into other processes, so both must cover its
 /// whole memory. A struct can derive both.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})`, `fmu!(sampled {Self})` or `fmu!(clocked {Self})` if it \
-               implements `Equations`, `Sampled` or `Clocked`",
+    message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements \
+               `Equations` or `Sampled`",
     label = "exported as a `Model`"
 )]
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
@@ -81,22 +81,6 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// nothing.
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
         let _ = (time, variables, inputs);
-    }
-
-    /// Computes a clock's tick at a time in s, in FMI 3.0: exactly one input clock [ticks](crate::Clock::ticks).
-    /// [`Clocked`](crate::Clocked) and [`Sampled`](crate::Sampled) models have clocks.
-    ///
-    /// # Errors
-    /// When the model cannot continue.
-    fn tick(
-        &mut self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let _ = (time, variables, inputs, context);
-        Err(Error::new("this model computes nothing when clocks tick"))
     }
 
     /// How the calculated variables change, at a time (s) between steps, when time, inputs, states and parameters
@@ -245,6 +229,22 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Ok(())
     }
 
+    /// Computes a clock's tick at a time in s, in FMI 3.0: exactly one input clock [ticks](crate::Clock::ticks).
+    ///
+    /// # Errors
+    /// When the model cannot continue.
+    #[doc(hidden)]
+    fn tick(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let _ = (time, variables, inputs, context);
+        Err(Error::new("this model computes nothing when clocks tick"))
+    }
+
     /// Advances over a communication step, or to an earlier stop (FMI 3.0.2, section 4.2). Without `events`, the model uses
     /// its own.
     ///
@@ -268,6 +268,19 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     fn enter_step_mode(&mut self) {}
 }
 
+/// What [`fmu!`](crate::fmu) exports, and [`Simulation`](crate::Simulation) runs: a model of any kind.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is no FMU: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements `Model`, \
+               `Equations` or `Sampled`"
+)]
+pub trait Fmu {
+    /// What the runtime makes of it: itself if it is a [`Model`].
+    type Model: Model;
+    /// Its interfaces are possible.
+    #[doc(hidden)]
+    const CHECKED: () = check_interfaces::<Self::Model>();
+}
+
 /// What the runtime can do with a kind of models beside co-simulation.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
@@ -287,8 +300,7 @@ impl Serves {
 }
 
 /// Refuses, while the model is compiled, interfaces for which it cannot be exported.
-#[doc(hidden)]
-pub const fn check_interfaces<M: Model>() {
+const fn check_interfaces<M: Model>() {
     let ModelDescription { interfaces, capabilities, .. } = M::Variables::DESCRIPTION;
     let Serves { model_exchange, event_mode, scheduled_execution } = M::SERVES;
     assert!(
@@ -302,11 +314,11 @@ pub const fn check_interfaces<M: Model>() {
     );
     assert!(
         scheduled_execution || !interfaces.scheduled_execution(),
-        "this model cannot be exported for Scheduled Execution: `Clocked` and `Sampled` models can be"
+        "this model cannot be exported for Scheduled Execution: `Sampled` models can be"
     );
     assert!(
         !interfaces.scheduled_execution() || !M::Variables::CLOCKS.is_empty(),
-        "Scheduled Execution needs a clock in the model's JSON: a variable of the type Clock, or of a sampled model \
+        "Scheduled Execution needs a clock in the model's JSON: a variable of the type Clock, or if the model has a period \
          \"clock\": {{\"name\": \"sample_clock\"}}"
     );
 }

@@ -1,5 +1,6 @@
 //! Sampled models, such as digital controllers: sample k is at `startTime + k · period`, whatever the importer's
-//! steps.
+//! steps. With several clocks, each has its own samples, in FMI 3.0 when the importer activates it (FMI 3.0.2, section
+//! 2.2.8).
 //!
 //! Samples are counted in integers, so they do not drift in long experiments. The master's time does drift in
 //! co-simulation: computing communication points by `t += h` adds up to half a unit in the last place of t per step,
@@ -7,11 +8,13 @@
 //! so times whose difference such rounding explains count as equal.
 
 use crate::audit::check_calculated_parameters;
+use crate::clock::Clock;
 use crate::context::Context;
+use crate::description::Version;
 use crate::display::Shown;
 use crate::error::Error;
 use crate::events::{Event, Events};
-use crate::model::{InputsOf, Model, Serves, Step, calculate_parameters};
+use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::persistence::Persistent;
 use crate::stops::{Stop, Stops, due_until};
 use crate::variables::Variables;
@@ -23,12 +26,13 @@ const MOST_COINCIDENCE: f64 = 0.05;
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;
 
-/// A model that computes at its samples; nothing changes in between.
+/// A model that computes at its samples; nothing changes in between. It has one [`period`](Sampled::period), or its JSON
+/// declares named clocks, variables of type `Clock` in the field `clocks`, each tick of which is a sample.
 ///
 /// `Clone` and [`Persistent`] must cover its whole memory, as in [`Model`].
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(clocked {Self})` if it implements \
-               `Model`, `Equations` or `Clocked`",
+    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})` or `fmu!(equations {Self})` if it implements `Model` or \
+               `Equations`",
     label = "exported as a `Sampled`"
 )]
 pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
@@ -38,8 +42,18 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
     const LONGEST_STEP: f64 = f64::MAX;
 
-    /// The sample period in s, finite and above 0. It may depend on fixed parameters.
-    fn period(variables: &Self::Variables) -> f64;
+    /// The sample period in s, finite and above 0. It may depend on fixed parameters. Models whose JSON declares clocks
+    /// omit it.
+    fn period(variables: &Self::Variables) -> f64 {
+        const {
+            assert!(
+                Self::Variables::HAS_CLOCKS,
+                "a `Sampled` model needs `fn period`, or clocks in its JSON: variables of the type Clock"
+            );
+        }
+        let _ = variables;
+        f64::NAN
+    }
 
     /// Rejects contradictory parameters.
     ///
@@ -61,22 +75,35 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (parameters, calculated);
     }
 
-    /// Computes the outputs before the first sample, which is at the start time. Called on a new model, possibly
-    /// several times, like [`Model::initialize`].
+    /// Computes the outputs before the first sample, which is at the start time if there is a period, and sets clock
+    /// intervals that depend on parameters. Called on a new model, possibly several times, like [`Model::initialize`].
     ///
     /// # Errors
     /// When no such outputs exist.
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<SampledModel<Self>>,
+        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let _ = (variables, inputs, context);
         Ok(())
     }
 
-    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals.
+    /// Recomputes, at a time (s) between samples, what belongs to no clock and depends on inputs or tunable parameters
+    /// that have changed, including the intervals of tunable clocks.
+    fn refresh(
+        &mut self,
+        time: f64,
+        variables: &mut Self::Variables,
+        inputs: &<Self::Variables as Variables>::Inputs,
+    ) {
+        let _ = (time, variables, inputs);
+    }
+
+    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals. If the model
+    /// has clocks, exactly one input clock [ticks](Clock::ticks); simultaneous ticks are one call each, ordered by
+    /// `priority`.
     ///
     /// # Errors
     /// When the model cannot continue.
@@ -84,7 +111,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         &mut self,
         sample: Sample,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<SampledModel<Self>>,
+        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error>;
 }
@@ -92,18 +119,18 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
 /// Identifies a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Its number, from 0.
+    /// Its number, from 0; with clocks, among the ticks of the same clock.
     pub number: u64,
     /// Its time in s.
     pub time: f64,
 }
 
-/// A sampled model as a [`Model`], also for Model Exchange, where each sample is a time event.
+/// A sampled model as a [`Model`], also for Model Exchange, where each sample is an event.
 #[derive(Clone, Debug, Default)]
 pub struct SampledModel<S> {
     /// The sampled model.
     pub sampled: S,
-    /// How many samples were executed.
+    /// How many samples of the period were executed.
     executed: u64,
     /// The start time in s.
     start_time: f64,
@@ -113,9 +140,60 @@ pub struct SampledModel<S> {
 
 crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, start_time, rounding });
 
+impl<S: Sampled> Fmu for SampledModel<S> {
+    type Model = Self;
+}
+
+/// The next sample.
+struct Due {
+    /// Its time in s.
+    time: f64,
+    /// The position of the clock that ticks, if there are any.
+    clock: Option<usize>,
+}
+
 impl<S: Sampled> SampledModel<S> {
-    fn next_sample(&self, period: f64) -> Sample {
-        Sample { number: self.executed, time: self.start_time + self.executed as f64 * period }
+    /// Whether the importer activates the clocks. In FMI 2.0 they are time events.
+    const IS_ACTIVATED: bool =
+        S::Variables::HAS_CLOCKS && matches!(S::Variables::DESCRIPTION.version, Version::Three);
+
+    /// The clocks whose samples need no importer: position and state, by priority.
+    fn uniform_clocks(variables: &S::Variables) -> impl Iterator<Item = (usize, &Clock)> {
+        let clocks = S::Variables::CLOCKS.iter().enumerate();
+        let uniform = clocks.filter(|(_, clock)| clock.interval_variability.is_uniform());
+        uniform.filter_map(|(position, _)| Some((position, variables.clock(position)?)))
+    }
+
+    /// The sample period in s; with clocks, the shortest.
+    fn period(variables: &S::Variables) -> f64 {
+        if !S::Variables::HAS_CLOCKS {
+            return S::period(variables);
+        }
+        let intervals = Self::uniform_clocks(variables).filter_map(|(_, clock)| clock.interval());
+        intervals.fold(f64::INFINITY, f64::min)
+    }
+
+    /// The next sample. Of clocks that tick at once, the first is that with the highest priority.
+    fn next_sample(&self, variables: &S::Variables, period: f64) -> Option<Due> {
+        if !S::Variables::HAS_CLOCKS {
+            return Some(Due { time: self.start_time + self.executed as f64 * period, clock: None });
+        }
+        let ticks = || {
+            let clocks = Self::uniform_clocks(variables);
+            clocks.filter_map(|(position, clock)| Some((position, clock.next(self.start_time)?)))
+        };
+        let earliest = ticks().map(|(_, time)| time).fold(f64::INFINITY, f64::min);
+        let latest = earliest + self.coincidence(earliest, period);
+        let (position, time) = ticks().find(|(_, time)| *time <= latest)?;
+        Some(Due { time, clock: Some(position) })
+    }
+
+    /// The difference in s within which times count as equal.
+    fn coincidence(&self, time: f64, period: f64) -> f64 {
+        // The second term covers the comparison's own rounding, at times far from 0.
+        let coincidence = COINCIDENCE * period + 2.0 * f64::EPSILON * time.abs() + self.rounding;
+        let most = MOST_COINCIDENCE * period;
+        if coincidence < most { coincidence } else { most }
     }
 
     /// The time in s before which the samples of a communication step lie.
@@ -123,10 +201,46 @@ impl<S: Sampled> SampledModel<S> {
         let (start, end) = (step.start, step.end());
         let largest = if start.abs() > end.abs() { start.abs() } else { end.abs() };
         self.rounding += 0.5 * f64::EPSILON * largest;
-        // The second term covers the comparison's own rounding, at times far from 0.
-        let coincidence = COINCIDENCE * period + 2.0 * f64::EPSILON * end.abs() + self.rounding;
-        let most = MOST_COINCIDENCE * period;
-        end - if coincidence < most { coincidence } else { most }
+        end - self.coincidence(end, period)
+    }
+
+    /// Computes a sample.
+    fn compute(
+        &mut self,
+        Due { time, clock }: Due,
+        variables: &mut S::Variables,
+        inputs: &InputsOf<Self>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let Some(position) = clock else {
+            let sample = Sample { number: self.executed, time };
+            self.executed += 1;
+            return self.sampled.sample(sample, variables, inputs, context);
+        };
+        let set = |variables: &mut S::Variables, ticks| {
+            if let Some(clock) = variables.clock_mut(position) {
+                clock.ticks = ticks;
+            }
+        };
+        set(variables, true);
+        let computed = self.tick(time, variables, inputs, context);
+        set(variables, false);
+        computed
+    }
+
+    /// Prepares the clocks.
+    fn start_clocks(variables: &mut S::Variables) -> Result<(), Error> {
+        for (position, description) in S::Variables::CLOCKS.iter().enumerate() {
+            let Some(clock) = variables.clock_mut(position) else { continue };
+            clock.restart();
+            if Self::IS_ACTIVATED {
+                continue;
+            }
+            let Some(variable) = S::Variables::description(description.value_reference) else { continue };
+            clock.checked_interval(variable.name(), description.interval_variability)?;
+            clock.checked_shift(variable.name())?;
+        }
+        Ok(())
     }
 }
 
@@ -139,12 +253,13 @@ impl<S: Sampled> Model for SampledModel<S> {
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
         S::check_parameters(variables)?;
         let period = S::period(variables);
-        if period > 0.0 && period.is_finite() {
-            Ok(())
+        let (is_right, rule) = if S::Variables::HAS_CLOCKS {
+            (period.is_nan(), "the clocks in the JSON have intervals of their own: omit `period`")
         } else {
-            let shown = Shown(period);
-            Err(Error::new(format!("the sample period is {shown} s; it must be finite and above 0")))
-        }
+            (period > 0.0 && period.is_finite(), "it must be finite and above 0")
+        };
+        let reason = || Error::new(format!("the sample period is {} s; {rule}", Shown(period)));
+        if is_right { Ok(()) } else { Err(reason()) }
     }
 
     fn initialize(
@@ -154,8 +269,8 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         *self = Self { start_time: context.experiment.start_time, ..Self::default() };
-        // In Scheduled Execution only.
-        if !S::Variables::CLOCKS.is_empty() {
+        // The clock of the period, in Scheduled Execution only.
+        if !S::Variables::HAS_CLOCKS && !S::Variables::CLOCKS.is_empty() {
             let period = S::period(variables);
             if let Some(clock) = variables.clock_mut(0) {
                 clock.set_interval(period);
@@ -163,7 +278,9 @@ impl<S: Sampled> Model for SampledModel<S> {
         }
         calculate_parameters(self, variables);
         self.sampled.initialize(variables, inputs, context)?;
-        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))
+        check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))?;
+        self.sampled.refresh(context.experiment.start_time, variables, inputs);
+        Self::start_clocks(variables)
     }
 
     fn calculate_parameters(
@@ -180,27 +297,27 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let period = S::period(variables);
+        let period = Self::period(variables);
         let until = self.end_of_samples(step, period);
-        loop {
-            let sample = self.next_sample(period);
-            if sample.time >= until {
-                return Ok(());
+        while let Some(due) = self.next_sample(variables, period) {
+            if due.time >= until {
+                break;
             }
-            let are_few = until - sample.time <= MOST_SAMPLES * period;
-            if !are_few {
-                return Err(too_many_samples(sample, until, period));
-            }
-            self.executed += 1;
+            check_number(&due, until, period)?;
             if step.inputs.is_constant() {
-                self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
+                self.compute(due, variables, step.inputs.initial(), context)?;
             } else {
                 // A sample that rounding places before the step uses the inputs at its start.
-                let offset = sample.time - step.start;
+                let offset = due.time - step.start;
                 let inputs = step.inputs.at(if offset > 0.0 { offset } else { 0.0 });
-                self.sampled.sample(sample, variables, &inputs, context)?;
+                self.compute(due, variables, &inputs, context)?;
             }
         }
+        Ok(())
+    }
+
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        self.sampled.refresh(time, variables, inputs);
     }
 
     fn tick(
@@ -210,9 +327,12 @@ impl<S: Sampled> Model for SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let sample = Sample { number: self.executed, time };
-        self.executed += 1;
-        self.sampled.sample(sample, variables, inputs, context)
+        // Inputs come first, of which only one ticks.
+        let positions = 0..S::Variables::CLOCKS.len();
+        let ticks = |&position: &usize| variables.clock(position).is_some_and(Clock::ticks);
+        let clock = positions.into_iter().find(ticks).and_then(|position| variables.clock_mut(position));
+        let number = clock.map_or(0, Clock::count);
+        self.sampled.sample(Sample { number, time }, variables, inputs, context)
     }
 
     fn next_event(
@@ -221,7 +341,10 @@ impl<S: Sampled> Model for SampledModel<S> {
         variables: &mut Self::Variables,
         _inputs: &InputsOf<Self>,
     ) -> Option<f64> {
-        Some(self.next_sample(S::period(variables)).time)
+        if Self::IS_ACTIVATED {
+            return None;
+        }
+        self.next_sample(variables, Self::period(variables)).map(|due| due.time)
     }
 
     fn event(
@@ -231,10 +354,14 @@ impl<S: Sampled> Model for SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        if event.is_due {
-            let sample = self.next_sample(S::period(variables));
-            self.executed += 1;
-            self.sampled.sample(sample, variables, inputs, context)?;
+        if !event.is_due {
+            return Ok(());
+        }
+        let period = Self::period(variables);
+        let Some(first) = self.next_sample(variables, period) else { return Ok(()) };
+        let latest = first.time + self.coincidence(first.time, period);
+        while let Some(due) = self.next_sample(variables, period).filter(|due| due.time <= latest) {
+            self.compute(due, variables, inputs, context)?;
         }
         Ok(())
     }
@@ -247,12 +374,14 @@ impl<S: Sampled> Model for SampledModel<S> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
+        if Self::IS_ACTIVATED {
+            return Ok(None);
+        }
         let end = step.end();
-        loop {
-            let period = S::period(variables);
-            let sample = self.next_sample(period);
+        let period = Self::period(variables);
+        while let Some(sample) = self.next_sample(variables, period) {
             // A sample at the end of a step belongs to the next one, unless it is an event of this one.
-            let Some(due) = due_until(end, Some(sample.time)) else { return Ok(None) };
+            let Some(due) = due_until(end, Some(sample.time)) else { break };
             let due = if due > step.start { due } else { step.start };
             if stops.events.has(due, end) {
                 return Ok(Some(Stop::Event(due)));
@@ -261,29 +390,33 @@ impl<S: Sampled> Model for SampledModel<S> {
             } else if stops.internal_steps && due > step.start {
                 return Ok(Some(Stop::InternalStep(due)));
             }
-            let are_few = end - sample.time <= MOST_SAMPLES * period;
-            if !are_few {
-                return Err(too_many_samples(sample, end, period));
-            }
-            self.executed += 1;
-            self.sampled.sample(sample, variables, step.inputs.initial(), context)?;
+            check_number(&sample, end, period)?;
+            let time = sample.time;
+            self.compute(sample, variables, step.inputs.initial(), context)?;
             if context.end.is_some() {
-                return Ok(None);
+                break;
             }
             if let Some(events) = &mut events {
-                events.set_next(Some(self.next_sample(S::period(variables)).time), sample.time, false)?;
+                let next = self.next_sample(variables, period).map(|due| due.time);
+                events.set_next(next, time, false)?;
             }
         }
+        Ok(None)
     }
 }
 
-/// The reason to reject a step until a time in s, whose samples start with this one.
+/// Rejects a step until a time in s that has too many samples, of which this is the first.
+fn check_number(due: &Due, until: f64, period: f64) -> Result<(), Error> {
+    let are_few = until - due.time <= MOST_SAMPLES * period;
+    if are_few { Ok(()) } else { Err(too_many_samples(due.time, until, period)) }
+}
+
 #[cold]
-fn too_many_samples(sample: Sample, until: f64, period: f64) -> Error {
+fn too_many_samples(first: f64, until: f64, period: f64) -> Error {
     Error::new(format!(
         "the step has {:.3e} samples, from {} s on, one every {} s; at most {MOST_SAMPLES:e} are computed per step",
-        (until - sample.time) / period,
-        Shown(sample.time),
+        (until - first) / period,
+        Shown(first),
         Shown(period)
     ))
 }

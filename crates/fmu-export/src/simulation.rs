@@ -6,7 +6,7 @@ use crate::clock::Clock;
 use crate::context::{Context, Experiment};
 use crate::error::Error;
 use crate::inputs::InputSignal;
-use crate::model::{InputsOf, Model, Step, calculate_parameters};
+use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
 use crate::variables::Variables;
 
 /// A model with its variables and messages. Unlike in an FMU, values are not checked.
@@ -20,13 +20,13 @@ use crate::variables::Variables;
 /// assert!(simulation.variables.outputs.voltage_lagged < 1.0);
 /// ```
 #[derive(Clone)]
-pub struct Simulation<M: Model> {
+pub struct Simulation<F: Fmu> {
     /// The model.
-    pub model: M,
+    pub model: F::Model,
     /// The variables, at their start values until initialization.
-    pub variables: M::Variables,
+    pub variables: VariablesOf<F>,
     /// The inputs of the next step.
-    pub inputs: InputsOf<M>,
+    pub inputs: InputsOf<F::Model>,
     /// The experiment that an importer would set up.
     pub experiment: Experiment,
     /// The time in seconds.
@@ -35,17 +35,19 @@ pub struct Simulation<M: Model> {
     pub messages: Vec<(&'static str, String)>,
     /// The variables with the parameters that the model took last.
     #[doc(hidden)]
-    pub taken: Option<M::Variables>,
+    pub taken: Option<VariablesOf<F>>,
     /// The inputs of the last step, if they were constant, and the states at its end.
     #[doc(hidden)]
-    pub left: Option<(InputsOf<M>, Vec<f64>)>,
+    pub left: Option<(InputsOf<F::Model>, Vec<f64>)>,
 }
 
-impl<M: Model> Default for Simulation<M> {
+type VariablesOf<F> = <<F as Fmu>::Model as Model>::Variables;
+
+impl<F: Fmu> Default for Simulation<F> {
     fn default() -> Self {
-        let variables = M::Variables::default();
+        let variables = VariablesOf::<F>::default();
         Self {
-            model: M::default(),
+            model: F::Model::default(),
             inputs: variables.inputs().clone(),
             variables,
             experiment: Experiment::default(),
@@ -57,13 +59,13 @@ impl<M: Model> Default for Simulation<M> {
     }
 }
 
-impl<M: Model> Simulation<M> {
+impl<F: Fmu> Simulation<F> {
     /// Checks the parameters and computes the values at the experiment's start time.
     ///
     /// # Errors
     /// Those of the model.
     pub fn initialize(&mut self) -> Result<(), Error> {
-        M::check_parameters(&self.variables)?;
+        F::Model::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
         self.left = None;
         let Self { model, variables, inputs, experiment, messages, .. } = self;
@@ -72,20 +74,21 @@ impl<M: Model> Simulation<M> {
         model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
     }
 
-    /// Advances by a communication step of a size in seconds with constant inputs.
+    /// Advances by a communication step of a size in seconds with constant inputs. Clocks whose interval does not change
+    /// tick.
     ///
     /// # Errors
     /// Those of the model; also when it requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         let mut inputs = InputSignal::constant(self.inputs.clone());
         let mut states = vec![];
-        M::Variables::each_state(&self.variables, |_, state: f64| states.push(state));
+        VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
         if self.left.take().is_some_and(|left| left.0 == self.inputs && left.1 == states) {
             inputs = inputs.kept();
         }
         self.step_with(size, &inputs)?;
         states.clear();
-        M::Variables::each_state(&self.variables, |_, state: f64| states.push(state));
+        VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
         self.left = Some((self.inputs.clone(), states));
         Ok(())
     }
@@ -94,7 +97,7 @@ impl<M: Model> Simulation<M> {
     ///
     /// # Errors
     /// Those of the model.
-    pub fn tick(&mut self, clock: impl Fn(&mut M::Variables) -> &mut Clock) -> Result<(), Error> {
+    pub fn tick(&mut self, clock: impl Fn(&mut VariablesOf<F>) -> &mut Clock) -> Result<(), Error> {
         self.take_parameters();
         let Self { model, variables, inputs, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
@@ -108,7 +111,7 @@ impl<M: Model> Simulation<M> {
     ///
     /// # Errors
     /// As [`Simulation::step`].
-    pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<M>>) -> Result<(), Error> {
+    pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<F::Model>>) -> Result<(), Error> {
         self.take_parameters();
         let Self { model, variables, experiment, messages, time, left, .. } = self;
         *left = None;
@@ -127,7 +130,9 @@ impl<M: Model> Simulation<M> {
     /// Computes what follows from the parameters, if they changed.
     fn take_parameters(&mut self) {
         let Self { model, variables, taken, .. } = self;
-        if M::TAKES_PARAMETERS && taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken)) {
+        if F::Model::TAKES_PARAMETERS
+            && taken.as_ref().is_none_or(|taken| !variables.has_parameters_of(taken))
+        {
             calculate_parameters(model, variables);
             model.take_parameters(variables);
             *taken = Some(variables.clone());

@@ -50,6 +50,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const INITIAL_DEPENDENCIES: &'static [Dependencies] = &[];
     /// Whether a Real output or derivative depends explicitly on time, or may.
     const DEPENDS_ON_TIME: bool = false;
+    /// Whether the JSON declares clocks. If not, Scheduled Execution has one, of a sampled model's period.
+    const HAS_CLOCKS: bool = false;
     /// The clocks: inputs first, by priority, then the others.
     const CLOCKS: &'static [ClockDescription] = &[];
     /// The variables and arrays that belong to clocks, each with the clocks' value references; ascending.

@@ -70,6 +70,13 @@ impl IntervalVariability {
     pub fn is_periodic(self) -> bool {
         matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
     }
+
+    /// Whether they are so throughout the experiment: initialization sets the interval.
+    #[must_use]
+    #[inline]
+    pub fn is_uniform(self) -> bool {
+        matches!(self, Self::Constant | Self::Fixed)
+    }
 }
 
 words! {

@@ -46,11 +46,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Integrated, Simulation};
+    use fmu_export::Simulation;
 
     #[test]
     fn the_ball_comes_to_rest_after_eleven_bounces() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         // The fall takes sqrt(2 h/g) = 0.4515 s, flight n twice as long times e^n: together 2.499 s.
         simulation.step(2.49)?;

@@ -1,15 +1,15 @@
 //! Clocks: periodic, triggered, countdown set by the model, and an output that the model ticks.
 
-use fmu_export::{Clocked, Context, Error};
+use fmu_export::{Context, Error, Sample, Sampled};
 
-fmu_export::fmu!(clocked struct {Type});
+fmu_export::fmu!(sampled struct {Type});
 
-impl Clocked for {Type} {
+impl Sampled for {Type} {
     type Variables = Variables;
 
-    fn tick(
+    fn sample(
         &mut self,
-        time: f64,
+        sample: Sample,
         variables: &mut Variables,
         inputs: &Inputs,
         _context: &mut Context<'_>,
@@ -18,7 +18,7 @@ impl Clocked for {Type} {
         outputs.total_in_clock_ticks += 1;
         if clocks.in_clock1.ticks() {
             outputs.in_clock1_ticks += 1;
-            if (4.0..5.0).contains(&time) {
+            if (4.0..5.0).contains(&sample.time) {
                 clocks.in_clock3.set_interval(0.0);
             }
         }

@@ -15,11 +15,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Error, Integrated, Simulation};
+    use fmu_export::{Error, Simulation};
 
     #[test]
     fn the_state_decays_exponentially() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.variables.parameters.k = 2.0;
         simulation.initialize()?;
         for _ in 0..5 {

@@ -21,11 +21,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Error, Integrated, Simulation};
+    use fmu_export::{Error, Simulation};
 
     #[test]
     fn outputs_are_the_inputs() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.inputs.string_input = "FMI".to_owned();
         simulation.inputs.enumeration_input = Option::Option2;
         simulation.initialize()?;

@@ -31,11 +31,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Error, Integrated, Simulation};
+    use fmu_export::{Error, Simulation};
 
     #[test]
     fn outputs_are_the_inputs() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.inputs.string_input = "FMI".to_owned();
         simulation.inputs.binary_input = vec![0, 255];
         simulation.inputs.int8_input = i8::MIN;

@@ -41,11 +41,11 @@ impl Sampled for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{SampledModel, Simulation};
+    use fmu_export::Simulation;
 
     #[test]
     fn the_command_rises_at_samples_up_to_its_limit() -> Result<(), Error> {
-        let mut simulation = Simulation::<SampledModel<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         simulation.step(0.15)?;
         // Two samples: proportional 0.5 V, and 0.05 V of the integral term.

@@ -37,11 +37,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Integrated, Simulation};
+    use fmu_export::Simulation;
 
     #[test]
     fn the_model_asks_for_the_end_at_the_top() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         simulation.step(8.5)?;
         assert_eq!(simulation.variables.outputs.counter, 9);

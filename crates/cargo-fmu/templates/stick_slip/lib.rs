@@ -62,11 +62,11 @@ impl Equations for {Type} {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmu_export::{Integrated, Simulation};
+    use fmu_export::Simulation;
 
     #[test]
     fn the_block_slips_once_the_spring_is_stronger_than_static_friction() -> Result<(), Error> {
-        let mut simulation = Simulation::<Integrated<{Type}>>::default();
+        let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         // 2 N are reached at 2 N / (100 N/m · 0.1 m/s) = 0.2 s; it slips for 2 (π - π/4) / (10 1/s) = 0.471 s.
         simulation.step(0.19)?;

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Place, Scalar};
 use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
 use crate::texts::one_line;
 use crate::type_names::{FIXED_NAMES, struct_names};
-use fmu_terms::Causality;
 
 pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     state_groups(model, refusals);
@@ -76,13 +75,23 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
 
 /// FMI 2.0 has fewer types than FMI 3.0.
 fn types_of_version(model: &Model<'_>, refusals: &mut Refusals) {
-    let is_wrong = |scalar: &&Scalar| {
-        model.fmi.version == Version::Two && !scalar.data_type.data_type().is_of(Version::Two)
+    if model.fmi.version == Version::Three {
+        return;
+    }
+    let is_uniform = |position| {
+        let kind = model.field(position).declaration.interval_variability;
+        kind.is_some_and(IntervalVariability::is_uniform)
     };
-    for Scalar { name, key, data_type, .. } in model.scalars.iter().filter(is_wrong) {
-        let data_type = data_type.data_type();
-        let reason = format!("{name}: FMI 2.0 has no type {data_type}; FMI 3.0 has it (--fmi 3)");
-        refusals.add(format!("{key}.type"), reason);
+    for (position, Scalar { name, key, data_type, .. }) in model.scalars.iter().enumerate() {
+        let reason = match data_type.data_type() {
+            data_type if data_type.is_of(Version::Two) => continue,
+            DataType::Clock if is_uniform(position) => continue,
+            DataType::Clock => {
+                "in FMI 2.0 only 'constant' and 'fixed' Clocks tick, by time events".to_owned()
+            }
+            data_type => format!("FMI 2.0 has no type {data_type}"),
+        };
+        refusals.add(format!("{key}.type"), format!("{name}: {reason}; FMI 3.0 has it (--fmi 3)"));
     }
 }
 

@@ -222,6 +222,9 @@ impl<'m, 'a> Page<'m, 'a> {
     /// The value reference of a variable, or (1) of its derivative; for an array that is not one variable, those of all
     /// elements.
     fn references(&self, field: &Field<'_>, offset: usize) -> String {
+        if !self.model.exports(field.place) {
+            return String::new();
+        }
         let scalars = field.positions.iter().map(|position| &self.model.scalars[position + offset]);
         let references: Vec<_> = scalars.map(|scalar| scalar.value_reference).collect();
         match references[..] {

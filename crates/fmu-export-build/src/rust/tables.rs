@@ -38,8 +38,10 @@ impl Generator<'_, '_> {
         if clocks.is_empty() {
             return clocks;
         }
+        let has_clocks = self.model.declaration.has_clocks();
         format!(
-            "    const CLOCKS: &'static [fmi::ClockDescription] = &[
+            "    const HAS_CLOCKS: bool = {has_clocks};
+    const CLOCKS: &'static [fmi::ClockDescription] = &[
 {clocks}    ];
     const CLOCKED: &'static [(fmi::ValueReference, &'static [fmi::ValueReference])] = &[
 {clocked}    ];

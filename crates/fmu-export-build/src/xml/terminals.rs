@@ -18,7 +18,8 @@ pub(crate) fn write(model: &Model<'_>) -> String {
         if arrays.contains(&positions[0]) {
             return vec![name.clone()];
         }
-        positions.iter().map(|&position| model.scalars[position].name.clone()).collect()
+        let members = positions.iter().map(|&position| &model.scalars[position]);
+        members.filter(|scalar| model.exports(scalar.place)).map(|scalar| scalar.name.clone()).collect()
     };
     // The format's version, even in FMUs of earlier FMI versions (FMI 3.0.2, section 2.4.9).
     let version = vec![("fmiVersion", "3.0".to_owned())];

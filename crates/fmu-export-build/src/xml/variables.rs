@@ -21,6 +21,8 @@ pub(crate) struct Variables<'m, 'a> {
     arrays: BTreeMap<usize, Vec<usize>>,
     /// The first element of a position's array.
     first: BTreeMap<usize, usize>,
+    /// In FMI 2.0: each position's index, from 1.
+    indices: Vec<usize>,
 }
 
 impl<'m, 'a> Variables<'m, 'a> {
@@ -29,7 +31,12 @@ impl<'m, 'a> Variables<'m, 'a> {
         let first =
             arrays.iter().flat_map(|array| array.iter().map(|&element| (element, array[0]))).collect();
         let arrays = arrays.into_iter().map(|array| (array[0], array)).collect();
-        Self { model, arrays, first }
+        let exported = model.scalars.iter().map(|scalar| usize::from(model.exports(scalar.place)));
+        let indices = exported.scan(0, |last, exported| {
+            *last += exported;
+            Some(*last)
+        });
+        Self { model, arrays, first, indices: indices.collect() }
     }
 
     fn is_fmi3(&self) -> bool {
@@ -46,7 +53,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         if self.is_fmi3() {
             self.model.scalars[self.variable_of(position)].value_reference as usize
         } else {
-            position + 1
+            self.indices[position]
         }
     }
 
@@ -57,7 +64,10 @@ impl<'m, 'a> Variables<'m, 'a> {
     pub(crate) fn write_all(&self, writer: &mut XmlWriter) -> io::Result<()> {
         let positions = 0..self.model.scalars.len();
         positions
-            .filter(|&position| self.variable_of(position) == position)
+            .filter(|&position| {
+                self.variable_of(position) == position
+                    && self.model.exports(self.model.scalars[position].place)
+            })
             .try_for_each(|position| self.write(writer, position))
     }
 

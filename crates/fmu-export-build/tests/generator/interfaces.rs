@@ -294,7 +294,11 @@ fn clocks_are_described_and_typed() {
         assert!(rust.contains(text), "{text} in {rust}");
     }
     let error = generate_into(&file, &folder, &package(), Interfaces::CoSimulation).unwrap_err().to_string();
-    assert!(error.contains("slow: FMI 2.0 has no type Clock; FMI 3.0 has it (--fmi 3)"), "{error}");
+    for clock in ["fast", "done"] {
+        let reason = "in FMI 2.0 only 'constant' and 'fixed' Clocks tick, by time events";
+        assert!(error.contains(&format!("{clock}: {reason}; FMI 3.0 has it (--fmi 3)")), "{error}");
+    }
+    assert!(!error.contains("slow:"), "{error}");
 
     let local = r#", {"name": "own", "type": "Clock"}"#;
     let of_local = r#", {"name": "own", "type": "Clock"},
@@ -319,6 +323,38 @@ fn clocks_are_described_and_typed() {
     {
         generate(more, interfaces).unwrap_or_else(|error| panic!("{error}"));
     }
+}
+
+/// Importers see neither clocks nor references to them; the model has the clocks.
+#[test]
+fn in_fmi_2_clocks_are_time_events() {
+    let folder = folder("clocks of fmi 2");
+    let file = folder.join("clocks.json");
+    let declaration = r#"{"model_identifier": "clocks", "terminals": [{"name": "all", "variables": ["slow", "level", "sum"]}],
+        "variables": [
+        {"name": "slow", "type": "Clock", "causality": "input", "interval_variability": "constant", "interval_decimal": 0.5},
+        {"name": "level", "causality": "input", "clocks": ["slow"], "variability": "discrete", "unit": "1", "start": 0},
+        {"name": "last_sum", "variability": "discrete", "clocks": ["slow"], "initial": "exact", "start": 0, "unit": "1"},
+        {"name": "sum", "causality": "output", "variability": "discrete", "clocks": ["slow"], "previous": "last_sum",
+         "reads": ["last_sum", "level", "slow"], "unit": "1"}
+    ]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generated = generate_into(&file, &folder, &package(), Interfaces::Both);
+    let generated = generated.unwrap_or_else(|error| panic!("{error}"));
+    let (xml, rust) = (read(&generated.model_description), read(&generated.variables));
+    assert!(!["slow", "clocks=", "previous"].iter().any(|word| xml.contains(word)), "{xml}");
+    for text in [
+        "<!-- index 4 -->\n    <ScalarVariable name=\"sum\" valueReference=\"4\"",
+        "<Outputs>\n      <Unknown index=\"4\" dependencies=\"2\"/>",
+        "<InitialUnknowns>\n      <Unknown index=\"4\" dependencies=\"2 3\"/>",
+    ] {
+        assert!(xml.contains(text), "{text} in {xml}");
+    }
+    assert!(rust.contains("slow: ::fmu_export::Clock::periodic(0.5, 0.0)"), "{rust}");
+    let terminals = read(&generated.terminals.expect("there is a terminal"));
+    assert!(terminals.contains("\"level\"") && !terminals.contains("slow"), "{terminals}");
+    let page = read(&generated.documentation);
+    assert!(page.contains("1 inputs") && page.contains("<tr id=\"slow\">"), "{page}");
 }
 
 #[test]

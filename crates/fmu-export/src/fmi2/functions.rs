@@ -1,8 +1,8 @@
 //! The macros that define a library's C functions, for the interfaces that an FMU offers.
 
-/// Defines the 34 C functions of FMI 2.0 Co-Simulation for a [`Model`], in a library of crate type `cdylib`.
+/// Defines the 34 C functions of FMI 2.0 Co-Simulation of an [`Fmu`], in a library of crate type `cdylib`.
 ///
-/// [`Model`]: crate::Model
+/// [`Fmu`]: crate::Fmu
 #[macro_export]
 macro_rules! fmi2_co_simulation {
     ($model:ty) => {

@@ -1,9 +1,9 @@
 //! The macro that defines a library's C functions.
 
-/// Defines the 75 C functions of FMI 3.0 for a [`Model`], in a library of crate type `cdylib`. Those of what the FMU does
-/// not offer fail.
+/// Defines the 75 C functions of FMI 3.0 of an [`Fmu`], in a library of crate type `cdylib`. Those of what the FMU does not
+/// offer fail.
 ///
-/// [`Model`]: crate::Model
+/// [`Fmu`]: crate::Fmu
 #[macro_export]
 macro_rules! fmi3_functions {
     ($model:ty) => {

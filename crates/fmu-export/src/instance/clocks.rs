@@ -8,23 +8,13 @@ use core::mem;
 use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
-use crate::clock::IntervalQualifier;
+use crate::clock::{IntervalQualifier, check_time};
 use crate::context::Context;
 use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
-use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
 use crate::status::Status;
 use crate::variables::Variables;
-
-/// Rejects invalid clock times.
-fn check_time(what: &str, name: Name, time: f64, is_allowed: bool) -> Result<(), Error> {
-    if is_allowed && time.is_finite() {
-        Ok(())
-    } else {
-        Err(Error::new(format!("{} s for the {what} of the clock {name}", Shown(time))))
-    }
-}
 
 impl<M: Model> Instance<M> {
     /// The clock of a value reference, with its position among the clocks.
@@ -186,19 +176,8 @@ impl<M: Model> Instance<M> {
             let (position, clock) = Self::clock(reference)?;
             let (name, kind) = (Self::clock_name(clock), clock.interval_variability);
             let state = self.memory.clock_mut(position);
-            let interval = state.interval();
-            match interval {
-                Some(interval) => {
-                    let is_allowed = interval > 0.0 || interval >= 0.0 && !kind.is_periodic();
-                    check_time("interval", name, interval, is_allowed)?;
-                }
-                None if kind == IntervalVariability::Countdown => {}
-                None => {
-                    return Err(Error::new(format!(
-                        "the model has not set the interval of the clock {name}"
-                    )));
-                }
-            }
+            let is_unknown = kind == IntervalVariability::Countdown && state.interval().is_none();
+            let interval = if is_unknown { None } else { Some(state.checked_interval(name, kind)?) };
             write(place, interval, state.tell(kind))?;
         }
         Ok(status)
@@ -256,8 +235,7 @@ impl<M: Model> Instance<M> {
         let status = self.compute_values()?;
         for (place, &reference) in references.iter().enumerate() {
             let (position, clock) = Self::clock(reference)?;
-            let shift = self.memory.clock_mut(position).shift;
-            check_time("shift", Self::clock_name(clock), shift, shift >= 0.0)?;
+            let shift = self.memory.clock_mut(position).checked_shift(Self::clock_name(clock))?;
             write(place, shift)?;
         }
         Ok(status)

@@ -23,6 +23,7 @@ fn main() {
         "two_parts",
         "tuned",
         "tuned_samples",
+        "two_clocks",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
@@ -30,7 +31,7 @@ fn main() {
         generate(Path::new(&declaration), Path::new(&out_dir), Version::Two);
     }
     // Models as FMI 3.0, in addition to or instead of FMI 2.0.
-    for model in ["tuned", "tuned_samples", "tuned_ticks", "ending"] {
+    for model in ["tuned", "tuned_samples", "tuned_ticks", "two_clocks", "ending"] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
         generate(Path::new(&declaration), &Path::new(&out_dir).join("fmi3"), Version::Three);

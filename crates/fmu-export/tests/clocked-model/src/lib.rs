@@ -1,15 +1,15 @@
 //! A model with a clock of each kind, for tests of the exporter.
 #![allow(non_snake_case)] // the library is named after the model identifier
 
-use fmu_export::{Clocked, Context, Error, Persistent};
+use fmu_export::{Context, Error, Persistent, Sample, Sampled};
 
-fmu_export::fmu!(clocked ClockedModel);
+fmu_export::fmu!(sampled ClockedModel);
 
 /// Its memory is in its variables.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct ClockedModel;
 
-impl Clocked for ClockedModel {
+impl Sampled for ClockedModel {
     type Variables = Variables;
 
     fn initialize(
@@ -29,9 +29,9 @@ impl Clocked for ClockedModel {
         variables.clocks.tuned.set_interval(variables.parameters.tuned_time);
     }
 
-    fn tick(
+    fn sample(
         &mut self,
-        time: f64,
+        sample: Sample,
         variables: &mut Variables,
         inputs: &Inputs,
         context: &mut Context<'_>,
@@ -52,7 +52,7 @@ impl Clocked for ClockedModel {
             outputs.order += " ";
             outputs.count += 1;
         }
-        locals.last = time;
+        locals.last = sample.time;
         if clocks.trigger.ticks() {
             locals.last_sum = outputs.sum;
             outputs.sum += inputs.amount;
@@ -61,7 +61,7 @@ impl Clocked for ClockedModel {
             }
             match inputs.amount {
                 101.. => return Err(Error::new("the amount is too large")),
-                100 => context.terminate(time),
+                100 => context.terminate(sample.time),
                 11.. => clocks.alarm.set_interval(f64::from(inputs.amount - 11)),
                 _ => {}
             }

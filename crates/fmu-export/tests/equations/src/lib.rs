@@ -5,8 +5,8 @@ use std::cell::Cell;
 
 use fmu_export::integrator::{RODAS5P, ROS34PW2};
 use fmu_export::{
-    Clocked, Context, Equations, Error, EvaluationOf, Event, Integration, Multirate, Number, Part,
-    Persistent, Sample, Sampled,
+    Context, Equations, Error, EvaluationOf, Event, Integration, Multirate, Number, Part, Persistent, Sample,
+    Sampled,
 };
 
 macro_rules! variables {
@@ -22,7 +22,7 @@ variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", h
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts",
     without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
     tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
-    tuned_ticks: "fmi3/tuned_ticks");
+    tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -524,11 +524,11 @@ tuned! {
     Tuned3, TunedSamples3: tuned_3, tuned_samples_3;
 }
 
-/// A clocked model that reads what follows from a tunable parameter.
+/// A sampled model with a clock that reads what follows from a tunable parameter.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct TunedTicks {}
 
-impl Clocked for TunedTicks {
+impl Sampled for TunedTicks {
     type Variables = tuned_ticks::Variables;
 
     fn calculate_parameters(
@@ -540,9 +540,9 @@ impl Clocked for TunedTicks {
         calculated.plain = calculated.scaled + parameters.gain;
     }
 
-    fn tick(
+    fn sample(
         &mut self,
-        _time: f64,
+        _sample: Sample,
         variables: &mut tuned_ticks::Variables,
         _inputs: &tuned_ticks::Inputs,
         _context: &mut Context<'_>,

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use std::ptr;
 
 use fmu_export::description::{ValueReference, Version};
-use fmu_export::{ClockedModel, Integrated, Model, SampledModel, Simulation, Variables as _, fmi2, fmi3};
+use fmu_export::{Integrated, Model, SampledModel, Simulation, Variables as _, fmi2, fmi3};
 use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -496,11 +496,11 @@ fn those_of_sampled_models_follow_before_the_next_sample() {
     check::<SampledModel<TunedSamples3>>(Interface::EventMode);
 }
 
-/// In a clocked model, calculated parameters change at once and outputs at the next tick.
+/// In a model with clocks, calculated parameters change at once and outputs at the next tick.
 #[test]
-fn those_of_clocked_models_follow_before_the_next_tick() {
+fn those_of_models_with_clocks_follow_before_the_next_tick() {
     for interface in [Interface::ModelExchange, Interface::EventMode] {
-        let mut importer = Importer::<ClockedModel<TunedTicks>>::new(interface);
+        let mut importer = Importer::<SampledModel<TunedTicks>>::new(interface);
         importer.initialize();
         assert_eq!(importer.get(["scaled", "plain"]), [20.0, 22.0]);
         assert!(importer.tune(5.0));
@@ -529,7 +529,7 @@ fn they_follow_in_simulations() {
     simulation.variables.parameters.gain = 5.0;
     simulation.step(0.5).unwrap();
     assert_eq!(simulation.variables.outputs.seen, 50.0);
-    let mut simulation = Simulation::<ClockedModel<TunedTicks>>::default();
+    let mut simulation = Simulation::<SampledModel<TunedTicks>>::default();
     simulation.initialize().unwrap();
     simulation.variables.parameters.gain = 5.0;
     simulation.tick(|variables| &mut variables.clocks.sample).unwrap();

@@ -1,8 +1,8 @@
 //! The built-in integrator against closed forms and independent solutions.
 
 use fmu_export::{
-    Context, Dual, Equations, Error, EvaluationOf, Event, InputSignal, Integrated, Model, Number, Persistent,
-    Simulation, Tape, Variables as _, check_dependencies, steady_state,
+    Context, Dual, Equations, Error, EvaluationOf, Event, Fmu, InputSignal, Integrated, Model as _, Number,
+    Persistent, Simulation, Tape, Variables as _, check_dependencies, steady_state,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,
@@ -36,7 +36,7 @@ fn bits<const N: usize>(values: [f64; N]) -> [u64; N] {
 }
 
 /// Goes to a time by a number of equal communication steps.
-fn go_to<M: Model>(simulation: &mut Simulation<M>, time: f64, steps: u32) -> Result<(), Error> {
+fn go_to<F: Fmu>(simulation: &mut Simulation<F>, time: f64, steps: u32) -> Result<(), Error> {
     let size = (time - simulation.time) / f64::from(steps);
     (0..steps).try_for_each(|_| simulation.step(size))
 }

@@ -237,6 +237,7 @@ fn what_both_fmus_and_the_templates_list_has_derivatives() {
         "ladder/fmu/NeuralLayer.fmu",
         "ladder/fmu/Furnace.fmu",
         "ladder/fmu/PiController.fmu",
+        "ladder/fmu/Cascade.fmu",
     ]));
     println!("{counts:?}");
     assert!(counts.len() == 7 && counts.iter().all(|count| *count > 0), "{counts:?}");

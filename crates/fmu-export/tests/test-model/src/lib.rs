@@ -7,10 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use fmu_export::persistence::{Archive, Persistent};
 use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, Serves, Step, Tape, Variables as _};
 
-mod variables {
-    fmu_export::include_variables!("TestModel");
-}
-use variables::{CalculatedParameters, Gear, Inputs, Manner, Parameters, Place, Start, Variables};
+fmu_export::fmu!(TestModel);
 
 /// A step ends at the model's end where it misses it by less, in s.
 const ROUNDING: f64 = 1e-9;
@@ -431,5 +428,3 @@ impl Model for TestModel {
         Ok(())
     }
 }
-
-variables::export_functions!(TestModel);
