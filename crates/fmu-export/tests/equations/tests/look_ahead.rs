@@ -125,14 +125,18 @@ impl Importer {
 
     /// Takes a communication step by its number. Returns `x` at its end.
     fn step(&mut self, number: i32) -> f64 {
+        self.step_from(f64::from(number) * SIZE, SIZE)
+    }
+
+    fn step_from(&mut self, start: f64, size: f64) -> f64 {
         // SAFETY: see above.
-        let status = unsafe { c_api::fmi2DoStep::<Model>(self.0, f64::from(number) * SIZE, SIZE, 1) };
-        assert_eq!(status, c_types::Status::Ok, "step {number}");
+        let status = unsafe { c_api::fmi2DoStep::<Model>(self.0, start, size, 1) };
+        assert_eq!(status, c_types::Status::Ok, "the step from {start} s");
         self.x()
     }
 
     /// Saves the state, and restores it in place of what a step from it leaves; `as_bytes`, from a copy.
-    fn save_and_restore(&mut self, number: i32, as_bytes: bool) {
+    fn save_and_restore(&mut self, start: f64, as_bytes: bool) {
         let mut state = ptr::null_mut();
         // SAFETY: see above.
         unsafe {
@@ -148,7 +152,7 @@ impl Importer {
                 assert_eq!(status, c_types::Status::Ok);
             }
             self.set("target", 3.0);
-            self.step(number);
+            self.step_from(start, SIZE);
             let status = c_api::fmi2SetFMUstate::<Model>(self.0, state);
             assert_eq!(status, c_types::Status::Ok);
             c_api::fmi2FreeFMUstate::<Model>(self.0, &raw mut state);
@@ -189,7 +193,8 @@ fn states_at_all_points_are_within_the_tolerance_and_cost_less() {
 fn a_run_that_saves_at_every_step_is_that_of_one_that_never_does() {
     let found = run(None, |_, _| {});
     for as_bytes in [false, true] {
-        let saved = run(None, |importer, number| importer.save_and_restore(number, as_bytes));
+        let saved =
+            run(None, |importer, number| importer.save_and_restore(f64::from(number) * SIZE, as_bytes));
         assert_eq!(bits(&saved), bits(&found), "as bytes: {as_bytes}");
     }
 }
@@ -203,6 +208,44 @@ fn setting_equal_values_and_reading_change_nothing() {
         importer.x();
     });
     assert_eq!(bits(&set), bits(&found));
+}
+
+#[test]
+fn in_any_order_what_changes_nothing_changes_nothing() {
+    for seed in 1..=50_u32 {
+        let mut random = seed;
+        // Of Numerical Recipes: its upper bits.
+        let mut draw = |of: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 16) % of
+        };
+        let (mut one, mut other) = (Importer::new(None), Importer::new(None));
+        let (mut time, mut target, mut rate) = (0.0, 0.0, 2.0);
+        for _ in 0..200 {
+            match draw(12) {
+                0 => target = f64::from(draw(3)),
+                1 => rate = 1.0 + f64::from(draw(3)),
+                _ => {}
+            }
+            for importer in [&mut one, &mut other] {
+                importer.set("target", target);
+                importer.set("rate", rate);
+            }
+            for _ in 0..draw(4) {
+                match draw(5) {
+                    0 => other.set("target", target),
+                    1 => other.set("rate", rate),
+                    2 => drop(other.x()),
+                    3 => other.save_and_restore(time, false),
+                    _ => other.save_and_restore(time, true),
+                }
+            }
+            let size = [SIZE, 0.1 * SIZE, 20.0 * SIZE][draw(3) as usize];
+            let [x, same] = [&mut one, &mut other].map(|importer| importer.step_from(time, size));
+            time += size;
+            assert_eq!(x.to_bits(), same.to_bits(), "seed {seed}: {x} and {same} at {time} s");
+        }
+    }
 }
 
 #[test]
