@@ -183,10 +183,12 @@ impl<M: Model> Instance<M> {
                 }
                 continue;
             }
-            if is_set(&memory.variables, reference, value) {
+            // Of a state, the start value is set, which its present value says nothing about.
+            let is_kept = variable.first_state.is_none() && is_set(&memory.variables, reference, value);
+            write(&mut memory.variables, reference, value);
+            if is_kept {
                 continue;
             }
-            write(&mut memory.variables, reference, value);
             if variable.causality == Causality::Input {
                 memory.inputs.set_others(memory.variables.inputs());
             } else {

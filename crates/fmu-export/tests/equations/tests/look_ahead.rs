@@ -72,7 +72,23 @@ impl Drop for Importer {
 // SAFETY of every call below: the instance is the importer's, and used by one thread; arrays have the passed lengths, and
 // what is passed outlives the call.
 impl Importer {
+    /// An initialized one.
     fn new(stop_time: Option<f64>) -> Self {
+        let mut importer = Self::instantiated();
+        let (has_stop, stop) = (stop_time.is_some().into(), stop_time.unwrap_or_default());
+        // SAFETY: see above.
+        unsafe {
+            c_api::fmi2SetupExperiment::<Model>(importer.0, 1, TOLERANCE, 0.0, has_stop, stop);
+            c_api::fmi2EnterInitializationMode::<Model>(importer.0);
+            importer.set("rate", 2.0);
+            c_api::fmi2ExitInitializationMode::<Model>(importer.0);
+        }
+        EVALUATIONS.set(0);
+        LATEST.set(f64::NEG_INFINITY);
+        importer
+    }
+
+    fn instantiated() -> Self {
         let token = CString::new(decay::Variables::DESCRIPTION.guid).unwrap();
         let callbacks = c_types::CallbackFunctions {
             logger: None,
@@ -81,28 +97,13 @@ impl Importer {
             step_finished: None,
             component_environment: ptr::null_mut(),
         };
+        let (name, token) = (c"ahead".as_ptr(), token.as_ptr());
         // SAFETY: see above.
-        unsafe {
-            let instance = c_api::fmi2Instantiate::<Model>(
-                c"ahead".as_ptr(),
-                1,
-                token.as_ptr(),
-                ptr::null(),
-                &raw const callbacks,
-                0,
-                0,
-            );
-            assert!(!instance.is_null());
-            let (has_stop, stop) = (stop_time.is_some().into(), stop_time.unwrap_or_default());
-            c_api::fmi2SetupExperiment::<Model>(instance, 1, TOLERANCE, 0.0, has_stop, stop);
-            c_api::fmi2EnterInitializationMode::<Model>(instance);
-            let mut importer = Self(instance);
-            importer.set("rate", 2.0);
-            c_api::fmi2ExitInitializationMode::<Model>(instance);
-            EVALUATIONS.set(0);
-            LATEST.set(f64::NEG_INFINITY);
-            importer
-        }
+        let instance = unsafe {
+            c_api::fmi2Instantiate::<Model>(name, 1, token, ptr::null(), &raw const callbacks, 0, 0)
+        };
+        assert!(!instance.is_null());
+        Self(instance)
     }
 
     fn set(&mut self, name: &str, value: f64) {
@@ -208,6 +209,21 @@ fn setting_equal_values_and_reading_change_nothing() {
         importer.x();
     });
     assert_eq!(bits(&set), bits(&found));
+}
+
+/// The present value of a state is not its start value, which may have been set before.
+#[test]
+fn a_start_value_that_is_set_twice_is_the_last() {
+    let mut importer = Importer::instantiated();
+    importer.set("x", 5.0);
+    importer.set("x", 1.0);
+    // SAFETY: see above.
+    unsafe {
+        c_api::fmi2SetupExperiment::<Model>(importer.0, 1, TOLERANCE, 0.0, 0, 0.0);
+        c_api::fmi2EnterInitializationMode::<Model>(importer.0);
+        c_api::fmi2ExitInitializationMode::<Model>(importer.0);
+    }
+    assert_eq!(importer.x().to_bits(), 1.0_f64.to_bits());
 }
 
 #[test]
