@@ -46,11 +46,12 @@ pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, T
 /// The most stages of a method.
 const MOST_STAGES: usize = 8;
 
-/// The largest error of the dense output relative to the error that its slope at [`RESIDUAL_AT`] implies, for one that
-/// vanishes with its slope at both ends of the step, such as θ²·(1 − θ)²: where it decays fast.
+/// The largest error of the dense output relative to what its slope at [`RESIDUAL_AT`] implies, if it vanishes with its
+/// slope at both ends of the step, as θ²·(1 − θ)² does. Where errors decay fast, the slope implies the error there, 9/16
+/// of the largest; where slowly, γ·h times the error's slope, for which it would be 1/(3·γ), which is less.
 const DENSE_ERROR: f64 = 16.0 / 9.0;
-/// Where the slope of the dense output is compared with the derivatives: a quarter of the step, as that of such an error
-/// vanishes in the middle.
+/// Where the slope of the dense output is compared with the derivatives: at a quarter of the step, as that of such an
+/// error vanishes in the middle.
 const RESIDUAL_AT: f64 = 0.25;
 
 /// The integrator with its last step.
@@ -109,10 +110,17 @@ impl Clone for Integrator {
     }
 
     fn clone_from(&mut self, source: &Self) {
-        *self = Self { work: self.work.take(), ..source.clone() };
-        if let Some(work) = &mut self.work {
+        let (mut last, mut work) = (self.last.take(), self.work.take());
+        if let (true, Some(source)) = (source.is_ahead, &source.last) {
+            match &mut last {
+                Some(last) => last.clone_from(source),
+                None => last = Some(source.clone()),
+            }
+        }
+        if let Some(work) = &mut work {
             work.matrix.forget();
         }
+        *self = Self { jacobian: source.jacobian.clone(), last, work, ..*source };
     }
 }
 
@@ -127,6 +135,7 @@ impl Persistent for Integrator {
         }
         let last = self.last.get_or_insert_with(|| Box::new(LastStep::new(self.size)));
         last.persist(archive)?;
+        last.has_dense = true;
         last.check(self.size)
     }
 }
@@ -145,11 +154,11 @@ impl LastStep {
         }
     }
 
-    /// Checks what was read for this many states: a step with dense output that has begun and goes on.
+    /// Checks what was read for this many states.
     fn check(&self, size: usize) -> Result<(), Error> {
-        let Self { begin, end, length, from, to, dense, has_dense } = self;
+        let Self { begin, end, length, from, to, dense, has_dense: _ } = self;
         let numbers = [begin, end, length].into_iter().chain(from).chain(to).chain(dense.as_flattened());
-        let is_complete = [from.len(), to.len(), dense.len()] == [size; 3] && *has_dense;
+        let is_complete = [from.len(), to.len(), dense.len()] == [size; 3];
         if is_complete && numbers.into_iter().all(|number| number.is_finite()) && begin < end && *length > 0.0
         {
             Ok(())
@@ -172,7 +181,8 @@ impl LastStep {
     }
 }
 
-crate::persistent!(LastStep { begin, end, length, from, to, dense, has_dense });
+// Only a step with dense output goes beyond the end that was asked for, and is kept.
+crate::persistent!(<> LastStep { begin, end, length, from, to, dense } without has_dense);
 
 /// The trials of a communication step.
 #[derive(Debug)]
@@ -408,18 +418,10 @@ impl Work {
             *residual -= rise / last.length;
         }
         self.matrix.solve::<S>(residual);
-        let mut largest = LargestError { largest: 0.0, state: 0 };
-        for (state, error) in residual.iter().enumerate() {
-            let scale = tolerance.scale::<S>(state, last.from[state].abs().max(last.to[state].abs()));
-            let error = (DENSE_ERROR * error / scale).abs();
-            if error.is_nan() {
-                return LargestError { largest: f64::INFINITY, state };
-            }
-            if error > largest.largest {
-                largest = LargestError { largest: error, state };
-            }
-        }
-        largest
+        let ends = last.from.iter().zip(&last.to);
+        LargestError::of(residual.iter().zip(ends).enumerate().map(|(state, (error, (from, to)))| {
+            DENSE_ERROR * error / tolerance.scale::<S>(state, from.abs().max(to.abs()))
+        }))
     }
 
     /// Computes `stages` and `to` for a step length.
@@ -484,23 +486,16 @@ impl Work {
         let stages = &self.stages[..const { S::METHOD.stages.len() }];
         let (weighted, last_stage) =
             (&stages[stages.len() - S::METHOD.error.len()..], &stages[stages.len() - 1]);
-        let mut largest = LargestError { largest: 0.0, state: 0 };
-        for (state, (to, (moved, last))) in to.iter_mut().zip(self.moved.iter().zip(last_stage)).enumerate() {
+        let ends = to.iter_mut().zip(self.moved.iter().zip(last_stage));
+        LargestError::of(ends.enumerate().map(|(state, (to, (moved, last)))| {
             *to = moved + last;
             let error = match S::METHOD.error {
                 [1.0] => *last,
                 weights => weights.iter().zip(weighted).map(|(weight, stage)| weight * stage[state]).sum(),
             };
             let scale = tolerance.scale::<S>(state, from[state].abs().max(to.abs()));
-            let error = (error / scale).abs();
-            if !to.is_finite() || error.is_nan() {
-                return LargestError { largest: f64::INFINITY, state };
-            }
-            if error > largest.largest {
-                largest = LargestError { largest: error, state };
-            }
-        }
-        largest
+            if to.is_finite() { error / scale } else { f64::NAN }
+        }))
     }
 }
 
@@ -509,6 +504,22 @@ impl Work {
 struct LargestError {
     largest: f64,
     state: usize,
+}
+
+impl LargestError {
+    /// That of the errors of the states.
+    fn of(errors: impl Iterator<Item = f64>) -> Self {
+        let mut largest = Self { largest: 0.0, state: 0 };
+        for (state, error) in errors.enumerate() {
+            if error.is_nan() {
+                return Self { largest: f64::INFINITY, state };
+            }
+            if error.abs() > largest.largest {
+                largest = Self { largest: error.abs(), state };
+            }
+        }
+        largest
+    }
 }
 
 /// The largest magnitude of values of the states relative to their allowed errors.

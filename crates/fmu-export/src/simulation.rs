@@ -81,16 +81,18 @@ impl<F: Fmu> Simulation<F> {
     /// Those of the model; also when it requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         let mut inputs = InputSignal::constant(self.inputs.clone());
-        let mut states = vec![];
-        VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
-        if self.left.take().is_some_and(|left| left.0 == self.inputs && left.1 == states) {
+        if self.left.as_ref().is_some_and(|left| *left == self.inputs_and_states()) {
             inputs = inputs.kept();
         }
         self.step_with(size, &inputs)?;
-        states.clear();
-        VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
-        self.left = Some((self.inputs.clone(), states));
+        self.left = F::Model::LOOKS_AHEAD.then(|| self.inputs_and_states());
         Ok(())
+    }
+
+    fn inputs_and_states(&self) -> (InputsOf<F::Model>, Vec<f64>) {
+        let mut states = vec![];
+        VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
+        (self.inputs.clone(), states)
     }
 
     /// Ticks a clock at the present time, such as `|variables| &mut variables.clocks.sample`.
