@@ -12,6 +12,8 @@ use fmu_export::description::{ValueReference, Version};
 use fmu_export::{Integrated, Model, SampledModel, Simulation, Variables as _, fmi2, fmi3};
 use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
 
+use crate::instantiate;
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Interface {
     CoSimulation,
@@ -56,15 +58,7 @@ impl<M: Model> Importer<M> {
         // SAFETY: see above.
         let instance = unsafe {
             if const { Self::IS_FMI2 } {
-                let callbacks = fmi2::c_types::CallbackFunctions {
-                    logger: None,
-                    allocate_memory: None,
-                    free_memory: None,
-                    step_finished: None,
-                    component_environment: none,
-                };
-                let of = i32::from(interface != Interface::ModelExchange);
-                fmi2::c_api::fmi2Instantiate::<M>(name, of, token, ptr::null(), &raw const callbacks, 0, 0)
+                instantiate::<M>(i32::from(interface != Interface::ModelExchange))
             } else if interface == Interface::ModelExchange {
                 fmi3::c_api::fmi3InstantiateModelExchange::<M>(name, token, ptr::null(), 0, 0, none, None)
             } else {

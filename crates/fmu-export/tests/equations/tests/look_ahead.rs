@@ -1,7 +1,7 @@
 //! Internal steps beyond a communication point: fewer of them, of which nothing is to be seen at the points.
 
 use std::cell::Cell;
-use std::ffi::{CString, c_void};
+use std::ffi::c_void;
 use std::ptr;
 
 use fmu_export::fmi2::{c_api, c_types};
@@ -10,6 +10,8 @@ use fmu_export::{
     Variables as _,
 };
 use fmu_export_equations::{Decay, Hires, decay, hires};
+
+use crate::instantiate;
 
 /// Steps per second, far finer than the integrator's.
 const STEPS: i32 = 100;
@@ -89,21 +91,7 @@ impl Importer {
     }
 
     fn instantiated() -> Self {
-        let token = CString::new(decay::Variables::DESCRIPTION.guid).unwrap();
-        let callbacks = c_types::CallbackFunctions {
-            logger: None,
-            allocate_memory: None,
-            free_memory: None,
-            step_finished: None,
-            component_environment: ptr::null_mut(),
-        };
-        let (name, token) = (c"ahead".as_ptr(), token.as_ptr());
-        // SAFETY: see above.
-        let instance = unsafe {
-            c_api::fmi2Instantiate::<Model>(name, 1, token, ptr::null(), &raw const callbacks, 0, 0)
-        };
-        assert!(!instance.is_null());
-        Self(instance)
+        Self(instantiate::<Model>(c_types::CO_SIMULATION))
     }
 
     fn set(&mut self, name: &str, value: f64) {

@@ -1,14 +1,15 @@
 //! Models of many states, whose Jacobians are sparse.
 
-use std::ffi::{CString, c_void};
+use std::ffi::c_void;
 use std::ptr;
 
 use fmu_export::fmi2::c_api;
-use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Status};
-use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step, Variables};
+use fmu_export::fmi2::c_types::{CO_SIMULATION, Status};
+use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step};
 use fmu_export_equations::{BouncingBall, Decay, Field, Robertson, Rod};
 
 use crate::allocations::counted;
+use crate::instantiate;
 
 const CELLS: usize = 200;
 
@@ -89,25 +90,9 @@ fn a_saved_state_is_no_larger_than_twice_its_bytes() {
 }
 
 fn saved_state_is_small<E: Equations>(least: usize) {
-    let token = CString::new(E::Variables::DESCRIPTION.guid).unwrap();
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
-    // SAFETY: strings and callbacks outlive the calls; handles are used until they are freed.
+    let instance = instantiate::<Integrated<E>>(CO_SIMULATION);
+    // SAFETY: handles are used until they are freed.
     unsafe {
-        let instance = c_api::fmi2Instantiate::<Integrated<E>>(
-            c"model".as_ptr(),
-            CO_SIMULATION,
-            token.as_ptr(),
-            ptr::null(),
-            &raw const callbacks,
-            0,
-            0,
-        );
         assert_eq!(c_api::fmi2SetupExperiment::<Integrated<E>>(instance, 1, 1e-6, 0.0, 0, 0.0), Status::Ok);
         assert_eq!(c_api::fmi2EnterInitializationMode::<Integrated<E>>(instance), Status::Ok);
         assert_eq!(c_api::fmi2ExitInitializationMode::<Integrated<E>>(instance), Status::Ok);
