@@ -166,7 +166,7 @@ def test_a_study_that_was_ended_is_resumed(
 ) -> None:
     """From the journal of an end within a line, which is ignored: the same results, and no run runs twice.
 
-    That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running.rs.
+    That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running/main.rs.
     """
     settings, *runs = (results / "journal.jsonl").read_text().splitlines(keepends=True)
     journal = tmp_path / "journal.jsonl"
