@@ -1,6 +1,7 @@
 //! Turns the declaration into the [`Model`], which is complete and consistent; anything else is rejected.
 
 use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, Initial, Variability};
 
 use crate::check;
 use crate::declaration::{Declaration, Described, VariableDeclaration};
@@ -13,7 +14,6 @@ use crate::package::Package;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, DataType, Initial, Variability};
 
 /// The suffix of the model identifier of an FMU for Scheduled Execution.
 const SCHEDULED: &str = "Scheduled";

@@ -7,11 +7,11 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
+use fmu_terms::Causality;
 use fmu_terms::Version;
 
 use crate::error::{Refusal, Refusals};
 use crate::model::{Place, Reads, Scalar};
-use fmu_terms::Causality;
 
 /// The lists of the XML's `ModelStructure`.
 pub(crate) struct Structure {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use fmu_terms::per_second;
+use fmu_terms::{Causality, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::variable;
@@ -11,7 +12,6 @@ use crate::declaration::{ComponentDeclaration, Declaration, VariableDeclaration}
 use crate::error::{Refusal, Refusals, nearest};
 use crate::model::{Field, Part, Place, Scalar, derivative_description};
 use crate::names::snake_case;
-use fmu_terms::{Causality, Initial, Variability};
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();

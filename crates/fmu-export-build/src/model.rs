@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use fmu_terms::{Causality, Initial, Variability};
 use fmu_terms::{Unit, Version};
 
 use crate::declaration::{Declaration, Described, UnitNames, VariableDeclaration};
@@ -11,7 +12,6 @@ use crate::interfaces::Fmi;
 use crate::names::snake_case;
 use crate::start::Start;
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, Initial, Variability};
 
 /// A model ready to be printed.
 pub(crate) struct Model<'a> {

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_terms::Unit;
+use fmu_terms::{Causality, Variability};
 
 use crate::declaration::ComponentDeclaration;
 use crate::dependencies;
@@ -11,7 +12,6 @@ use crate::flatten::{Equation, Flat};
 use crate::model::{Place, Scalar, without_subscripts};
 use crate::subscripts::Read;
 use crate::units::Units;
-use fmu_terms::{Causality, Variability};
 
 impl<'a> Flat<'a> {
     /// Resolves the names that equations read to positions.

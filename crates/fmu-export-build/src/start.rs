@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use fmu_terms::DataType;
 use fmu_xml::float;
 use serde_json::Value;
 
@@ -9,7 +10,6 @@ use crate::declaration::{Declaration, VariableDeclaration};
 use crate::error::nearest;
 use crate::texts::survives_xml;
 use crate::value_type::ValueType;
-use fmu_terms::DataType;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Start {

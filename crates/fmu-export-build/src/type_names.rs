@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use fmu_terms::DataType;
+
 use crate::declaration::Declaration;
 use crate::model::{Field, Part, Place};
 use crate::names::pascal_case;
-use fmu_terms::DataType;
 
 /// The types that are always generated.
 pub(crate) const FIXED_NAMES: [&str; 7] =

@@ -2,8 +2,8 @@
 //! `Rodas5P` unless they choose another.
 //!
 //! They are L-stable and so suit stiff systems: they damp modes that are much faster than a step instead of following
-//! them. As one-step methods they restart cheaply after an event, and remember only the length of the next step and,
-//! where it serves several steps, the Jacobian.
+//! them. As one-step methods they restart cheaply after an event, and remember only the length of the next step, a
+//! Jacobian that serves several steps, and a step that went beyond the present time.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
 //! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A

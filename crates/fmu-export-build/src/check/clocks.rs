@@ -1,9 +1,10 @@
 //! The keys of clocks (FMI 3.0.2, sections 2.2.8 and 2.4.4).
 
+use fmu_terms::{Causality, DataType, IntervalVariability};
+
 use crate::declaration::VariableDeclaration;
 use crate::error::{Blame, refuse_if};
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, DataType, IntervalVariability};
 
 /// Checks the keys of clocks, by kind of clock.
 pub(crate) fn keys(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blame> {

@@ -1,5 +1,6 @@
 //! One declared variable.
 
+use fmu_terms::{Causality, DataType, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::clocks;
@@ -10,7 +11,6 @@ use crate::names::{OF_VARIABLES, mixed_name};
 use crate::start::Start;
 use crate::texts::one_line;
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, DataType, Initial, Variability};
 
 /// The most scalar variables in a model: the description in FMI 2.0 takes some 350 bytes for each.
 const MOST_VARIABLES: usize = 100_000;

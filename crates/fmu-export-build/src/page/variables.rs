@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::slice;
 
 use fmu_terms::Unit;
+use fmu_terms::{Causality, DataType};
 use fmu_xml::page::{breakable, unit as unit_markup};
 use quick_xml::escape::escape;
 
@@ -13,7 +14,6 @@ use crate::dependencies::{Structure, Unknown};
 use crate::model::{Field, Model, Part, Place};
 use crate::start::Start;
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, DataType};
 
 /// A table of variables on the page.
 #[derive(Clone, Copy)]

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
+use fmu_terms::{DataType, Initial, Variability};
+
 use super::generator::{Generator, enumeration_path, full_path};
 use crate::model::{Place, Scalar};
 use crate::value_type::ValueType;
-use fmu_terms::{DataType, Initial, Variability};
 
 impl Generator<'_, '_> {
     /// The getters and setters of all types.

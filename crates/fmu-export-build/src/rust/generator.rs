@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_terms::DataType;
+
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
 use crate::model::{Field, Model, Part, Place, Scalar};
@@ -9,7 +11,6 @@ use crate::names::pascal_case;
 use crate::start::Start;
 use crate::type_names::PLACES;
 use crate::value_type::ValueType;
-use fmu_terms::DataType;
 
 /// Arrays with more elements are on the heap: the variables of a model are on the stack several times, even as numbers
 /// with derivatives, and a thread may have only 1 MB of stack.

@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 
+use fmu_terms::DataType;
+
 use super::generator::{Generator, described, is_copy};
 use crate::declaration::UnitNames;
 use crate::model::{Field, Part, Place};
 use crate::value_type::ValueType;
-use fmu_terms::DataType;
 
 impl Generator<'_, '_> {
     /// The struct for the variables of a component, or of all components of a type.

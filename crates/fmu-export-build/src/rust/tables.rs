@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use fmu_terms::DataType;
+
 use super::generator::{Generator, Variable, bound};
 use crate::declaration::Declaration;
 use crate::dependencies::{Structure, Unknown, known_in_steps};
 use crate::model::{Place, Scalar, without_subscripts};
-use fmu_terms::DataType;
 
 impl Generator<'_, '_> {
     /// The clocks, and the variables that belong to them, if any.

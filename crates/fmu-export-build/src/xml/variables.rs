@@ -5,6 +5,7 @@ use std::io;
 use std::slice;
 
 use fmu_terms::Version;
+use fmu_terms::{Causality, DataType, Variability};
 use fmu_xml::{Attributes, XmlWriter, element, empty, float, given};
 use quick_xml::events::{BytesText, Event};
 
@@ -12,7 +13,6 @@ use crate::declaration::{Dimension, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{Model, Place, Scalar, derivative_description, without_subscripts};
 use crate::value_type::ValueType;
-use fmu_terms::{Causality, DataType, Variability};
 
 /// The standard's variables, some of which are arrays in FMI 3.0.
 pub(crate) struct Variables<'m, 'a> {

@@ -27,8 +27,9 @@ mod tests;
 pub use self::c_boundary::fail_if_an_fmu_exits;
 pub use self::fmu::{Fmu, ONLY_ONCE};
 pub(crate) use self::folder::extract;
+pub use fmu_terms::Interface;
+
 pub use self::instance::{Instance, SavedState};
 pub use self::linearization::Linearization;
 pub use self::messages::{CallFailed, Ended, Message, Status};
 pub use self::selection::Selection;
-pub use fmu_terms::Interface;
