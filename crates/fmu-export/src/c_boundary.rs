@@ -134,12 +134,12 @@ macro_rules! c_functions {
                 if const { !Instance::<M>::$offered.is_made } {
                     // SAFETY: the instance is the importer's (see the module).
                     return unsafe {
-                        $crate::c_boundary::refuse::<M>(instance, Function::$name, Instance::<M>::$offered)
+                        $crate::c_boundary::refuse::<M>(instance, &calling_sequence::$name, Instance::<M>::$offered)
                     };
                 }
             )?
             // SAFETY: the instance and the other arguments are the importer's (see the module).
-            unsafe { $crate::c_boundary::call::<M>(instance, Function::$name, $body) }
+            unsafe { $crate::c_boundary::call::<M>(instance, &calling_sequence::$name, $body) }
         }
     )*};
 }
@@ -236,13 +236,11 @@ pub(crate) fn instantiate<M: Model>(
 /// As for [`Exported::of`].
 pub(crate) unsafe fn call<M: Model>(
     handle: *mut c_void,
-    function: impl Function,
+    function: &Function,
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
     // SAFETY: the caller's promise.
-    unsafe {
-        run::<M>(handle, function.name(), |instance| in_default_environment(|| instance.call(function, body)))
-    }
+    unsafe { run::<M>(handle, function, |instance| in_default_environment(|| instance.call(function, body))) }
 }
 
 /// Refuses a function of what the FMU does not offer.
@@ -250,7 +248,7 @@ pub(crate) unsafe fn call<M: Model>(
 /// # Safety
 /// As for [`Exported::of`].
 #[cold]
-pub(crate) unsafe fn refuse<M: Model>(handle: *mut c_void, function: impl Function, offer: Offer) -> Status {
+pub(crate) unsafe fn refuse<M: Model>(handle: *mut c_void, function: &Function, offer: Offer) -> Status {
     // SAFETY: the caller's promise.
     unsafe { call::<M>(handle, function, |_| Err(Error::new(offer.refusal))) }
 }
@@ -262,11 +260,11 @@ pub(crate) unsafe fn refuse<M: Model>(handle: *mut c_void, function: impl Functi
 /// As for [`Exported::of`].
 unsafe fn copy<M: Model>(
     handle: *mut c_void,
-    function: impl Function,
+    function: &Function,
     body: impl FnOnce(&mut Instance<M>) -> Answer,
 ) -> Status {
     // SAFETY: the caller's promise.
-    unsafe { run::<M>(handle, function.name(), |instance| instance.call(function, body)) }
+    unsafe { run::<M>(handle, function, |instance| instance.call(function, body)) }
 }
 
 /// Runs a function on the instance of a handle, and delivers its messages.
@@ -275,15 +273,17 @@ unsafe fn copy<M: Model>(
 /// As for [`Exported::of`].
 unsafe fn run<M: Model>(
     handle: *mut c_void,
-    function: &str,
+    function: &Function,
     body: impl FnOnce(&mut Instance<M>) -> Status,
 ) -> Status {
     // SAFETY: the caller's promise.
-    let Some(target) = (unsafe { Exported::<M>::of(handle) }) else { return Status::Error };
-    let status = body(&mut target.instance);
+    let Some(Exported { instance, .. }) = (unsafe { Exported::<M>::of(handle) }) else {
+        return Status::Error;
+    };
+    let status = body(instance);
     // From here on, do not access the target: the importer's logger may call or free it.
-    if let Some(messages) = target.instance.take_messages() {
-        messages.deliver(function);
+    if let Some(messages) = instance.take_messages() {
+        messages.deliver(function.name);
     }
     status
 }
@@ -308,9 +308,9 @@ pub(crate) unsafe fn free<M: Model>(handle: *mut c_void) {
 ///
 /// # Safety
 /// As for [`call`]; the arrays have as many elements as their counts say.
-pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
+pub(crate) unsafe fn get_values<M: Model, T: Copy>(
     handle: *mut c_void,
-    function: F,
+    function: &Function,
     (references, count): (*const ValueReference, usize),
     (values, value_count): (*mut T, usize),
     get: impl FnOnce(&mut Instance<M>, &[ValueReference], &mut [T]) -> Answer,
@@ -318,9 +318,11 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
     // SAFETY: the caller's promise.
     unsafe {
         copy::<M>(handle, function, |instance| {
-            let references = elements(F::VALUE_REFERENCES, references, count)?;
+            let references = elements(function.version.value_references, references, count)?;
             instance.with_scalars(&references, value_count, |instance, scalars| {
-                write_elements(F::VALUES, values, value_count, |values| get(instance, scalars, values))
+                write_elements(function.version.values, values, value_count, |values| {
+                    get(instance, scalars, values)
+                })
             })
         })
     }
@@ -330,9 +332,9 @@ pub(crate) unsafe fn get_values<M: Model, F: Function, T: Copy>(
 ///
 /// # Safety
 /// As for [`get_values`].
-pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
+pub(crate) unsafe fn set_values<M: Model, T: Copy>(
     handle: *mut c_void,
-    function: F,
+    function: &Function,
     (references, count): (*const ValueReference, usize),
     (values, value_count): (*const T, usize),
     set: impl FnOnce(&mut Instance<M>, &[ValueReference], &[T]) -> Answer,
@@ -340,9 +342,9 @@ pub(crate) unsafe fn set_values<M: Model, F: Function, T: Copy>(
     // SAFETY: the caller's promise.
     unsafe {
         copy::<M>(handle, function, |instance| {
-            let references = elements(F::VALUE_REFERENCES, references, count)?;
+            let references = elements(function.version.value_references, references, count)?;
             instance.with_scalars(&references, value_count, |instance, scalars| {
-                set(instance, scalars, &elements(F::VALUES, values, value_count)?)
+                set(instance, scalars, &elements(function.version.values, values, value_count)?)
             })
         })
     }

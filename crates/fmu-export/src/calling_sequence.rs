@@ -135,23 +135,25 @@ impl Persistent for Phase {
     }
 }
 
-/// A function of one version of the standard that takes an instance.
-pub(crate) trait Function: Copy + 'static {
-    /// The name in the standard for the array of value references of getters and setters, for messages.
-    const VALUE_REFERENCES: &'static str;
-    /// The name in the standard for their array of values.
-    const VALUES: &'static str;
-    /// The state after an error, unless the standard lets the importer continue.
-    const AFTER_ERROR: Option<Phase>;
-
+/// A function of the standard that takes an instance.
+pub(crate) struct Function {
     /// The name in the standard.
-    fn name(self) -> &'static str;
-
+    pub(crate) name: &'static str,
     /// The only interface whose instances have the function, if there is just one.
-    fn interface(self) -> Option<Interface>;
-
+    pub(crate) interface: Option<Interface>,
     /// The states in which it may be called.
-    fn phases(self) -> Phases;
+    pub(crate) phases: Phases,
+    pub(crate) version: &'static Conventions,
+}
+
+/// What the functions of a version share.
+pub(crate) struct Conventions {
+    /// The standard's name for the array of value references of getters and setters, for messages.
+    pub(crate) value_references: &'static str,
+    /// The standard's name for their array of values.
+    pub(crate) values: &'static str,
+    /// The state after an error, unless the standard lets the importer continue.
+    pub(crate) after_error: Option<Phase>,
 }
 
 /// Declares the functions of a version's table that take an instance: their interface, if only one has them, and the
@@ -159,43 +161,23 @@ pub(crate) trait Function: Copy + 'static {
 macro_rules! functions {
     (@interface All) => { None };
     (@interface $interface:ident) => { Some(Interface::$interface) };
-    (@phases [$($phase:expr),*]) => { const { Phases::of(&[$($phase),*]) } };
+    (@phases [$($phase:expr),*]) => { Phases::of(&[$($phase),*]) };
     (@phases $phases:ident) => { $phases };
-    ({ $($items:item)* } Library $library:tt $($interface:ident { $($name:ident $parameters:tt: $phases:tt;)* })*) => {
-        /// A function of the standard that takes an instance.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[allow(non_camel_case_types, clippy::enum_variant_names, reason = "the standard's names")]
-        pub(crate) enum Function {
-            $($($name,)*)*
-        }
+    ($conventions:expr, Library $library:tt $($interface:ident { $($name:ident $parameters:tt: $phases:tt;)* })*) => {
+        $($(
+            #[doc = concat!("`", stringify!($name), "`.")]
+            #[allow(non_upper_case_globals, reason = "the standard's names")]
+            pub(crate) const $name: Function = Function {
+                name: stringify!($name),
+                interface: functions!(@interface $interface),
+                phases: functions!(@phases $phases),
+                version: $conventions,
+            };
+        )*)*
 
-        impl Function {
-            /// Every function.
-            #[cfg(test)]
-            pub(crate) const ALL: &[Self] = &[$($(Self::$name,)*)*];
-        }
-
-        impl crate::calling_sequence::Function for Function {
-            fn name(self) -> &'static str {
-                match self {
-                    $($(Self::$name => stringify!($name),)*)*
-                }
-            }
-
-            fn interface(self) -> Option<Interface> {
-                match self {
-                    $($(Self::$name => functions!(@interface $interface),)*)*
-                }
-            }
-
-            fn phases(self) -> Phases {
-                match self {
-                    $($(Self::$name => functions!(@phases $phases),)*)*
-                }
-            }
-
-            $($items)*
-        }
+        /// Every function.
+        #[cfg(test)]
+        const ALL: &[&Function] = &[$($(&$name,)*)*];
     };
 }
 
@@ -222,13 +204,13 @@ macro_rules! function_types {
 
 /// Checks that a table lists functions of an interface in its states only.
 #[cfg(test)]
-pub(crate) fn check_interfaces<F: Function + fmt::Debug>(functions: &[F]) {
-    for function in functions {
-        for phase in Phase::ALL.iter().filter(|&&phase| function.phases().contains(phase)) {
-            let (of_function, of_phase) = (function.interface(), phase.interface());
+pub(crate) fn check_interfaces(functions: &[&Function]) {
+    for &&Function { name, interface: of_function, phases, .. } in functions {
+        for phase in Phase::ALL.iter().filter(|&&phase| phases.contains(phase)) {
+            let of_phase = phase.interface();
             assert!(
                 of_function.is_none() || of_phase.is_none() || of_function == of_phase,
-                "{function:?} in {phase}"
+                "{name} in {phase}"
             );
         }
     }

@@ -141,49 +141,53 @@ impl<M: Model> Instance<M> {
         refusal: "this FMU does not offer Scheduled Execution",
     };
 
-    /// Runs a function's body if the calling sequence allows it; catches panics and logs errors.
-    pub(crate) fn call<F: Function>(
-        &mut self,
-        function: F,
-        body: impl FnOnce(&mut Self) -> Answer,
-    ) -> Status {
-        let phase = self.memory.phase;
-        let is_of_interface = function.interface().is_none_or(|only| self.memory.interface.has(only));
-        let error = if function.phases().contains(phase) && (phase.interface().is_some() || is_of_interface) {
-            match contain(|| body(self)) {
-                Ok(Ok(status)) => return status,
-                Ok(Err(error)) => error,
-                Err(panic) => {
-                    self.memory.phase = Phase::Error;
-                    Error::new(format!("{panic}; reset the instance"))
-                }
-            }
-        } else {
-            self.refusal(is_of_interface)
-        };
-        self.report(&error, F::AFTER_ERROR)
+    /// Runs a function's body if the calling sequence allows it; catches panics and logs errors. It is inlined into each
+    /// library function, and what happens rarely is not.
+    #[inline]
+    pub(crate) fn call(&mut self, function: &Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
+        let Memory { phase, interface, .. } = self.memory;
+        let is_of_interface = function.interface.is_none_or(|only| interface.has(only));
+        if !(function.phases.contains(phase) && (phase.interface().is_some() || is_of_interface)) {
+            return self.refuse(function, is_of_interface);
+        }
+        match contain(|| body(self)) {
+            Ok(Ok(status)) => status,
+            failure => self.report_failure(failure, function),
+        }
     }
 
-    // The rest is separate, because `call` is inlined into each library function.
-
-    /// Why a function must not be called.
+    /// Logs why a function must not be called.
     #[cold]
     #[inline(never)]
-    fn refusal(&self, is_of_interface: bool) -> Error {
+    fn refuse(&mut self, function: &Function, is_of_interface: bool) -> Status {
         let Memory { phase, interface, .. } = self.memory;
-        Error::new(if is_of_interface {
+        let error = Error::new(if is_of_interface {
             format!("must not be called in the state {phase}")
         } else {
             format!("this instance is for {interface}, which does not have this function")
-        })
+        });
+        self.report(&error, function)
+    }
+
+    /// Logs why a function's body failed: an error, or a panic, after which the instance needs a reset.
+    #[cold]
+    #[inline(never)]
+    fn report_failure(&mut self, failure: Result<Answer, Error>, function: &Function) -> Status {
+        let error = match failure {
+            Ok(Ok(status)) => return status,
+            Ok(Err(error)) => error,
+            Err(panic) => {
+                self.memory.phase = Phase::Error;
+                Error::new(format!("{panic}; reset the instance"))
+            }
+        };
+        self.report(&error, function)
     }
 
     /// Logs an error, and enters the state that follows, if any.
-    #[cold]
-    #[inline(never)]
-    fn report(&mut self, error: &Error, after: Option<Phase>) -> Status {
+    fn report(&mut self, error: &Error, function: &Function) -> Status {
         self.logger.error(format_args!("{error}"));
-        if let Some(phase) = after {
+        if let Some(phase) = function.version.after_error {
             self.memory.phase = phase;
         }
         if self.memory.phase == Phase::Error {

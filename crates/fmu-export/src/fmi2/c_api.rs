@@ -13,10 +13,10 @@ use super::c_types::{
     Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, Enumeration, EventInfo,
     FALSE, FmuState, Integer, MODEL_EXCHANGE, Status, String, ValueReference, status_kind,
 };
-use super::calling_sequence::Function;
+use super::calling_sequence;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
-use crate::calling_sequence::{Function as _, Interface};
+use crate::calling_sequence::Interface;
 use crate::context::Experiment;
 use crate::error::Error;
 use crate::instance::{Answer, Instance};
@@ -295,7 +295,7 @@ macro_rules! accessors {
         ) -> Status {
             let (references, values) = ((references, count), (values, count));
             // SAFETY: the component and the arrays are the importer's (see the module).
-            unsafe { $access::<M, _, _>(component, Function::$name, references, values, $body) }
+            unsafe { $access::<M, _>(component, &calling_sequence::$name, references, values, $body) }
         }
     )*};
 }
@@ -309,7 +309,7 @@ accessors! {
     fmi2SetBoolean, set_values(*const Boolean), Instance::set_boolean;
     fmi2GetString, get_values(*mut String), c_boundary::get_strings;
     fmi2SetString, set_values(*const String), |instance, references, values| {
-        c_boundary::set_strings(instance, Function::VALUES, references, values)
+        c_boundary::set_strings(instance, calling_sequence::CONVENTIONS.values, references, values)
     };
 }
 

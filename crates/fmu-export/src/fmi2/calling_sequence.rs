@@ -3,7 +3,7 @@
 //! The states `stepInProgress` and `stepCanceled` of the standard do not occur, because steps are never asynchronous.
 //! The state `fatal` does not occur, because an error never affects another instance.
 
-use crate::calling_sequence::{Interface, Phase, Phases, functions};
+use crate::calling_sequence::{Conventions, Function, Interface, Phase, Phases, functions};
 
 use Phase::{
     ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,
@@ -112,26 +112,24 @@ macro_rules! fmi2_calls {
     } };
 }
 
-fmi2_calls! { functions, {
-    const VALUE_REFERENCES: &'static str = "vr";
-    const VALUES: &'static str = "value";
-    const AFTER_ERROR: Option<Phase> = None;
-} }
+/// What the functions share.
+pub(crate) static CONVENTIONS: Conventions =
+    Conventions { value_references: "vr", values: "value", after_error: None };
+
+fmi2_calls! { functions, &CONVENTIONS, }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calling_sequence::Function as _;
 
     #[test]
     fn functions_of_an_interface_are_called_in_its_states() {
-        crate::calling_sequence::check_interfaces(Function::ALL);
+        crate::calling_sequence::check_interfaces(ALL);
     }
 
     #[test]
     fn the_functions_are_those_of_the_headers() {
-        let of =
-            |interface| Function::ALL.iter().filter(|function| function.interface() == interface).count();
+        let of = |interface| ALL.iter().filter(|function| function.interface == interface).count();
         let interfaces = [None, Some(Interface::CoSimulation), Some(Interface::ModelExchange)];
         // GetTypesPlatform, GetVersion, Instantiate and FreeInstance take no part in the calling sequence.
         assert_eq!(interfaces.map(of), [25 - 4, 9, 10]);

@@ -10,10 +10,9 @@ use core::iter;
 use super::c_types::{
     self, Binary, Boolean, Byte, Enumeration, FALSE, FmuState, Status, String, ValueReference,
 };
-use super::calling_sequence::Function;
+use super::calling_sequence;
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
-use crate::calling_sequence::Function as _;
 use crate::context::Experiment;
 use crate::error::Error;
 use crate::instance::Instance;
@@ -232,7 +231,7 @@ macro_rules! accessors {
         ) -> Status {
             let (references, values) = ((references, count), (values, value_count));
             // SAFETY: the instance and the arrays are the importer's (see the module).
-            unsafe { $access::<M, _, _>(instance, Function::$name, references, values, $body) }
+            unsafe { $access::<M, _>(instance, &calling_sequence::$name, references, values, $body) }
         }
     )*};
 }
@@ -277,7 +276,7 @@ accessors! {
     fmi3SetBoolean, set_values(*const Boolean), Instance::set_boolean;
     fmi3GetString, get_values(*mut String), c_boundary::get_strings;
     fmi3SetString, set_values(*const String), |instance, references, values| {
-        c_boundary::set_strings(instance, Function::VALUES, references, values)
+        c_boundary::set_strings(instance, calling_sequence::CONVENTIONS.values, references, values)
     };
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Reconfiguration Mode does not occur: there are no tunable structural parameters.
 
-use crate::calling_sequence::{Interface, Phase, Phases, functions};
+use crate::calling_sequence::{Conventions, Function, Interface, Phase, Phases, functions};
 
 use Phase::{
     ClockActivationMode, ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode,
@@ -269,12 +269,15 @@ macro_rules! fmi3_calls {
     } };
 }
 
-fmi3_calls! { functions, {
-    const VALUE_REFERENCES: &'static str = "valueReferences";
-    const VALUES: &'static str = "values";
+/// What the functions share.
+pub(crate) static CONVENTIONS: Conventions = Conventions {
+    value_references: "valueReferences",
+    values: "values",
     // Section 2.2.4: the simulation must not be continued.
-    const AFTER_ERROR: Option<Phase> = Some(Error);
-} }
+    after_error: Some(Error),
+};
+
+fmi3_calls! { functions, &CONVENTIONS, }
 
 #[cfg(test)]
 mod tests {
@@ -282,12 +285,12 @@ mod tests {
 
     #[test]
     fn functions_of_an_interface_are_called_in_its_states() {
-        crate::calling_sequence::check_interfaces(Function::ALL);
+        crate::calling_sequence::check_interfaces(ALL);
     }
 
     #[test]
     fn there_are_75_functions() {
         // GetVersion, three instantiation functions and FreeInstance take no part in the calling sequence.
-        assert_eq!(Function::ALL.len() + 5, 75);
+        assert_eq!(ALL.len() + 5, 75);
     }
 }

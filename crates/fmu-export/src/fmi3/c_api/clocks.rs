@@ -4,7 +4,7 @@ use crate::c_boundary::arguments::{elements, write_elements};
 use crate::c_boundary::c_functions;
 use crate::error::Error;
 use crate::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
-use crate::fmi3::calling_sequence::Function;
+use crate::fmi3::calling_sequence;
 use crate::instance::activation::fraction;
 use crate::instance::clocks::seconds;
 use crate::model::Model;

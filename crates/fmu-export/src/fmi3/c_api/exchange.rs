@@ -5,7 +5,7 @@ use crate::c_boundary::{self, c_functions};
 use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{Boolean, FALSE, Status};
-use crate::fmi3::calling_sequence::Function;
+use crate::fmi3::calling_sequence;
 use crate::instance::Instance;
 use crate::model::Model;
 use crate::variables::Variables;

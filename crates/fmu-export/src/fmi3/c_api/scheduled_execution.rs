@@ -8,7 +8,7 @@ use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
     Status, String, ValueReference,
 };
-use crate::fmi3::calling_sequence::Function;
+use crate::fmi3::calling_sequence;
 use crate::instance::{self, Preemption};
 use crate::model::Model;
 #[cfg(target_family = "wasm")]
@@ -88,13 +88,13 @@ pub unsafe fn fmi3ActivateModelPartition<M: Model>(
     if const { !instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
         let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
         // SAFETY: the instance is the importer's (see the module).
-        return unsafe { refuse::<M>(instance, Function::fmi3ActivateModelPartition, offer) };
+        return unsafe { refuse::<M>(instance, &calling_sequence::fmi3ActivateModelPartition, offer) };
     }
     let activate = |instance: &mut instance::Instance<M>| instance.activate(clock, time);
     // SAFETY: the instance is the importer's (see the module); the references end before the importer is called.
     let (status, update) = unsafe {
         locked::<M, _>(instance, || {
-            let status = call::<M>(instance, Function::fmi3ActivateModelPartition, activate);
+            let status = call::<M>(instance, &calling_sequence::fmi3ActivateModelPartition, activate);
             let computed = Exported::<M>::instance_of(instance).filter(|_| status <= Status::Warning);
             (status, computed.and_then(instance::Instance::begin_clock_update))
         })

@@ -6,7 +6,7 @@ use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{Exported, c_functions, call};
 use crate::error::Error;
 use crate::fmi3::c_types::{Boolean, FALSE, Status, TRUE};
-use crate::fmi3::calling_sequence::Function;
+use crate::fmi3::calling_sequence;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;
 
@@ -31,7 +31,7 @@ pub unsafe fn fmi3DoStep<M: Model>(
         let (start, size) = (current_communication_point, communication_step_size);
         // SAFETY: the instance and the results are the importer's (see the module).
         return unsafe {
-            call::<M>(instance, Function::fmi3DoStep, |instance| {
+            call::<M>(instance, &calling_sequence::fmi3DoStep, |instance| {
                 step_by(instance, (start, size), flags, last_successful_time, |instance, start, size| {
                     instance.do_step(start, size).map(|status| (status, false))
                 })
@@ -45,7 +45,7 @@ pub unsafe fn fmi3DoStep<M: Model>(
     loop {
         // SAFETY: the instance and the results are the importer's (see the module).
         status = status.max(unsafe {
-            call::<M>(instance, Function::fmi3DoStep, |instance| {
+            call::<M>(instance, &calling_sequence::fmi3DoStep, |instance| {
                 step_by(instance, (start, size), flags, last_successful_time, Instance::do_step_to_event)
             })
         });
