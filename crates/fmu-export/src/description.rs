@@ -63,7 +63,7 @@ pub struct VariableDescription {
     /// An array's sizes; empty if it is a scalar.
     pub dimensions: &'static [usize],
     /// The number of elements; 1 of a scalar.
-    pub elements: usize,
+    pub elements: u32,
     /// The difference between the value references of two consecutive elements, row by row.
     pub stride: ValueReference,
     /// The data type.
@@ -101,7 +101,7 @@ pub struct Roles {
 impl VariableDescription {
     /// All elements with their value references.
     pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
-        let numbered = (0..).zip(0..self.elements);
+        let numbered = (0..).zip(0..self.elements as usize);
         numbered.map(move |(number, element)| {
             (self.value_reference + number * self.stride, ScalarVariable { description: self, element })
         })
@@ -161,7 +161,7 @@ impl fmt::Display for Name {
         }
         let (array, rest) = base_name.strip_suffix(')').map_or((*base_name, ""), |array| (array, ")"));
         formatter.write_str(array)?;
-        let mut inner = description.elements;
+        let mut inner = description.elements as usize;
         for (position, size) in dimensions.iter().enumerate() {
             inner /= size;
             let separator = if position == 0 { '[' } else { ',' };

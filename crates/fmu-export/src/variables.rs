@@ -121,7 +121,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
             2 if variables.get(position + 1).is_some_and(alternates) => 2 * variable.elements,
             _ => 0,
         };
-        first..first + count as ValueReference
+        first..first + count
     }
     /// The scalar variables, each with its value reference.
     #[must_use]
@@ -135,7 +135,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         let variable = Self::description(reference)?;
         let (count, stride) = if Self::HAS_ARRAYS { (variable.elements, variable.stride) } else { (1, 1) };
         let is_whole = !Self::HAS_ARRAYS || variable.value_reference == reference;
-        is_whole.then(|| (reference..).step_by(stride as usize).take(count))
+        is_whole.then(|| (reference..).step_by(stride as usize).take(count as usize))
     }
     /// The name of the state at a position.
     #[must_use]
@@ -357,6 +357,6 @@ fn at(
         1 => distance,
         stride if distance % stride == 0 => distance / stride,
         _ => return None,
-    } as usize;
-    (element < description.elements).then_some(ScalarVariable { description, element })
+    };
+    (element < description.elements).then_some(ScalarVariable { description, element: element as usize })
 }
