@@ -253,6 +253,10 @@ impl Directions for Groups {
             0.0
         }
     }
+
+    fn pattern(&self) -> Option<&Pattern> {
+        Some(&self.pattern)
+    }
 }
 
 impl Groups {
