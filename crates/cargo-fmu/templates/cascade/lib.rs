@@ -20,7 +20,9 @@ impl Sampled for {Type} {
         _inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, clocks, .. } = variables;
+        let Variables {
+            parameters, clocks, ..
+        } = variables;
         clocks.speed_loop.set_interval(parameters.speed_period);
         clocks.current_loop.set_interval(parameters.current_period);
         Ok(())
@@ -33,7 +35,12 @@ impl Sampled for {Type} {
         inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, clocks, outputs, .. } = variables;
+        let Variables {
+            parameters,
+            clocks,
+            outputs,
+            ..
+        } = variables;
         if clocks.speed_loop.ticks() {
             let error = inputs.speed_reference - inputs.speed;
             let proportional = parameters.speed_gain * error;
