@@ -1,0 +1,50 @@
+//! The problems at the default tolerance against the solutions that `reference.py` printed; the Arenstorf orbit, which lets
+//! errors grow by millions, at 1e-10.
+
+use fmu_export::{Integrated, Simulation, Variables as _};
+use fmu_export_problems::{
+    Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Lorenz, Oregonator, Pleiades, Pollution, Problem,
+    Reference,
+};
+
+/// A step errs by at most the tolerance, relative to a state and its nominal value. The steps are some hundred, so that
+/// together they err by less than so many tolerances, times the growth of an error until the end.
+const ACCUMULATED: f64 = 100.0;
+
+/// Runs a problem in few and in many communication steps.
+fn agrees<P: Problem>(tolerance: f64) {
+    let reference = Reference::of::<P>();
+    for steps in [10, 1000] {
+        let mut simulation = Simulation::<Integrated<P>>::default();
+        simulation.experiment.tolerance = Some(tolerance);
+        simulation.initialize().unwrap();
+        for _ in 0..steps {
+            simulation.step(P::END / f64::from(steps)).unwrap();
+        }
+        let mut states = Vec::new();
+        P::Variables::each_state(&simulation.variables, |_, state: f64| states.push(state));
+        let error = reference.error(&states) / (tolerance * reference.growth);
+        assert!(error <= ACCUMULATED, "{} in {steps} steps: {error:.0} tolerances", P::NAME);
+    }
+}
+
+macro_rules! problems {
+    ($($name:ident: $problem:ident $tolerance:literal,)*) => {$(
+        #[test]
+        fn $name() {
+            agrees::<$problem>($tolerance);
+        }
+    )*};
+}
+problems! {
+    pleiades_agrees_with_dop853: Pleiades 1e-6,
+    pollution_agrees_with_radau: Pollution 1e-6,
+    oregonator_agrees_with_radau: Oregonator 1e-6,
+    arenstorf_orbit_is_closed: Arenstorf 1e-10,
+    lorenz_agrees_with_dop853: Lorenz 1e-6,
+    heat_follows_its_closed_form: Heat 1e-6,
+    brusselator_agrees_with_radau: Brusselator 1e-6,
+    chain_follows_its_closed_form: Chain 1e-6,
+    dense_agrees_with_radau: Dense 1e-6,
+    converter_follows_its_closed_form: Converter 1e-6,
+}
