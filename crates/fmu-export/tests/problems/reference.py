@@ -1,7 +1,7 @@
 """The problems a second time, and their solutions: prints solutions.csv, or of it the closed forms and the
-problems that are named. A line has a problem's name, how much a perturbation grows, and the states at the end, of
-large problems every 50th. Solutions that are no closed forms are by SciPy's DOP853 or Radau. Run with SciPy
-1.17.1. Those of Pleiades, Pollution and Oregonator agree with the published ones."""
+problems that are named. A line has a problem's name, how much a perturbation grows, and the states at the end,
+of large problems every 50th. Solutions that are no closed forms are by SciPy's DOP853 or Radau. Run with SciPy
+1.17.1."""
 
 import sys
 

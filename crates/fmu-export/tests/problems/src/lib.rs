@@ -36,8 +36,8 @@ impl Reference {
     /// When there is none.
     #[must_use]
     pub fn of<P: Problem>() -> Self {
-        let lines = include_str!("../solutions.csv").lines();
-        let line = lines.filter_map(|line| line.strip_prefix(P::NAME)?.strip_prefix(',')).next();
+        let mut lines = include_str!("../solutions.csv").lines();
+        let line = lines.find_map(|line| line.strip_prefix(P::NAME)?.strip_prefix(','));
         let line = line.unwrap_or_else(|| panic!("there is no solution of {}", P::NAME));
         let mut numbers = line.split(',').map(|number| number.parse().expect("a number"));
         Self {
@@ -459,7 +459,7 @@ problem! {
 impl Converter {
     /// Whether the source is connected: from the begin of a period.
     fn is_on(&self) -> bool {
-        self.switched % 2 == 0
+        self.switched.is_multiple_of(2)
     }
 }
 
