@@ -1,7 +1,7 @@
 """The problems a second time, and their solutions: prints solutions.csv, or of it the closed forms and the
-problems that are named. A line has a problem's name, how much a perturbation grows, and the states at the end,
-of large problems every 50th. Solutions that are no closed forms are by SciPy's DOP853 or Radau. Run with SciPy
-1.17.1."""
+problems that are named. A line has a problem's name, how much a perturbation grows, and the states at the
+end, of large problems every 49th. Solutions that are no closed forms are by SciPy's DOP853 or Radau. Run with
+SciPy 1.17.1."""
 
 import sys
 
@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.sparse import csc_array, diags_array, eye_array, kron
 
-#: Of large problems, every such state is printed; the fewest states of a large problem, and of one that is
-#: solved at a lesser tolerance.
-STRIDE, LARGE, MANY = 50, 1000, 200
+#: Of large problems, every such state is printed, from all rows and columns of a square; the fewest
+#: states of a large problem, and of one that is solved at a lesser tolerance.
+STRIDE, LARGE, MANY = 49, 1000, 200
 #: Perturbations, relative to a state and its nominal value, begin at so many times of a solution, or of a
 #: stiff one.
 PERTURBATION, BEGINNINGS, FEW = 1e-7, 20, 3
