@@ -1,9 +1,10 @@
-//! The built-in integrator of models of equations: linearly implicit (Rosenbrock) [methods](Method), of which models use
-//! `Rodas5P` unless they choose another.
+//! The built-in integrator of models of equations: an [explicit](explicit) method for nonstiff phases, linearly implicit
+//! (Rosenbrock) [methods](Method) for stiff ones. Unless a model chooses, they take turns as the [votes](switch) of the
+//! steps decide. A method makes a trial step and the polynomials of its dense output; all else they share.
 //!
-//! They are L-stable and so suit stiff systems: they damp modes that are much faster than a step instead of following
-//! them. As one-step methods they restart cheaply after an event, and remember only the length of the next step, a
-//! Jacobian that serves several steps, and a step that went beyond the present time.
+//! The linearly implicit ones are L-stable: they damp modes that are much faster than a step instead of following them.
+//! As one-step methods all restart cheaply after an event, and remember only the length of the next step, a Jacobian that
+//! serves several steps, and a step that went beyond the present time.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
 //! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A
@@ -14,8 +15,8 @@
 //! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
 //! then those of the dense output, whose error is limited like the step's.
 //!
-//! Memory for a step is allocated in the first one, where the pattern changes, and for the long rows. It does not belong
-//! to a clone.
+//! Memory for a step is allocated in the first one, in the first that is linearly implicit, where the pattern changes, and
+//! for the long rows. It does not belong to a clone.
 //!
 //! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
@@ -360,7 +361,7 @@ impl Integrator {
             let is_accepted = steps.judge(length, error.largest, factor);
             // Where ends cut steps short, one with a Jacobian of few states costs less than an explicit one.
             let is_cut = is_accepted && length < steps.next;
-            let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::OF_STEP.end;
+            let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.is_explicit || !costs_less) && {
                 if !last.is_explicit && jacobian.is_fresh() && error.largest > SMALL_ERROR {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
@@ -482,7 +483,9 @@ impl Work {
         system.derivatives(last.begun, &last.from, &mut self.slopes);
         self.stages[0].copy_from_slice(&self.slopes);
         // As they were finite, they are.
-        let _ = explicit::evaluate(explicit::OF_STEP, last, system, &mut self.stages, &mut self.moved);
+        for of in [explicit::BEFORE_END, explicit::AT_END] {
+            let _ = explicit::evaluate(of, last, system, &mut self.stages, &mut self.moved);
+        }
         self.has_stages = true;
     }
 
@@ -545,7 +548,9 @@ impl Work {
             *residual -= rise / last.length;
         }
         if last.is_explicit {
-            residual.iter_mut().for_each(|residual| *residual *= last.length);
+            for residual in residual.iter_mut() {
+                *residual *= last.length;
+            }
         } else {
             self.matrix.solve::<S>(residual);
         }
@@ -581,14 +586,11 @@ impl Work {
     ) -> LargestError {
         let Self { stages, moved, .. } = self;
         let not_finite = |state| LargestError { largest: f64::INFINITY, state };
-        let before_end = explicit::OF_STEP.start..explicit::END;
-        if let Err(state) = explicit::evaluate(before_end, last, system, stages, moved) {
+        if let Err(state) = explicit::evaluate(explicit::BEFORE_END, last, system, stages, moved) {
             return not_finite(state);
         }
         last.to.copy_from_slice(moved);
-        if let Err(state) =
-            explicit::evaluate(explicit::END..explicit::OF_STEP.end, last, system, stages, moved)
-        {
+        if let Err(state) = explicit::evaluate(explicit::AT_END, last, system, stages, moved) {
             return not_finite(state);
         }
         self.has_stages = true;
@@ -604,9 +606,13 @@ impl Work {
             }))
         };
         let (fifth, third) = (relative(explicit::FIFTH_ORDER), relative(explicit::THIRD_ORDER));
-        let square = fifth.largest * fifth.largest;
-        let combined = square / (square + 0.01 * third.largest * third.largest).sqrt();
-        let largest = if fifth.largest > 0.0 { combined } else { fifth.largest };
+        let norm = (fifth.largest * fifth.largest + 0.01 * third.largest * third.largest).sqrt();
+        let combined = fifth.largest * (fifth.largest / norm);
+        let largest = match (fifth.largest, norm.is_finite()) {
+            (0.0, _) => 0.0,
+            (_, true) => combined,
+            (_, false) => f64::INFINITY,
+        };
         if S::METHOD.switches() {
             // The derivatives at two states at the end differ by the Jacobian times the difference of these.
             let [_, .., rates_before, rates] = &stages[..=explicit::END] else { unreachable!() };

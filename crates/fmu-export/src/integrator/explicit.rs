@@ -9,12 +9,12 @@ use super::system::System;
 
 /// The number of stages, with those of the dense output.
 pub(super) const STAGES: usize = 16;
-/// The stages of a step; the last is evaluated at its end.
-pub(super) const OF_STEP: Range<usize> = 1..END + 1;
-/// Those that the dense output adds.
-pub(super) const OF_DENSE: Range<usize> = END + 1..STAGES;
-/// The stage at the end of the step. That before is evaluated at the same time.
+/// The stage at the end of the step. The one before is evaluated at the same time, at other states.
 pub(super) const END: usize = 12;
+/// The stages after the first, that at the end, and those of the dense output.
+pub(super) const BEFORE_END: Range<usize> = 1..END;
+pub(super) const AT_END: Range<usize> = END..END + 1;
+pub(super) const OF_DENSE: Range<usize> = END + 1..STAGES;
 /// The order of the combined error estimate: the slope of its logarithm over that of the step.
 pub(super) const ESTIMATE_ORDER: f64 = 8.0;
 /// Where the slope of the dense output is compared with the derivatives, and its largest error relative to what this

@@ -200,8 +200,8 @@ impl Jacobian {
     /// relative to their scales. The root makes it close for systems of second order, too. `once` is memory.
     pub(super) fn radius(&self, scale: impl Fn(usize) -> f64, once: &mut [f64]) -> f64 {
         let size = once.len();
-        for row in 0..size {
-            once[row] = self.product_of_magnitudes(row, size, &scale);
+        for (row, once) in once.iter_mut().enumerate() {
+            *once = self.product_of_magnitudes(row, size, &scale);
         }
         let twice = (0..size).map(|row| self.product_of_magnitudes(row, size, |i| once[i]) / scale(row));
         twice.fold(0.0, f64::max).sqrt()

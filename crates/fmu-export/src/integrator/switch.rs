@@ -3,23 +3,22 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many trials more must speak for the other method than against it: for the linearly implicit one at first, and
-/// at most, …
+/// How many votes the linearly implicit method needs at first, and at most, …
 const PATIENCE: u32 = 4;
-const MOST_PATIENCE: u32 = 256;
-/// … and for the explicit one.
-const SHORT: u32 = 5;
+const MOST_PATIENCE: u32 = 32;
+/// … and the explicit one. If it has them within this many trials, the change was in vain.
 const TO_EXPLICIT: u32 = 3;
+const IN_VAIN: u32 = 5;
 
 /// The present method, which is explicit at first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Switch {
     pub(super) is_implicit: bool,
-    /// How many trials more spoke for the other method than against it, at least 0.
+    /// The votes for the other method, less the trials that spoke against it, at least 0.
     votes: u32,
-    /// How many the linearly implicit one needs: twice as many each time that the explicit one takes over again.
+    /// How many the linearly implicit one needs: twice as many after each change that was in vain.
     patience: u32,
-    /// Since
+    /// The trials since the last change.
     trials: u32,
 }
 
@@ -28,7 +27,7 @@ impl Switch {
         Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0 }
     }
 
-    /// Counts a trial that speaks for the other method or not. Returns whether that takes over.
+    /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
@@ -43,7 +42,7 @@ impl Switch {
     pub(super) fn take_over(&mut self) {
         if self.is_implicit {
             self.patience =
-                if self.trials < SHORT { (2 * self.patience).min(MOST_PATIENCE) } else { PATIENCE };
+                if self.trials < IN_VAIN { (2 * self.patience).min(MOST_PATIENCE) } else { PATIENCE };
         }
         self.trials = 0;
         (self.is_implicit, self.votes) = (!self.is_implicit, 0);

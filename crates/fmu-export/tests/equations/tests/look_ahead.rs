@@ -109,8 +109,8 @@ macro_rules! tests_of {
                 fn set(&mut self, name: &str, value: f64) {
                     let mut described = decay::Variables::described();
                     let (reference, _) = described.find(|(_, variable)| variable.name() == name).unwrap();
-                    // SAFETY: see above.
                     let status =
+                        // SAFETY: see above.
                         unsafe { c_api::fmi2SetReal::<Model>(self.0, &raw const reference, 1, &raw const value) };
                     assert_eq!(status, c_types::Status::Ok, "{name}");
                 }
