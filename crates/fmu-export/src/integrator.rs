@@ -62,7 +62,7 @@ const RESIDUAL_AT: f64 = 0.25;
 
 /// The explicit method is not for steps whose length times the estimated magnitude of the largest eigenvalue exceeds
 /// this, …
-const STIFF: f64 = 0.9 * explicit::STABILITY;
+const STIFF: f64 = 0.7 * explicit::STABILITY;
 /// … and is for those of the linearly implicit one in which its bound is less.
 const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
 

@@ -1,4 +1,4 @@
-"""Prints what SciPy's DOP853 ends at, and takes, for the nonstiff systems of `tests.rs`: the constants there."""
+"""Prints what SciPy's DOP853 ends at, and takes, for the nonstiff systems of `tests.rs`: constants there."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
