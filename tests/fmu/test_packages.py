@@ -289,15 +289,6 @@ def make_workspace(folder, templates):
         run(folder, "cargo", "fmu", "new", name, "--template", template)
 
 
-def test_the_templates_are_formatted(folder):
-    """As rustfmt does by default; `tests/run rest` lints, tests and exports them."""
-    sources = (ROOT / "crates/cargo-fmu/templates").iterdir()
-    templates = [source.name for source in sources if source.is_dir()]
-    assert len(templates) >= 10
-    make_workspace(folder / "templates", {template.replace("_", "-"): template for template in templates})
-    run(folder / "templates", "cargo", "fmt", "--all", "--check")
-
-
 def test_a_workspace_exports_all_or_one(decay, folder):
     """What its models need: FMI 2.0 does not have all that the second declares."""
     workspace = folder / "a workspace"

@@ -62,6 +62,8 @@ pub struct VariableDescription {
     pub value_reference: ValueReference,
     /// An array's sizes; empty if it is a scalar.
     pub dimensions: &'static [usize],
+    /// The number of elements; 1 of a scalar.
+    pub elements: u32,
     /// The difference between the value references of two consecutive elements, row by row.
     pub stride: ValueReference,
     /// The data type.
@@ -97,15 +99,9 @@ pub struct Roles {
 }
 
 impl VariableDescription {
-    /// The number of elements; 1 of a scalar.
-    #[must_use]
-    pub fn elements(&self) -> usize {
-        self.dimensions.iter().product()
-    }
-
     /// All elements with their value references.
     pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
-        let numbered = (0..).zip(0..self.elements());
+        let numbered = (0..).zip(0..self.elements as usize);
         numbered.map(move |(number, element)| {
             (self.value_reference + number * self.stride, ScalarVariable { description: self, element })
         })
@@ -158,14 +154,14 @@ pub struct Name(ScalarVariable);
 
 impl fmt::Display for Name {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ScalarVariable { description: VariableDescription { base_name, dimensions, .. }, element } =
-            self.0;
+        let ScalarVariable { description, element } = self.0;
+        let VariableDescription { base_name, dimensions, .. } = description;
         if dimensions.is_empty() {
             return formatter.pad(base_name);
         }
         let (array, rest) = base_name.strip_suffix(')').map_or((*base_name, ""), |array| (array, ")"));
         formatter.write_str(array)?;
-        let mut inner = dimensions.iter().product::<usize>();
+        let mut inner = description.elements as usize;
         for (position, size) in dimensions.iter().enumerate() {
             inner /= size;
             let separator = if position == 0 { '[' } else { ',' };

@@ -4,8 +4,8 @@ use core::ops::Range;
 
 use crate::clock::Clock;
 use crate::description::{
-    Causality, ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference,
-    VariableDescription, Version,
+    ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference, VariableDescription,
+    Version,
 };
 use crate::inputs::Inputs;
 use crate::number::Number;
@@ -62,9 +62,6 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The number of scalars with the value references 0, 1, 2, … at the front of the description, which need no search.
     const FRONT: usize = front(Self::DESCRIPTION.variables);
 
-    /// The value reference of the independent variable, if there is one.
-    const TIME: Option<ValueReference> = time(Self::DESCRIPTION.variables);
-
     /// Whether arrays are variables, as in FMI 3.0.
     const HAS_ARRAYS: bool =
         matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
@@ -79,15 +76,13 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     #[must_use]
     #[inline]
     fn description(reference: ValueReference) -> Option<ScalarVariable> {
-        Self::description_near(reference, &mut None)
+        Self::description_near(reference, &mut 0)
     }
-    /// The scalar variable with a value reference, where it is likely to be an element of the array that was `last` found.
+    /// The scalar variable with a value reference, where it is likely to be an element of the array that was found last, at
+    /// this position in the description or the next.
     #[must_use]
     #[inline]
-    fn description_near(
-        reference: ValueReference,
-        last: &mut Option<&'static VariableDescription>,
-    ) -> Option<ScalarVariable> {
+    fn description_near(reference: ValueReference, last: &mut usize) -> Option<ScalarVariable> {
         let (variables, position) = (Self::DESCRIPTION.variables, reference as usize);
         if position < Self::FRONT {
             return Some(ScalarVariable { description: &variables[position], element: 0 });
@@ -95,14 +90,38 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         if Self::FRONT == variables.len() {
             return None;
         }
-        if let Some(description) = *last
-            && let Some(element) = element(description, reference)
-        {
-            return Some(ScalarVariable { description, element });
+        // The elements of an array of states alternate with their derivatives, which are the next variable.
+        let find =
+            |first: usize| at(variables, first, reference).or_else(|| at(variables, first + 1, reference));
+        let found = find(*last).or_else(|| {
+            let after = variables.partition_point(|variable| variable.value_reference <= reference);
+            *last = after.saturating_sub(2);
+            find(*last)
+        });
+        if found.is_some_and(|found| {
+            found.stride == 1 && found.value_reference > variables[*last].value_reference
+        }) {
+            *last += 1;
         }
-        let found = find(variables, reference)?;
-        *last = Some(found.description);
-        Some(found)
+        found
+    }
+    /// Consecutive value references of one type: those of the variable at a position in the description, with which those
+    /// of its derivative may alternate; none if others are between them.
+    #[must_use]
+    fn of_one_type(position: usize) -> Range<ValueReference> {
+        let variables = Self::DESCRIPTION.variables;
+        let variable = &variables[position];
+        let first = variable.value_reference;
+        let alternates = |other: &VariableDescription| {
+            (other.value_reference, other.stride, other.elements, other.data_type)
+                == (first + 1, 2, variable.elements, variable.data_type)
+        };
+        let count = match variable.stride {
+            1 => variable.elements,
+            2 if variables.get(position + 1).is_some_and(alternates) => 2 * variable.elements,
+            _ => 0,
+        };
+        first..first + count
     }
     /// The scalar variables, each with its value reference.
     #[must_use]
@@ -114,9 +133,9 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     #[must_use]
     fn elements(reference: ValueReference) -> Option<impl Iterator<Item = ValueReference>> {
         let variable = Self::description(reference)?;
-        let (count, stride) = if Self::HAS_ARRAYS { (variable.elements(), variable.stride) } else { (1, 1) };
+        let (count, stride) = if Self::HAS_ARRAYS { (variable.elements, variable.stride) } else { (1, 1) };
         let is_whole = !Self::HAS_ARRAYS || variable.value_reference == reference;
-        is_whole.then(|| (reference..).step_by(stride as usize).take(count))
+        is_whole.then(|| (reference..).step_by(stride as usize).take(count as usize))
     }
     /// The name of the state at a position.
     #[must_use]
@@ -189,8 +208,10 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     }
     /// Sets each state by its position.
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
-    /// The value of a Real variable.
+    /// The value of a Real variable other than the independent one.
     fn real(&self, reference: ValueReference) -> f64;
+    /// Copies the values of Real variables; that of the independent one is `time` in s.
+    fn copy_reals(&self, time: f64, references: &[ValueReference], values: &mut [f64]);
     /// Sets a Real variable; for a state, its start value.
     fn set_real(&mut self, reference: ValueReference, value: f64);
     /// The value of an Integer or Enumeration variable.
@@ -299,18 +320,6 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn first_non_finite(&self) -> Option<ValueReference>;
 }
 
-/// The value reference of the independent variable.
-const fn time(variables: &[VariableDescription]) -> Option<ValueReference> {
-    let mut position = 0;
-    while position < variables.len() {
-        if matches!(variables[position].causality, Causality::Independent) {
-            return Some(variables[position].value_reference);
-        }
-        position += 1;
-    }
-    None
-}
-
 /// How many variables at the front are scalars whose value references are their positions.
 const fn front(variables: &[VariableDescription]) -> usize {
     let mut position = 0;
@@ -335,23 +344,19 @@ const fn has_arrays(variables: &[VariableDescription]) -> bool {
     false
 }
 
-/// The scalar variable with a value reference.
-fn find(variables: &'static [VariableDescription], reference: ValueReference) -> Option<ScalarVariable> {
-    let after = variables.partition_point(|variable| variable.value_reference <= reference);
-    // The elements of an array of states alternate with their derivatives.
-    variables[after.saturating_sub(2)..after].iter().rev().find_map(|variable| {
-        element(variable, reference).map(|element| ScalarVariable { description: variable, element })
-    })
-}
-
-/// The number of the element with a value reference, if it is one of the variable.
+/// The scalar variable with a value reference, if it is an element of the variable at a position.
 #[inline]
-fn element(variable: &VariableDescription, reference: ValueReference) -> Option<usize> {
-    let distance = reference.checked_sub(variable.value_reference)?;
-    let element = match variable.stride {
+fn at(
+    variables: &'static [VariableDescription],
+    position: usize,
+    reference: ValueReference,
+) -> Option<ScalarVariable> {
+    let description = variables.get(position)?;
+    let distance = reference.checked_sub(description.value_reference)?;
+    let element = match description.stride {
         1 => distance,
         stride if distance % stride == 0 => distance / stride,
         _ => return None,
-    } as usize;
-    (element < variable.elements()).then_some(element)
+    };
+    (element < description.elements).then_some(ScalarVariable { description, element: element as usize })
 }

@@ -4,11 +4,13 @@
 //! remain text, and XML errors are rejected with their line. [`FmuDescription::scalars`] turns arrays and aliases of
 //! FMI 3.0 into variables as in FMI 2.0.
 
+use std::collections::BTreeMap;
 use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading::{self, broken};
 use fmu_terms::{Causality, DisplayUnit, Interface, Unit, Word};
+use roxmltree::Node;
 
 use crate::archive;
 use crate::declared::Declared;
@@ -38,10 +40,31 @@ pub struct FmuDescription {
     pub enumerations: Vec<Enumeration>,
     /// The variables, in file order.
     pub variables: Vec<FmuVariable>,
-    /// The derivatives of the continuous states: positions from 1 on, in FMI 3.0 value references.
-    pub derivatives: Vec<Declared<u32>>,
+    /// The derivatives of the continuous states.
+    pub derivatives: Vec<Derivative>,
     /// The value references of the event indicators (FMI 3.0).
     pub event_indicators: Vec<Declared<u32>>,
+}
+
+/// A derivative in `ModelStructure`. References are positions from 1 on, in FMI 3.0 value references.
+#[derive(Clone, Debug)]
+pub struct Derivative {
+    /// The reference of its variable.
+    pub reference: Declared<u32>,
+    /// Those of the variables on which it depends; on all if not listed.
+    pub dependencies: Option<Vec<Declared<u32>>>,
+}
+
+impl Derivative {
+    fn read(element: Node<'_, '_>, reference: &str) -> Self {
+        let listed = element.attribute("dependencies");
+        let listed =
+            listed.map(|listed| listed.split_ascii_whitespace().map(|one| Declared::number(Some(one))));
+        Self {
+            reference: Declared::number(element.attribute(reference)),
+            dependencies: listed.map(Iterator::collect),
+        }
+    }
 }
 
 /// An enumeration type.
@@ -84,14 +107,14 @@ impl FmuDescription {
             .filter_map(|child| Some((Interface::of(child.tag_name().name())?, attributes(child))));
         let variables = listed(root, "ModelVariables").map(|variable| FmuVariable::read(variable, &types));
         let structure = || named(root, "ModelStructure").flat_map(children);
-        let references = |element: &str| {
-            let listed = structure().filter(|child| child.tag_name().name() == element);
-            listed.map(|listed| Declared::number(listed.attribute("valueReference"))).collect::<Vec<_>>()
-        };
-        let of_fmi2 = structure().filter(|child| child.tag_name().name() == "Derivatives").flat_map(children);
-        let mut derivatives: Vec<_> =
-            of_fmi2.map(|unknown| Declared::number(unknown.attribute("index"))).collect();
-        derivatives.extend(references("ContinuousStateDerivative"));
+        let listed_as =
+            |element: &'static str| structure().filter(move |child| child.tag_name().name() == element);
+        let of_fmi2 = listed_as("Derivatives").flat_map(children);
+        let of_fmi2 = of_fmi2.map(|unknown| Derivative::read(unknown, "index"));
+        let of_fmi3 = listed_as("ContinuousStateDerivative");
+        let of_fmi3 = of_fmi3.map(|unknown| Derivative::read(unknown, "valueReference"));
+        let indicators = listed_as("EventIndicator");
+        let indicators = indicators.map(|listed| Declared::number(listed.attribute("valueReference")));
         let description = Self {
             attributes: attributes(root),
             interfaces: interfaces.collect(),
@@ -99,8 +122,8 @@ impl FmuDescription {
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
             variables: variables.collect::<io::Result<_>>()?,
-            derivatives,
-            event_indicators: references("EventIndicator"),
+            derivatives: of_fmi2.chain(of_fmi3).collect(),
+            event_indicators: indicators.collect(),
         };
         description
             .interfaces
@@ -213,7 +236,7 @@ impl FmuDescription {
     /// When a derivative or its state is missing.
     pub fn continuous_states(&self) -> io::Result<Vec<[&FmuVariable; 2]>> {
         let mut states = vec![];
-        for reference in &self.derivatives {
+        for Derivative { reference, .. } in &self.derivatives {
             let derivatives = self.referred(reference);
             let of = derivatives.first().map(|derivative| self.referred(&derivative.derivative));
             let of = of.filter(|of| of.len() == derivatives.len());
@@ -223,6 +246,30 @@ impl FmuDescription {
             states.extend(of.into_iter().zip(derivatives).map(<[_; 2]>::from));
         }
         Ok(states)
+    }
+
+    /// For each continuous state, in their order, the positions of the states on which its derivative depends by
+    /// `ModelStructure`; on all if none.
+    ///
+    /// # Errors
+    /// As [`Self::continuous_states`].
+    pub fn state_dependencies(&self) -> io::Result<Vec<Option<Vec<usize>>>> {
+        let mut positions = BTreeMap::<_, Vec<_>>::new();
+        let mut sizes = vec![];
+        for (position, [_, derivative]) in self.continuous_states()?.into_iter().enumerate() {
+            positions.entry(derivative.derivative.meaning()).or_default().push(position);
+        }
+        for Derivative { reference, .. } in &self.derivatives {
+            sizes.push(self.referred(reference).len());
+        }
+        let of_states = |dependencies: &Vec<Declared<u32>>| {
+            let states = dependencies.iter().filter_map(|reference| positions.get(&reference.meaning()));
+            states.flatten().copied().collect::<Vec<_>>()
+        };
+        let each = self.derivatives.iter().zip(sizes).flat_map(|(derivative, size)| {
+            std::iter::repeat_n(derivative.dependencies.as_ref().map(of_states), size)
+        });
+        Ok(each.collect())
     }
 
     /// The number of event indicators.

@@ -176,12 +176,13 @@ impl Generator<'_, '_> {
                 if variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
             let _ = writeln!(
                 variables,
-                "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, stride: {}, \
-                 data_type: fmi::DataType::{:?}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
+                "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, elements: {}, \
+                 stride: {}, data_type: fmi::DataType::{:?}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
                  initial: {}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
                  in_steps: {in_steps} }},",
                 scalar.value_reference,
                 variable.sizes,
+                variable.positions.len(),
                 self.stride(variable),
                 scalar.data_type.data_type(),
                 scalar.causality,

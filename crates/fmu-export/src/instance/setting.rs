@@ -162,7 +162,7 @@ impl<M: Model> Instance<M> {
             return in_default_environment(|| self.set_between_events(references, values, types, setter));
         }
         let &Setter { as_number, is_set, write } = setter;
-        let mut last = None;
+        let mut last = 0;
         for (&reference, &value) in references.iter().zip(values) {
             // Real inputs accept any finite value: bounds are applied later.
             let variable = M::Variables::description_near(reference, &mut last);

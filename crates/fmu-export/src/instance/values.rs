@@ -65,10 +65,20 @@ impl<M: Model> Instance<M> {
 
     /// Checks that variables exist and have one of `types`.
     fn check_types(references: &[ValueReference], types: &[DataType]) -> Result<(), Error> {
-        let mut last = None;
+        let is_element = |reference| reference as usize >= M::Variables::FRONT;
+        let (mut last, mut checked) = (0, 0..0);
         for &reference in references {
+            if is_element(reference) && checked.contains(&reference) {
+                continue;
+            }
             match M::Variables::description_near(reference, &mut last) {
-                Some(variable) if types.contains(&variable.data_type) => {}
+                Some(variable) if types.contains(&variable.data_type) => {
+                    if is_element(reference) {
+                        // The array found may be the next.
+                        let of_one_type = M::Variables::of_one_type(last);
+                        checked = if of_one_type.contains(&reference) { of_one_type } else { 0..0 };
+                    }
+                }
                 Some(_) => return Err(Self::type_error(reference)),
                 None => return Err(Self::no_variable(reference)),
             }
@@ -154,28 +164,30 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
-        let time = self.memory.time;
-        let mut no_number = Ok(());
-        let status = self.get(references, values, REALS, |variables, reference, target| {
-            let value = if M::Variables::TIME == Some(reference) { time } else { variables.real(reference) };
-            // The other values are still returned: after a failed step they help debugging.
-            if value.is_finite() {
-                *target = value;
-            } else if no_number.is_ok() {
-                let name = Self::checked(reference).name();
-                let message = format!("the variable {name} is {}", Shown(value));
-                no_number = Err(Error::new(message));
-            }
-            Ok(())
-        })?;
-        match no_number {
-            Ok(()) => Ok(status),
-            // A solver has tried states at which there is no such value; it can try others.
-            Err(error) if self.memory.phase == Phase::ContinuousTimeMode => {
-                self.log_discarded(format_args!("{error}"));
-                Ok(Status::Discard)
-            }
-            Err(error) => Err(error),
+        Self::check_types(references, REALS)?;
+        let status = self.compute_values()?;
+        self.memory.variables.copy_reals(self.memory.time, references, values);
+        if values.iter().fold(true, |are_finite, value| are_finite & value.is_finite()) {
+            Ok(status)
+        } else {
+            self.no_number(references, values)
+        }
+    }
+
+    /// The answer if the value of a Real variable is no finite number. All values are still returned: after a failed step
+    /// they help debugging.
+    #[cold]
+    fn no_number(&self, references: &[ValueReference], values: &[f64]) -> Answer {
+        let not_finite = references.iter().zip(values).find(|(_, value)| !value.is_finite());
+        let message = not_finite.map_or_else(String::new, |(&reference, &value)| {
+            format!("the variable {} is {}", Self::checked(reference).name(), Shown(value))
+        });
+        // A solver has tried states at which there is no such value; it can try others.
+        if self.memory.phase == Phase::ContinuousTimeMode {
+            self.log_discarded(format_args!("{message}"));
+            Ok(Status::Discard)
+        } else {
+            Err(Error::new(message))
         }
     }
 

@@ -278,6 +278,10 @@ impl Directions for Groups {
             0.0
         }
     }
+
+    fn pattern(&self) -> Option<&Pattern> {
+        Some(&self.pattern)
+    }
 }
 
 impl Groups {

@@ -53,7 +53,9 @@ impl Pattern {
         })
     }
 
-    pub(super) fn is_full(&self) -> bool {
+    /// Whether every element may differ from zero.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
         self.starts.is_empty()
     }
 
@@ -72,9 +74,10 @@ impl Pattern {
         self.starts[row] as usize..self.starts[row + 1] as usize
     }
 
-    /// The columns of a row's elements.
+    /// The columns of a row's elements, ascending; of a pattern that is not full.
     #[inline]
-    pub(super) fn row(&self, row: usize) -> &[u32] {
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.range(row)]
     }
 

@@ -15,6 +15,12 @@ pub trait Directions {
     /// The component of a direction along a state. Where the pattern is full, each direction is that of the state at its
     /// position.
     fn component(&self, direction: usize, state: usize) -> f64;
+    /// The pattern of the Jacobian whose elements the products give; none if it is full. No two columns of a row share a
+    /// direction, except in rows that [`System::gradients`] computes. The last direction checks the pattern: along it, a
+    /// product that the elements do not give shows that some are missing, and one that is not a number shows nothing.
+    fn pattern(&self) -> Option<&Pattern> {
+        None
+    }
 }
 
 /// A system dx/dt = f(t, x).

@@ -1,18 +1,19 @@
 //! Checks an FMU's directional derivatives by comparison with difference quotients.
 //!
 //! A wrong Jacobian need not show in the integrator's estimated error: if an element is far too large, the states
-//! hardly move, and no step is rejected. So the first Jacobian is compared column by column. Each later one is compared
-//! along a direction of all states, by one evaluation, and column by column if that differs.
+//! hardly move, and no step is rejected. So the first Jacobian is compared along the directions by which it was computed,
+//! which are its columns if it is full. Each later one is compared along a direction of all states, by one evaluation, and
+//! along those if that differs. The same finds elements that a pattern lacks; its first Jacobian is compared both ways.
 //!
 //! A difference quotient is inexact, too. Where the equations bend, kink or are noisy, quotients of different lengths
 //! differ from each other by about as much as from the derivative. So an element is wrong only if it lies outside the
 //! range of quotients of six lengths, on both sides.
 
 use std::mem;
-use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::Result;
+use fmu_export::integrator::{Directions, Pattern};
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
@@ -39,10 +40,89 @@ pub struct Use<'a> {
     pub tolerance: f64,
 }
 
-/// An element that is wrong.
-pub struct WrongElement {
+/// The directions along which the products of a Jacobian were computed.
+pub struct Columns<'a> {
+    pattern: Option<&'a Pattern>,
+    /// The number of directions, with one that checks the pattern.
+    count: usize,
+    /// The direction of each state.
+    of: Vec<usize>,
+    /// The rows whose elements are computed otherwise.
+    is_long: Vec<bool>,
+}
+
+impl<'a> Columns<'a> {
+    /// Those of a full Jacobian.
+    pub fn full(size: usize) -> Self {
+        Self { pattern: None, count: size, of: (0..size).collect(), is_long: vec![false; size] }
+    }
+
+    pub fn new(directions: &'a impl Directions, size: usize) -> Self {
+        let Some(pattern) = directions.pattern() else { return Self::full(size) };
+        let count = directions.count();
+        let direction = |state: usize| (0..count - 1).find(|&of| directions.component(of, state) != 0.0);
+        let of: Vec<_> = (0..size).map(|state| direction(state).unwrap_or(count)).collect();
+        let mut rows = vec![size; count + 1];
+        let is_long = (0..size).map(|row| {
+            let mut columns = pattern.row(row).iter();
+            columns.any(|&column| mem::replace(&mut rows[of[column as usize]], row) == row)
+        });
+        let is_long = is_long.collect();
+        Self { pattern: Some(pattern), count, of, is_long }
+    }
+
+    /// Whether they are those of a full Jacobian.
+    pub fn is_full(&self) -> bool {
+        self.pattern.is_none()
+    }
+
+    /// The direction that checks the pattern.
+    pub fn checking(&self) -> Option<usize> {
+        self.pattern.map(|_| self.count - 1)
+    }
+
+    /// The directions that give elements.
+    pub fn directions(&self) -> std::ops::Range<usize> {
+        0..self.count - usize::from(self.pattern.is_some())
+    }
+
+    /// The states of a direction.
+    pub fn states(&self, direction: usize) -> impl Iterator<Item = usize> {
+        self.of.iter().enumerate().filter(move |(_, of)| **of == direction).map(|(state, _)| state)
+    }
+
+    /// The columns of a row's elements; none of a row whose elements are computed otherwise.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = usize> {
+        let columns =
+            self.pattern.map_or(&[][..], |pattern| if self.is_long[row] { &[] } else { pattern.row(row) });
+        let all = if self.pattern.is_none() { self.of.len() } else { 0 };
+        (0..all).chain(columns.iter().map(|&column| column as usize))
+    }
+
+    /// The column of a row's element along a direction.
+    pub fn column(&self, row: usize, direction: usize) -> Option<usize> {
+        match self.pattern {
+            None => Some(direction),
+            Some(_) => self.row(row).find(|&column| self.of[column] == direction),
+        }
+    }
+
+    /// Where the product of a row with a direction is.
+    pub fn place(&self, row: usize, direction: usize) -> usize {
+        row * self.count + direction
+    }
+
+    /// Where the product is that is an element.
+    pub fn element(&self, row: usize, column: usize) -> usize {
+        self.place(row, self.of[column])
+    }
+}
+
+/// What is wrong with a Jacobian.
+pub struct Wrong {
     pub row: usize,
-    pub column: usize,
+    /// That of the wrong element; none if the pattern lacks an element in the row.
+    pub column: Option<usize>,
     /// What a difference quotient gives instead.
     pub quotient: f64,
 }
@@ -79,74 +159,90 @@ impl DerivativeCheck {
         }
     }
 
-    /// Finds a wrong element of a Jacobian, which is given by rows. The FMU is evaluated at other states.
+    /// The next Jacobian is compared as the first one.
+    pub fn begin(&mut self) {
+        self.is_first = true;
+    }
+
+    /// Finds what is wrong with a Jacobian, which is given by products. The FMU is evaluated at other states.
     ///
     /// # Errors
     /// When a call fails.
     pub fn find_wrong(
         &mut self,
         calls: &mut Calls,
-        jacobian: &[f64],
+        columns: &Columns<'_>,
+        products: &[f64],
         at: &Use<'_>,
-    ) -> Result<Option<WrongElement>> {
-        let size = at.states.len();
-        for (terms, (row, derivative)) in
-            self.terms.iter_mut().zip(jacobian.chunks_exact(size).zip(at.derivatives))
-        {
-            let of_states = row.iter().zip(at.states).map(|(element, state)| (element * state).abs());
+    ) -> Result<Option<Wrong>> {
+        for (row, (terms, derivative)) in self.terms.iter_mut().zip(at.derivatives).enumerate() {
+            let of_states = columns
+                .row(row)
+                .map(|column| (products[columns.element(row, column)] * at.states[column]).abs());
             *terms = derivative.abs() + of_states.filter(|term| term.is_finite()).sum::<f64>();
         }
-        if !mem::replace(&mut self.is_first, false) {
-            for column in 0..size {
+        let is_first = mem::replace(&mut self.is_first, false);
+        let mut suspect = None;
+        if !is_first || !columns.is_full() {
+            for column in 0..at.states.len() {
                 self.direction[column] = component(column) * scale(at, column);
             }
-            if self.contradiction(calls, jacobian, 0..size, at)?.is_none() {
+            suspect = self.contradiction(calls, columns, products, at)?;
+            if !is_first && suspect.is_none() {
                 return Ok(None);
             }
         }
-        for column in 0..size {
+        for direction in columns.directions() {
             self.direction.fill(0.0);
-            self.direction[column] = scale(at, column);
-            if let Some(row) = self.contradiction(calls, jacobian, column..column + 1, at)? {
+            for column in columns.states(direction) {
+                self.direction[column] = scale(at, column);
+            }
+            if let Some(row) = self.contradiction(calls, columns, products, at)? {
                 let [low, high] = self.quotients[row];
-                let quotient = f64::midpoint(low, high) / self.direction[column];
-                return Ok(Some(WrongElement { row, column, quotient }));
+                let column = columns.column(row, direction);
+                let quotient = f64::midpoint(low, high) / column.map_or(1.0, |column| self.direction[column]);
+                return Ok(Some(Wrong { row, column, quotient }));
             }
         }
-        Ok(None)
+        // Elements that a pattern lacks may cancel along the directions of its groups.
+        let suspect = suspect.filter(|_| !columns.is_full());
+        Ok(suspect.map(|row| Wrong { row, column: None, quotient: f64::NAN }))
     }
 
-    /// The first row whose product with the direction, which has only these columns, differs from all difference quotients.
+    /// The first row whose product with the direction differs from all difference quotients.
     fn contradiction(
         &mut self,
         calls: &mut Calls,
-        jacobian: &[f64],
-        columns: Range<usize>,
+        columns: &Columns<'_>,
+        products: &[f64],
         at: &Use<'_>,
     ) -> Result<Option<usize>> {
         let (size, fmu) = (at.states.len(), Arc::clone(&calls.fmu));
+        let moved: Vec<_> = (0..size).filter(|&column| self.direction[column] != 0.0).collect();
         let shortest = f64::EPSILON.sqrt();
         let allowed = |length: f64, column: usize, direction: &[f64]| {
             let (least, most) = fmu.states[column].range;
             let (state, moved) = (at.states[column], at.states[column] + length * direction[column]);
             (least.min(state)..=most.max(state)).contains(&moved)
         };
-        for column in columns.clone() {
+        for &column in &moved {
             if !allowed(shortest, column, &self.direction) {
                 self.direction[column] *= -1.0;
             }
         }
-        for (product, row) in self.products.iter_mut().zip(jacobian.chunks_exact(size)) {
+        for (row, product) in self.products.iter_mut().enumerate() {
             *product = [0.0; 2];
-            for column in columns.clone() {
-                let term = row[column] * self.direction[column];
-                *product = [product[0] + term, product[1] + term.abs()];
+            for column in columns.row(row) {
+                if self.direction[column] != 0.0 {
+                    let term = products[columns.element(row, column)] * self.direction[column];
+                    *product = [product[0] + term, product[1] + term.abs()];
+                }
             }
         }
         self.quotients.fill([f64::INFINITY, f64::NEG_INFINITY]);
         let mut found = None;
         for length in LENGTHS.map(|length| shortest * length) {
-            if !columns.clone().all(|column| allowed(length, column, &self.direction)) {
+            if !moved.iter().all(|&column| allowed(length, column, &self.direction)) {
                 continue;
             }
             for (moved, (state, direction)) in
@@ -167,7 +263,7 @@ impl DerivativeCheck {
                 let new = (there - here) / length;
                 *quotient = [quotient[0].min(new), quotient[1].max(new)];
             }
-            found = (0..size).find(|&row| !self.agrees(row, at));
+            found = (0..size).find(|&row| !columns.is_long[row] && !self.agrees(row, at));
             if found.is_none() {
                 return Ok(None);
             }

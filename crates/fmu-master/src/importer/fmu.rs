@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
+use fmu_export::integrator::Pattern;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{FmuDescription, FmuVariable, Linear, Platform};
@@ -27,6 +28,8 @@ pub struct Fmu {
     pub(super) conversions: BTreeMap<String, Linear>,
     /// Of Model Exchange.
     pub(super) states: Arc<[State]>,
+    /// Where the Jacobian of the states has elements, by `ModelStructure`.
+    pub(super) pattern: Arc<Pattern>,
     /// Whether events are handled: in Model Exchange, and for clocks.
     pub(super) has_event_mode: bool,
     pub(super) functions: Arc<Functions>,
@@ -91,13 +94,18 @@ impl Fmu {
         refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;
         let has_event_mode = is_exchange || needs_event_mode(&description)?;
-        let states = if is_exchange { states(&description)? } else { vec![] };
+        let (states, pattern) = if is_exchange {
+            (states(&description)?, pattern(&description)?)
+        } else {
+            (vec![], Pattern::full())
+        };
         let functions = Functions::load(folder, &library, is_fmi3, is_exchange, has_event_mode)?;
         Ok(Self {
             path: path.to_owned(),
             interface,
             description,
             states: states.into(),
+            pattern: Arc::new(pattern),
             has_event_mode,
             conversions: BTreeMap::new(),
             functions: Arc::new(functions),
@@ -117,6 +125,7 @@ impl Fmu {
             path: self.path.clone(),
             interface: self.interface,
             states: Arc::clone(&self.states),
+            pattern: Arc::clone(&self.pattern),
             has_event_mode: self.has_event_mode,
             description,
             conversions,
@@ -213,4 +222,13 @@ fn states(description: &FmuDescription) -> Result<Vec<State>> {
         })
     };
     states.into_iter().map(named).collect()
+}
+
+/// Where the Jacobian of the states has elements; full if any derivative depends on all of them.
+fn pattern(description: &FmuDescription) -> Result<Pattern> {
+    let dependencies = description.state_dependencies().context("its modelDescription.xml is broken")?;
+    let listed: Option<Vec<_>> = dependencies.into_iter().collect();
+    Ok(listed.map_or_else(Pattern::full, |listed| {
+        Pattern::of_rows(listed.len(), |row, columns| columns.extend(&listed[row]))
+    }))
 }

@@ -1,17 +1,19 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
+use std::sync::Arc;
+
 use anyhow::{Error, Result, anyhow, bail};
 use fmu_export::display::Seconds;
 use fmu_export::event_loop::{EventLoop, Hybrid};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::integrator::{Directions, Integrator, System, Tolerance, Trials};
+use fmu_export::integrator::{Directions, Integrator, Pattern, System, Tolerance, Trials};
 use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events, Stops};
 use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
-use super::derivative_check::{DerivativeCheck, Use};
+use super::derivative_check::{Columns, DerivativeCheck, Use, Wrong};
 use super::event_mode::EventMode;
 use super::messages::is_discarded;
 
@@ -47,20 +49,23 @@ struct Equations {
     here: Vec<f64>,
     indicators: Vec<f64>,
     check: DerivativeCheck,
+    /// Where the Jacobian has elements.
+    pattern: Arc<Pattern>,
+    /// The row of the Jacobian that its pattern may lack elements of.
+    doubted: Option<usize>,
 }
 
 impl Equations {
-    /// The Jacobian by the FMU's directional derivatives, by rows.
-    fn direct(&mut self, calls: &mut Calls, jacobian: &mut [f64]) -> Result<()> {
+    /// Products of the Jacobian by the FMU's directional derivatives, by rows.
+    fn direct(&mut self, calls: &mut Calls, columns: &Columns<'_>, products: &mut [f64]) -> Result<()> {
         let Self { derivatives: of, states: by, direction, along, .. } = self;
-        let count = along.len();
-        for column in 0..count {
+        for number in columns.directions() {
             direction.fill(0.0);
-            direction[column] = 1.0;
+            columns.states(number).for_each(|state| direction[state] = 1.0);
             let called = calls.handle.directional_derivative(of, by, direction, along);
             calls.check(&[], called)?;
             for (row, along) in along.iter().enumerate() {
-                jacobian[row * count + column] = *along;
+                products[columns.place(row, number)] = *along;
             }
         }
         Ok(())
@@ -72,20 +77,45 @@ impl Equations {
         calls: &mut Calls,
         time: f64,
         (states, nominals): (&[f64], &[f64]),
-        jacobian: &mut [f64],
+        columns: &Columns<'_>,
+        products: &mut [f64],
     ) -> Result<()> {
         let Self { direction: moved, along, here, .. } = self;
-        let count = along.len();
-        for column in 0..count {
+        for number in columns.directions() {
             moved.copy_from_slice(states);
-            moved[column] += f64::EPSILON.sqrt() * states[column].abs().max(nominals[column]);
+            for state in columns.states(number) {
+                moved[state] += f64::EPSILON.sqrt() * states[state].abs().max(nominals[state]);
+            }
             evaluate(calls, time, moved, along)?;
-            let change = moved[column] - states[column];
             for (row, (along, here)) in along.iter().zip(&*here).enumerate() {
-                jacobian[row * count + column] = (along - here) / change;
+                let column = columns.column(row, number);
+                products[columns.place(row, number)] =
+                    column.map_or(0.0, |column| (along - here) / (moved[column] - states[column]));
             }
         }
         Ok(())
+    }
+
+    /// Warns if the FMU's dependencies of a derivative, which were doubted, lack a state: its full Jacobian tells.
+    fn confirm_doubt(&mut self, calls: &mut Calls, row: usize, jacobian: &[f64], time: f64) {
+        let fmu = Arc::clone(&calls.fmu);
+        let listed = fmu.pattern.row(row);
+        let row_of = jacobian.chunks_exact(self.here.len()).nth(row).unwrap_or_default();
+        let lacking = row_of.iter().enumerate().filter(|(column, element)| {
+            **element != 0.0 && listed.binary_search(&u32::try_from(*column).unwrap_or(u32::MAX)).is_err()
+        });
+        if let Some((column, element)) =
+            lacking.max_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()))
+        {
+            calls.warn(format!(
+                "the FMU's ModelStructure does not list {} among the dependencies of {}, whose derivative by it is {} at {} s; \
+                 from here on, all derivatives are taken to depend on all states",
+                fmu.states[column].name,
+                fmu.states[row].derivative_name,
+                number(*element),
+                Seconds(time)
+            ));
+        }
     }
 }
 
@@ -113,6 +143,8 @@ impl Integration {
                 here: vec![0.0; size],
                 indicators: vec![0.0; indicators],
                 check: DerivativeCheck::new(size),
+                pattern: Arc::clone(&calls.fmu.pattern),
+                doubted: None,
             },
         };
         begun.handle(calls, events, time, true)?;
@@ -281,44 +313,71 @@ impl Solved<'_> {
         products: &mut [f64],
         by_time: &mut [f64],
     ) -> Result<()> {
-        let calls = &mut *self.calls;
-        let nominals = self.tolerance.nominals;
-        evaluate(calls, time, states, &mut self.equations.here)?;
-        // Those of the states, as the pattern is full.
-        let count = directions.count();
-        if count > 0 && calls.has_directional_derivatives {
-            self.equations.direct(calls, products)?;
+        evaluate(self.calls, time, states, &mut self.equations.here)?;
+        if directions.count() > 0 {
+            self.fill(time, states, &Columns::new(directions, states.len()), products)?;
+        }
+        let Equations { along, here, .. } = &mut *self.equations;
+        let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
+        evaluate(self.calls, later, states, along)?;
+        for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
+            *by_time = (along - here) / (later - time);
+        }
+        Ok(())
+    }
+
+    /// Computes the products of the Jacobian with directions, and what is wrong with them.
+    fn fill(&mut self, time: f64, states: &[f64], columns: &Columns<'_>, products: &mut [f64]) -> Result<()> {
+        let (calls, nominals) = (&mut *self.calls, self.tolerance.nominals);
+        if calls.has_directional_derivatives {
+            self.equations.direct(calls, columns, products)?;
+        } else {
+            self.equations.difference(calls, time, (states, nominals), columns, products)?;
+        }
+        if columns.is_full()
+            && let Some(row) = self.equations.doubted.take()
+        {
+            self.equations.confirm_doubt(calls, row, products, time);
+        }
+        let mut is_complete = true;
+        if calls.has_directional_derivatives || !columns.is_full() {
+            let Equations { here, check, .. } = &mut *self.equations;
             let at = Use {
                 time,
                 states,
-                derivatives: &self.equations.here,
+                derivatives: here,
                 nominals,
                 step: self.size,
                 tolerance: self.tolerance.relative,
             };
-            if let Some(wrong) = self.equations.check.find_wrong(calls, products, &at)? {
-                let [of, by] = [wrong.row, wrong.column].map(|state| &calls.fmu.states[state]);
-                let warning = format!(
-                    "the FMU's derivative of {} by {} is {} at {} s, but differences give {:.3e}; from here on, differences \
-                     replace the FMU's derivatives",
-                    of.derivative_name,
-                    by.name,
-                    number(products[wrong.row * count + wrong.column]),
-                    Seconds(time),
-                    wrong.quotient
-                );
-                calls.warn(warning);
-                calls.has_directional_derivatives = false;
+            match check.find_wrong(calls, columns, products, &at)? {
+                Some(Wrong { row, column: Some(column), quotient }) if columns.is_full() => {
+                    let [of, by] = [row, column].map(|state| &calls.fmu.states[state]);
+                    let warning = format!(
+                        "the FMU's derivative of {} by {} is {} at {} s, but differences give {quotient:.3e}; from here on, \
+                         differences replace the FMU's derivatives",
+                        of.derivative_name,
+                        by.name,
+                        number(products[columns.element(row, column)]),
+                        Seconds(time),
+                    );
+                    calls.warn(warning);
+                    calls.has_directional_derivatives = false;
+                    self.equations.difference(calls, time, (states, nominals), columns, products)?;
+                }
+                Some(Wrong { row, .. }) => {
+                    // Either the pattern or a derivative is wrong: the full Jacobian tells which.
+                    self.equations.pattern = Arc::new(Pattern::full());
+                    self.equations.doubted = Some(row);
+                    self.equations.check.begin();
+                    is_complete = false;
+                }
+                None => {}
             }
         }
-        if count > 0 && !calls.has_directional_derivatives {
-            self.equations.difference(calls, time, (states, nominals), products)?;
-        }
-        let Equations { along, here, .. } = &mut *self.equations;
-        let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
-        evaluate(calls, later, states, along)?;
-        for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
-            *by_time = (along - here) / (later - time);
+        if let Some(checking) = columns.checking() {
+            let shown = if is_complete { f64::NAN } else { f64::MAX };
+            (0..states.len()).for_each(|row| products[columns.place(row, checking)] = shown);
         }
         Ok(())
     }
@@ -344,6 +403,8 @@ fn evaluate(calls: &mut Calls, time: f64, states: &[f64], derivatives: &mut [f64
 }
 
 impl System for Solved<'_> {
+    const MAY_BE_SPARSE: bool = true;
+
     fn derivatives(&mut self, place: f64, states: &[f64], derivatives: &mut [f64]) {
         self.try_to(derivatives, |solved, derivatives| {
             evaluate(solved.calls, solved.time(place), states, derivatives)
@@ -361,6 +422,36 @@ impl System for Solved<'_> {
         self.try_to(by_time, |solved, by_time| {
             solved.differentiate(solved.time(place), states, directions, products, by_time)
         });
+    }
+
+    /// The rows by all columns.
+    fn gradients(
+        &mut self,
+        place: f64,
+        states: &[f64],
+        rows: &[usize],
+        mut take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+    ) {
+        let size = states.len();
+        let mut jacobian = vec![0.0; size * size];
+        self.try_to(&mut jacobian, |solved, jacobian| {
+            let time = solved.time(place);
+            evaluate(solved.calls, time, states, &mut solved.equations.here)?;
+            let columns = Columns::full(size);
+            if solved.calls.has_directional_derivatives {
+                solved.equations.direct(solved.calls, &columns, jacobian)
+            } else {
+                let at = (states, solved.tolerance.nominals);
+                solved.equations.difference(solved.calls, time, at, &columns, jacobian)
+            }
+        });
+        for &row in rows {
+            take(row, &|column| jacobian[row * size + column]);
+        }
+    }
+
+    fn pattern(&mut self, _place: f64, _states: &[f64]) -> Pattern {
+        (*self.equations.pattern).clone()
     }
 }
 

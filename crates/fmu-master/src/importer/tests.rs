@@ -592,9 +592,14 @@ fn members_of_model_exchange_are_coupled() {
 /// An instance of the FMU of `misbehaving.c`, initialized in Model Exchange, with values of its parameters. `scaled` has states
 /// of 1e-9 and 1e9, whose nominal values it gives; all others have 1.
 fn integrated(version: u8, states: usize, values: &[(&str, Value)]) -> Instance {
+    integrated_with(&careless::misbehaving(version, states, "none"), values)
+}
+
+/// The same with another description.
+fn integrated_with(description: &str, values: &[(&str, Value)]) -> Instance {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("misbehaving.fmu");
-    careless::write(&path, &careless::misbehaving(version, states, "none"), careless::misbehaving_library());
+    careless::write(&path, description, careless::misbehaving_library());
     let fmu = Fmu::open_with(&path, Some(Interface::ModelExchange)).unwrap();
     let mut instance = fmu.instantiate("misbehaving").unwrap();
     instance.set_up(0.0, None).unwrap();
@@ -648,6 +653,81 @@ fn one_wrong_column_among_many_is_found() {
             let warnings = warnings_of(&mut integrated(2, 30, &values));
             let by = format!("by x{} is", column + 1);
             assert!(warnings.len() == 1 && warnings[0].contains(&by), "{misdeed}, {column}: {warnings:?}");
+        }
+    }
+}
+
+/// The description of a chain of 30 states, each of which follows the one before, with dependencies of their derivatives.
+fn chain(version: u8, dependencies: impl Fn(usize) -> Vec<usize>) -> String {
+    let mut description = careless::misbehaving(version, 30, "none");
+    for state in 1..=30 {
+        let (unknown, first) = if version == 3 {
+            (format!("<ContinuousStateDerivative valueReference=\"{}\"", 99 + state), 0)
+        } else {
+            (format!("<Unknown index=\"{}\"", 30 + state), 1)
+        };
+        let listed = dependencies(state).into_iter().map(|state| (state + first - 1).to_string());
+        let listed = listed.collect::<Vec<_>>().join(" ");
+        assert!(description.contains(&unknown));
+        description = description.replace(&unknown, &format!("{unknown} dependencies=\"{listed}\""));
+    }
+    description
+}
+
+/// At 2 s, x1 is exp(-2), and each next state 2 / (k - 1) times the one before.
+fn assert_followed(instance: &mut Instance, told: &str) {
+    let mut expected = (-2.0_f64).exp();
+    for state in 1..=30 {
+        let x = instance.get(&format!("x{state}")).unwrap();
+        assert!((x - expected).abs() < 1e-4, "{told}: x{state} is {x}, not {expected}");
+        expected *= 2.0 / f64::from(state);
+    }
+}
+
+/// A state's own value need not be listed for the integrator, nor does it matter that more is listed than there is.
+#[test]
+fn the_jacobian_has_elements_where_the_model_structure_says() {
+    for version in [2, 3] {
+        for more in [false, true] {
+            let description = chain(version, |state| {
+                let before = (state > 1).then(|| state - 1);
+                let unneeded = more.then(|| state % 30 + 1);
+                before.into_iter().chain([state]).chain(unneeded.filter(|other| *other > state)).collect()
+            });
+            for misdeed in ["none", "no_derivative"] {
+                let values = [("misdeed", item(misdeed)), ("column", 16.0.into())];
+                let mut instance = integrated_with(&description, &values);
+                let warnings = warnings_of(&mut instance);
+                let is_right = match misdeed {
+                    "none" => warnings.is_empty(),
+                    _ => warnings.len() == 1 && warnings[0].contains("by x17 is 0 at 0 s"),
+                };
+                assert!(is_right, "{version}, {misdeed}: {warnings:?}");
+                assert_followed(&mut instance, misdeed);
+            }
+        }
+    }
+}
+
+#[test]
+fn dependencies_that_the_model_structure_leaves_out_are_found() {
+    for version in [2, 3] {
+        // One among many, or all: an empty list means none.
+        for (left_out, found) in [(17, 17), (0, 2)] {
+            let description = chain(version, |state| match state {
+                _ if left_out == 0 => vec![],
+                1 => vec![1],
+                _ if state == left_out => vec![state],
+                _ => vec![state - 1, state],
+            });
+            let mut instance = integrated_with(&description, &[]);
+            let expected = format!(
+                "the FMU's ModelStructure does not list x{} among the dependencies of der(x{found}), whose derivative by it is 1 \
+                 at 0 s; from here on, all derivatives are taken to depend on all states",
+                found - 1
+            );
+            assert_eq!(warnings_of(&mut instance), [expected]);
+            assert_followed(&mut instance, "left out");
         }
     }
 }

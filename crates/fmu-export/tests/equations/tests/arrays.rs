@@ -32,6 +32,32 @@ fn large_arrays_are_not_on_the_stack() {
     assert_eq!(States::COUNT, 307);
 }
 
+/// A value reference is found beside whichever was found before, and those that need no search have the type.
+#[test]
+fn variables_are_found_near_others_as_alone() {
+    let described: BTreeMap<_, _> = Variables::described().collect();
+    let end = described.keys().max().expect("there are variables") + 3;
+    let positions = Variables::DESCRIPTION.variables.len();
+    for reference in 0..end {
+        let expected = described.get(&reference).map(|variable| variable.name().to_string());
+        for position in 0..positions {
+            let found = Variables::description_near(reference, &mut position.clone());
+            assert_eq!(found.map(|found| found.name().to_string()), expected, "{reference} near {position}");
+        }
+    }
+    let of_one_type = (0..positions).map(Variables::of_one_type);
+    let mut searchless = 0;
+    for (position, references) in of_one_type.enumerate() {
+        let data_type = Variables::DESCRIPTION.variables[position].data_type;
+        searchless += references.len();
+        for reference in references {
+            assert_eq!(described[&reference].data_type, data_type, "{reference} near {position}");
+        }
+    }
+    // `heat`, `weight`, `label`, `row`, `warm`; `x` and `grid` with their derivatives; time, `gain`, `last` and its derivative.
+    assert_eq!(searchless, 300 + 300 + 300 + 2 + 3 + 2 * 300 + 2 * 6 + 4);
+}
+
 /// The parts of a variable in order of declaration, states alternating with their derivatives.
 #[test]
 fn value_references_and_names_follow_by_rule() {
