@@ -1,6 +1,10 @@
 //! For any parameters and inputs within their ranges, and any step size, every value of the plant is physically
 //! possible, or the call is an error.
 
+use std::num::NonZero;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, Variables};
 use fmu_export::description::{Causality, DataType, Initial};
@@ -211,37 +215,66 @@ fn a_running_pump_reaches_its_ultimate_vacuum() {
     }
 }
 
+/// What happened to some plants: the steps that succeeded, the calls that were refused, and impossible values.
+#[derive(Default)]
+struct Outcome {
+    steps: u32,
+    refused: u32,
+    impossible: Vec<String>,
+}
+
+/// Runs the plant of a case.
+fn run(case: u64, outcome: &mut Outcome) {
+    let mut random = Random(case);
+    // From plants with few unusual parameters to those with only such.
+    let share = [0.0, 0.02, 0.1, 0.3, 1.0][usize::try_from(case % 5).expect("below 5")];
+    let variables = random_parameters(&mut random, share);
+    let inputs = random_inputs(&mut random);
+    let mut bench = Bench::new(inputs, |parameters: &mut Parameters, start| {
+        (*parameters, *start) = (variables.parameters, variables.start);
+    });
+    if !is_finite(&bench.variables) {
+        outcome.refused += 1;
+        return;
+    }
+    check(&bench, &format!("case {case} at the start"), &mut outcome.impossible);
+    for step in 0..8 {
+        bench.inputs = random_inputs(&mut random);
+        let size = 10.0_f64.powf(random.between(-6.0, 3.0));
+        let result = Simulation::step(&mut bench, size);
+        if result.is_err() || !is_finite(&bench.variables) {
+            outcome.refused += 1;
+            return;
+        }
+        outcome.steps += 1;
+        check(&bench, &format!("case {case} after step {step} of {size} s"), &mut outcome.impossible);
+    }
+}
+
 #[test]
 fn every_value_is_physically_possible_or_the_call_is_an_error() {
     let cases =
         std::env::var("PHYSICAL_BOUNDS_CASES").map_or(CASES, |cases| cases.parse().expect("a number"));
-    let (mut steps, mut refused, mut impossible) = (0, 0, Vec::new());
-    for case in 0..cases {
-        let mut random = Random(case);
-        // From plants with few unusual parameters to those with only such.
-        let share = [0.0, 0.02, 0.1, 0.3, 1.0][usize::try_from(case % 5).expect("below 5")];
-        let variables = random_parameters(&mut random, share);
-        let inputs = random_inputs(&mut random);
-        let mut bench = Bench::new(inputs, |parameters: &mut Parameters, start| {
-            (*parameters, *start) = (variables.parameters, variables.start);
-        });
-        if !is_finite(&bench.variables) {
-            refused += 1;
-            continue;
-        }
-        check(&bench, &format!("case {case} at the start"), &mut impossible);
-        for step in 0..8 {
-            bench.inputs = random_inputs(&mut random);
-            let size = 10.0_f64.powf(random.between(-6.0, 3.0));
-            let result = Simulation::step(&mut bench, size);
-            if result.is_err() || !is_finite(&bench.variables) {
-                refused += 1;
-                break;
+    // Some cases take far longer than others: each thread takes the next one.
+    let next = AtomicU64::new(0);
+    let work = || {
+        let mut outcome = Outcome::default();
+        loop {
+            let case = next.fetch_add(1, Ordering::Relaxed);
+            if case >= cases {
+                return outcome;
             }
-            steps += 1;
-            check(&bench, &format!("case {case} after step {step} of {size} s"), &mut impossible);
+            run(case, &mut outcome);
         }
-    }
+    };
+    let count = thread::available_parallelism().map_or(1, NonZero::get);
+    let outcomes: Vec<Outcome> = thread::scope(|scope| {
+        let threads: Vec<_> = (0..count).map(|_| scope.spawn(work)).collect();
+        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+    });
+    let steps: u32 = outcomes.iter().map(|outcome| outcome.steps).sum();
+    let refused: u32 = outcomes.iter().map(|outcome| outcome.refused).sum();
+    let impossible: Vec<String> = outcomes.into_iter().flat_map(|outcome| outcome.impossible).collect();
     println!("{steps} steps, {refused} refused");
     assert!(
         impossible.is_empty(),

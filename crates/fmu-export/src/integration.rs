@@ -1,6 +1,6 @@
 //! How the built-in integrator solves the equations of a model.
 
-use crate::integrator::{Method, RODAS5P};
+use crate::integrator::{AUTOMATIC, Method};
 
 /// The relative tolerance if the importer gives none.
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;
@@ -26,9 +26,9 @@ pub struct Integration<V> {
 }
 
 impl<V> Integration<V> {
-    /// `Rodas5P` with the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+    /// The method chosen as phases turn out stiff or not, with the importer's tolerance, or [`DEFAULT_TOLERANCE`].
     pub const DEFAULT: Self = Self {
-        method: &RODAS5P,
+        method: &AUTOMATIC,
         longest_step: f64::INFINITY,
         error_scales: None,
         tolerance: |_, asked| asked.unwrap_or(DEFAULT_TOLERANCE),

@@ -1,9 +1,10 @@
-//! The built-in integrator of models of equations: linearly implicit (Rosenbrock) [methods](Method), of which models use
-//! `Rodas5P` unless they choose another.
+//! The built-in integrator of models of equations: an [explicit](explicit) method for nonstiff phases, linearly implicit
+//! (Rosenbrock) [methods](Method) for stiff ones. Unless a model chooses, they take turns as the [votes](switch) of the
+//! steps decide. A method makes a trial step and the polynomials of its dense output; all else they share.
 //!
-//! They are L-stable and so suit stiff systems: they damp modes that are much faster than a step instead of following
-//! them. As one-step methods they restart cheaply after an event, and remember only the length of the next step, a
-//! Jacobian that serves several steps, and a step that went beyond the present time.
+//! The linearly implicit ones are L-stable: they damp modes that are much faster than a step instead of following them.
+//! As one-step methods all restart cheaply after an event, and remember only the length of the next step, a Jacobian that
+//! serves several steps, and a step that went beyond the present time.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
 //! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A
@@ -14,37 +15,42 @@
 //! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
 //! then those of the dense output, whose error is limited like the step's.
 //!
-//! Memory for a step is allocated in the first one, where the pattern changes, and for the long rows. It does not belong
-//! to a clone.
+//! Memory for a step is allocated in the first one, in the first that is linearly implicit, where the pattern changes, and
+//! for the long rows. It does not belong to a clone.
 //!
 //! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU
 //! state needs.
 
 pub(crate) mod dense;
+mod explicit;
 mod jacobian;
 mod method;
 mod multirate;
 mod pattern;
 mod sparse;
 mod step_size;
+mod switch;
 mod system;
 #[cfg(test)]
 mod tests;
+
+use core::mem;
 
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::search::ROUNDINGS;
 
-use jacobian::{Jacobian, Matrix};
-pub use method::{Method, RODAS5P, ROS34PW2};
+use jacobian::{Jacobian, Matrix, SMALL_ERROR};
+pub use method::{AUTOMATIC, DOP853, Method, RODAS5P, ROS34PW2};
 pub use multirate::TwoRates;
 pub use pattern::Pattern;
 use step_size::StepSize;
+use switch::Switch;
 pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, TwoParts};
 
 /// The most stages of a method.
-const MOST_STAGES: usize = 8;
+const MOST_STAGES: usize = explicit::STAGES;
 
 /// The largest error of the dense output relative to what its slope at [`RESIDUAL_AT`] implies, if it vanishes with its
 /// slope at both ends of the step, as θ²·(1 − θ)² does. Where errors decay fast, the slope implies the error there, 9/16
@@ -54,11 +60,18 @@ const DENSE_ERROR: f64 = 16.0 / 9.0;
 /// error vanishes in the middle.
 const RESIDUAL_AT: f64 = 0.25;
 
+/// The explicit method is not for steps whose length times the estimated magnitude of the largest eigenvalue exceeds
+/// this, …
+const STIFF: f64 = 0.7 * explicit::STABILITY;
+/// … and is for those of the linearly implicit one in which its bound is less.
+const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
+
 /// The integrator with its last step.
 #[derive(Debug)]
 pub struct Integrator {
     size: usize,
     steps: StepSize,
+    switch: Switch,
     jacobian: Jacobian,
     /// Whether the last step ended beyond the end that was asked for.
     is_ahead: bool,
@@ -89,7 +102,7 @@ impl From<(f64, f64)> for Span {
 }
 
 /// The last step.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct LastStep {
     /// Its start and end in s, and its length.
     begin: f64,
@@ -98,35 +111,38 @@ struct LastStep {
     /// The states at both.
     from: Vec<f64>,
     to: Vec<f64>,
-    /// The polynomials of the dense output, once they are asked for.
+    /// Whether the explicit method took it. If so, its stages can be evaluated again: its start then, and what that
+    /// counted from.
+    is_explicit: bool,
+    begun: f64,
+    zero: f64,
+    /// The polynomials of the dense output, once they are asked for, and the terms that the explicit method adds.
     dense: Vec<[f64; 3]>,
+    higher: Vec<[f64; 3]>,
     has_dense: bool,
 }
 
 impl Clone for Integrator {
     fn clone(&self) -> Self {
-        let last = if self.is_ahead { self.last.clone() } else { None };
+        let last = self.last.as_ref().filter(|_| self.is_ahead);
+        let last = last.map(|last| Box::new(last.kept()));
         Self { jacobian: self.jacobian.clone(), last, work: None, ..*self }
     }
 
     fn clone_from(&mut self, source: &Self) {
-        let (mut last, mut work) = (self.last.take(), self.work.take());
-        if let (true, Some(source)) = (source.is_ahead, &source.last) {
-            match &mut last {
-                Some(last) => last.clone_from(source),
-                None => last = Some(source.clone()),
-            }
-        }
+        let (last, mut work) = (self.last.take(), self.work.take());
         if let Some(work) = &mut work {
-            work.matrix.forget();
+            work.forget();
         }
-        *self = Self { jacobian: source.jacobian.clone(), last, work, ..*source };
+        let source = source.clone();
+        *self = Self { last: source.last.or(last), work, ..source };
     }
 }
 
 impl Persistent for Integrator {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.steps.next.persist(archive)?;
+        self.switch.persist(archive)?;
         self.jacobian.persist(archive)?;
         self.jacobian.check(self.size)?;
         self.is_ahead.persist(archive)?;
@@ -135,8 +151,24 @@ impl Persistent for Integrator {
         }
         let last = self.last.get_or_insert_with(|| Box::new(LastStep::new(self.size)));
         last.persist(archive)?;
-        last.has_dense = true;
         last.check(self.size)
+    }
+}
+
+impl Persistent for LastStep {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { begin, end, length, from, to, is_explicit, begun, zero, dense, has_dense, .. } = self;
+        [begin, end, length].into_iter().try_for_each(|time| time.persist(archive))?;
+        from.persist(archive)?;
+        to.persist(archive)?;
+        is_explicit.persist(archive)?;
+        *has_dense = !*is_explicit;
+        if *is_explicit {
+            begun.persist(archive)?;
+            zero.persist(archive)
+        } else {
+            dense.persist(archive)
+        }
     }
 }
 
@@ -149,22 +181,46 @@ impl LastStep {
             length: 0.0,
             from: vector(),
             to: vector(),
-            dense: vec![[0.0; 3]; size],
+            is_explicit: false,
+            begun: 0.0,
+            zero: 0.0,
+            dense: vec![],
+            higher: vec![],
             has_dense: false,
         }
     }
 
+    /// What a saved state keeps of it: the polynomials, or what is needed to evaluate them again if those are more.
+    fn kept(&self) -> Self {
+        let Self { from, to, dense, .. } = self;
+        let has_dense = self.has_dense && !self.is_explicit;
+        let dense = if has_dense { dense.clone() } else { vec![] };
+        Self { from: from.clone(), to: to.clone(), dense, higher: vec![], has_dense, ..*self }
+    }
+
     /// Checks what was read for this many states.
     fn check(&self, size: usize) -> Result<(), Error> {
-        let Self { begin, end, length, from, to, dense, has_dense: _ } = self;
-        let numbers = [begin, end, length].into_iter().chain(from).chain(to).chain(dense.as_flattened());
-        let is_complete = [from.len(), to.len(), dense.len()] == [size; 3];
-        if is_complete && numbers.into_iter().all(|number| number.is_finite()) && begin < end && *length > 0.0
-        {
+        let Self { begin, end, length, from, to, is_explicit, begun, zero, dense, .. } = self;
+        let polynomials = if *is_explicit { &[][..] } else { dense };
+        let numbers = [begin, end, length, begun, zero].into_iter().chain(from).chain(to);
+        let are_finite = numbers.chain(polynomials.as_flattened()).all(|number| number.is_finite());
+        let is_complete = [from.len(), to.len()] == [size; 2] && (*is_explicit || dense.len() == size);
+        if is_complete && are_finite && begin < end && *length > 0.0 {
             Ok(())
         } else {
             Err(Error::new("the integrator's step in the serialized state is not one of this model"))
         }
+    }
+
+    /// What the dense output adds at a share of the step to the line from its start to its end, divided by
+    /// share·(1 − share), and the slope of this.
+    fn bulge(&self, state: usize, share: f64) -> [f64; 2] {
+        let ([first, second, mut third], mut slope) = (self.dense[state], 0.0);
+        if let Some([fourth, fifth, sixth]) = self.higher.get(state) {
+            third += share * (fourth + share * (fifth + share * sixth));
+            slope = fourth + share * (2.0 * fifth + 3.0 * share * sixth);
+        }
+        [first + share * (second + share * third), second + share * (2.0 * third + share * slope)]
     }
 
     /// The states at a time, with dense output.
@@ -174,15 +230,12 @@ impl LastStep {
         }
         let share = (time - self.begin) / self.length;
         let ends = self.from.iter().zip(&self.to);
-        for ((state, [first, second, third]), (from, to)) in states.iter_mut().zip(&self.dense).zip(ends) {
-            let bulge = first + share * (second + share * third);
+        for (i, (state, (from, to))) in states.iter_mut().zip(ends).enumerate() {
+            let [bulge, _] = self.bulge(i, share);
             *state = (1.0 - share) * from + share * (to + (1.0 - share) * bulge);
         }
     }
 }
-
-// Only a step with dense output goes beyond the end that was asked for, and is kept.
-crate::persistent!(<> LastStep { begin, end, length, from, to, dense } without has_dense);
 
 /// The trials of a communication step.
 #[derive(Debug)]
@@ -208,6 +261,7 @@ impl Integrator {
         Self {
             size,
             steps: StepSize::new(0.0, f64::INFINITY),
+            switch: Switch::new(),
             jacobian: Jacobian::default(),
             is_ahead: false,
             last: None,
@@ -254,7 +308,7 @@ impl Integrator {
         tolerance: &Tolerance<'_>,
         trials: &mut u32,
     ) -> Result<f64, StepFailure> {
-        let Self { size, steps, jacobian, is_ahead, last, work } = self;
+        let Self { size, steps, switch, jacobian, is_ahead, last, work } = self;
         let last = last.get_or_insert_with(|| Box::new(LastStep::new(*size)));
         let Span { begin: time, end, mut limit, rounding } = span.into();
         if *is_ahead {
@@ -264,21 +318,24 @@ impl Integrator {
         }
         let work = work.get_or_insert_with(|| Box::new(Work::new(*size, S::METHOD)));
         last.from.copy_from_slice(states);
-        last.begin = time;
+        (last.begin, last.begun, last.zero) = (time, time, system.zero());
         system.derivatives(time, states, &mut work.slopes);
         *steps = StepSize::new(steps.next, S::LONGEST_STEP);
         if steps.next <= 0.0 {
             let norm = |values| norm::<S>(values, &last.from, tolerance);
             steps.begin(norm(&last.from), norm(&work.slopes));
         }
-        jacobian.expect::<S>(steps.within(time, limit).0);
-        work.linearize(last, system, jacobian);
+        last.is_explicit = S::METHOD.is_explicit(switch.is_implicit);
+        if !last.is_explicit {
+            jacobian.expect::<S>(steps.within(time, limit).0);
+        }
+        work.prepare(last, system, jacobian);
         loop {
             let (length, to) = steps.within(time, limit);
             let is_beyond = to > end + rounding;
             *trials += u32::from(!is_beyond);
-            let mut error = work.trial(last, system, jacobian, length, tolerance);
             (last.length, last.end, last.has_dense) = (length, to, is_beyond);
+            let mut error = work.trial(last, system, jacobian, tolerance);
             if is_beyond && error.largest <= 1.0 {
                 work.find_dense(last, system);
                 let of_dense = work.dense_error(last, system, tolerance);
@@ -293,31 +350,50 @@ impl Integrator {
             }
             work.decisive = error.state;
             // The error with an older Jacobian says nothing about the length, if the method's order rests on it.
-            let is_stale = !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
+            let is_stale = !last.is_explicit && !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
             if is_stale && error.largest > 1.0 {
                 jacobian.distrust();
-                work.linearize(last, system, jacobian);
+                work.prepare(last, system, jacobian);
                 continue;
             }
-            let factor = if error.largest > 0.0 {
-                error.largest.powf(-S::METHOD.estimate_order.recip())
-            } else {
-                f64::INFINITY
+            let order = if last.is_explicit { explicit::ESTIMATE_ORDER } else { S::METHOD.estimate_order };
+            let factor = if error.largest > 0.0 { error.largest.powf(-order.recip()) } else { f64::INFINITY };
+            let is_accepted = steps.judge(length, error.largest, factor);
+            // Where ends cut steps short, one with a Jacobian of few states costs less than an explicit one.
+            let is_cut = is_accepted && length < steps.next;
+            let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
+            let takes_over = S::METHOD.switches() && (last.is_explicit || !costs_less) && {
+                if !last.is_explicit && jacobian.is_fresh() && error.largest > SMALL_ERROR {
+                    let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
+                    let is_nonstiff = length * jacobian.radius(scale, &mut work.moved) < NONSTIFF;
+                    work.for_other = u32::from(is_nonstiff);
+                }
+                switch.count(work.for_other)
             };
-            if steps.judge(length, error.largest, factor) {
+            if is_accepted {
                 if is_stale && steps.next < length {
                     steps.next = length;
                 }
-                jacobian.count_step::<S>(error.largest);
+                if takes_over {
+                    jacobian.discard();
+                } else if !last.is_explicit {
+                    jacobian.count_step::<S>(error.largest);
+                }
                 *is_ahead = is_beyond;
                 return Ok(if is_beyond { end } else { to });
             }
             if steps.is_too_short(time, end) {
-                return Err(StepFailure { time, state: error.state });
+                if !(S::METHOD.switches() && last.is_explicit) {
+                    return Err(StepFailure { time, state: error.state });
+                }
+                if !takes_over {
+                    switch.take_over();
+                }
             }
-            if !jacobian.is_fresh() {
+            let was_explicit = mem::replace(&mut last.is_explicit, S::METHOD.is_explicit(switch.is_implicit));
+            if was_explicit != last.is_explicit || !(last.is_explicit || jacobian.is_fresh()) {
                 jacobian.discard();
-                work.linearize(last, system, jacobian);
+                work.prepare(last, system, jacobian);
             }
         }
     }
@@ -325,8 +401,17 @@ impl Integrator {
     /// The states at a time in the last step.
     pub fn states_at<S: System>(&mut self, system: &mut S, time: f64, states: &mut [f64]) {
         let Some(last) = &mut self.last else { return };
-        if let (true, Some(work)) = (time < last.end && !last.has_dense, &mut self.work) {
-            work.find_dense(last, system);
+        if time < last.end && !last.has_dense {
+            let work = self.work.get_or_insert_with(|| Box::new(Work::new(self.size, S::METHOD)));
+            if last.is_explicit && !work.has_stages {
+                let zero = system.zero();
+                system.count_from(last.zero);
+                work.repeat(last, system);
+                work.find_dense(last, system);
+                system.count_from(zero);
+            } else {
+                work.find_dense(last, system);
+            }
             last.has_dense = true;
         }
         last.states_at(time, states);
@@ -348,6 +433,10 @@ struct Work {
     matrix: Matrix,
     stages: [Vec<f64>; MOST_STAGES],
     moved: Vec<f64>,
+    /// Whether the stages are those of the last step.
+    has_stages: bool,
+    /// How much the last trial speaks for the other method.
+    for_other: u32,
     /// The position of the state with the largest error in the last trial.
     decisive: usize,
 }
@@ -359,15 +448,27 @@ impl Work {
             slopes: vector(),
             by_time: vector(),
             matrix: Matrix::new(),
-            stages: core::array::from_fn(|stage| if stage < method.stages.len() { vector() } else { vec![] }),
+            stages: core::array::from_fn(|stage| if stage < method.count() { vector() } else { vec![] }),
             moved: vector(),
+            has_stages: false,
+            for_other: 0,
             decisive: 0,
         }
     }
 
-    /// Renews the Jacobian, unless it still serves, and the derivatives with respect to time.
-    fn linearize<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
+    /// Forgets what belongs to another run.
+    fn forget(&mut self) {
+        self.matrix.forget();
+        self.has_stages = false;
+    }
+
+    /// Prepares trials of a step. For the linearly implicit method: renews the Jacobian, unless it still serves, and the
+    /// derivatives with respect to time.
+    fn prepare<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
         let Self { by_time, matrix, .. } = self;
+        if last.is_explicit {
+            return self.stages[0].copy_from_slice(&self.slopes);
+        }
         let at = (last.begin, &last.from[..]);
         if jacobian.serves() {
             jacobian.keep(matrix, system, at, by_time);
@@ -377,22 +478,52 @@ impl Work {
         }
     }
 
+    /// Evaluates the stages of the last step again.
+    fn repeat<S: System>(&mut self, last: &LastStep, system: &mut S) {
+        system.derivatives(last.begun, &last.from, &mut self.slopes);
+        self.stages[0].copy_from_slice(&self.slopes);
+        // As they were finite, they are.
+        for of in [explicit::BEFORE_END, explicit::AT_END] {
+            let _ = explicit::evaluate(of, last, system, &mut self.stages, &mut self.moved);
+        }
+        self.has_stages = true;
+    }
+
     /// Computes the polynomials of the dense output.
     fn find_dense<S: System>(&mut self, last: &mut LastStep, system: &mut S) {
-        let LastStep { end, length, from, to, dense, .. } = last;
-        if let [first, second, third] = S::METHOD.dense {
-            for (i, dense) in dense.iter_mut().enumerate() {
+        last.dense.resize(last.from.len(), [0.0; 3]);
+        last.higher.clear();
+        if last.is_explicit {
+            // What is not finite is found by the error of the dense output.
+            let _ = explicit::evaluate(explicit::OF_DENSE, last, system, &mut self.stages, &mut self.moved);
+            last.higher.resize(last.from.len(), [0.0; 3]);
+            self.moved.copy_from_slice(&self.stages[explicit::END]);
+        } else if let [first, second, third] = S::METHOD.dense {
+            for (i, dense) in last.dense.iter_mut().enumerate() {
                 *dense = [first, second, third].map(|weights| {
                     weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
                 });
             }
             return;
+        } else {
+            system.derivatives(last.end, &last.to, &mut self.moved);
         }
-        system.derivatives(*end, to, &mut self.moved);
+        let LastStep { length, from, to, dense, higher, .. } = last;
         for (i, dense) in dense.iter_mut().enumerate() {
             let rise = to[i] - from[i];
             let (begin, end) = (*length * self.slopes[i], *length * self.moved[i]);
             *dense = [begin - rise, 2.0 * rise - begin - end, 0.0];
+        }
+        for (i, (dense, higher)) in dense.iter_mut().zip(higher).enumerate() {
+            let [a, b, c, d] = explicit::DENSE.map(|weights| {
+                weights.iter().zip(&self.stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>()
+                    * *length
+            });
+            // θ·(1 − θ)·a + θ²·(1 − θ)·b + θ²·(1 − θ)²·c + θ³·(1 − θ)²·d over θ, by powers.
+            let [_, second, third] = dense;
+            *second += a;
+            *third = b + c - a;
+            *higher = [d - b - 2.0 * c, c - 2.0 * d, d];
         }
     }
 
@@ -404,36 +535,111 @@ impl Work {
         system: &mut S,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        let (share, rest) = (RESIDUAL_AT, 1.0 - RESIDUAL_AT);
+        let share = if last.is_explicit { explicit::RESIDUAL_AT } else { RESIDUAL_AT };
+        let rest = 1.0 - share;
         let time = last.begin + share * last.length;
         last.states_at(time, &mut self.moved);
-        let [residual, ..] = &mut self.stages;
+        let residual = &mut self.stages[const { S::METHOD.count() - 1 }];
         system.derivatives(time, &self.moved, residual);
         let ends = last.from.iter().zip(&last.to);
-        for ((residual, [first, second, third]), (from, to)) in residual.iter_mut().zip(&last.dense).zip(ends)
-        {
-            let bulge = first + share * (second + share * third);
-            let bulge_slope = second + 2.0 * share * third;
+        for (i, (residual, (from, to))) in residual.iter_mut().zip(ends).enumerate() {
+            let [bulge, bulge_slope] = last.bulge(i, share);
             let rise = to - from + (rest - share) * bulge + share * rest * bulge_slope;
             *residual -= rise / last.length;
         }
-        self.matrix.solve::<S>(residual);
+        if last.is_explicit {
+            for residual in residual.iter_mut() {
+                *residual *= last.length;
+            }
+        } else {
+            self.matrix.solve::<S>(residual);
+        }
+        let weight = if last.is_explicit { explicit::DENSE_ERROR } else { DENSE_ERROR };
         let ends = last.from.iter().zip(&last.to);
         LargestError::of(residual.iter().zip(ends).enumerate().map(|(state, (error, (from, to)))| {
-            DENSE_ERROR * error / tolerance.scale::<S>(state, from.abs().max(to.abs()))
+            weight * error / tolerance.scale::<S>(state, from.abs().max(to.abs()))
         }))
     }
 
-    /// Computes `stages` and `to` for a step length.
+    /// Tries a step of the last length: computes its stages and its end.
     fn trial<S: System>(
         &mut self,
         last: &mut LastStep,
         system: &mut S,
         jacobian: &mut Jacobian,
-        length: f64,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        let LastStep { begin, from, to, .. } = last;
+        self.for_other = 0;
+        if last.is_explicit {
+            self.explicit_trial(last, system, tolerance)
+        } else {
+            self.implicit_trial(last, system, jacobian, tolerance)
+        }
+    }
+
+    /// Tries a step of the explicit method.
+    fn explicit_trial<S: System>(
+        &mut self,
+        last: &mut LastStep,
+        system: &mut S,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let Self { stages, moved, .. } = self;
+        let not_finite = |state| LargestError { largest: f64::INFINITY, state };
+        if let Err(state) = explicit::evaluate(explicit::BEFORE_END, last, system, stages, moved) {
+            return not_finite(state);
+        }
+        last.to.copy_from_slice(moved);
+        if let Err(state) = explicit::evaluate(explicit::AT_END, last, system, stages, moved) {
+            return not_finite(state);
+        }
+        self.has_stages = true;
+        // The states of the last stage before the end, which the next ones replace.
+        let before = mem::replace(&mut last.to, mem::take(moved));
+        let to = &last.to;
+        let scale = |i: usize| tolerance.scale::<S>(i, last.from[i].abs().max(to[i].abs()));
+        let relative = |weights: &[f64]| {
+            LargestError::of(to.iter().enumerate().map(|(i, to)| {
+                let error =
+                    weights.iter().zip(&*stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>();
+                if to.is_finite() { last.length * error / scale(i) } else { f64::NAN }
+            }))
+        };
+        let (fifth, third) = (relative(explicit::FIFTH_ORDER), relative(explicit::THIRD_ORDER));
+        let norm = (fifth.largest * fifth.largest + 0.01 * third.largest * third.largest).sqrt();
+        let combined = fifth.largest * (fifth.largest / norm);
+        let largest = match (fifth.largest, norm.is_finite()) {
+            (0.0, _) => 0.0,
+            (_, true) => combined,
+            (_, false) => f64::INFINITY,
+        };
+        if S::METHOD.switches() {
+            // The derivatives at two states at the end differ by the Jacobian times the difference of these.
+            let [_, .., rates_before, rates] = &stages[..=explicit::END] else { unreachable!() };
+            let (mut states_differ, mut rates_differ) = (0.0_f64, 0.0_f64);
+            for i in 0..to.len() {
+                states_differ = states_differ.max(((to[i] - before[i]) / scale(i)).abs());
+                rates_differ = rates_differ.max(((rates[i] - rates_before[i]) / scale(i)).abs());
+            }
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+            let too_long = (last.length * rates_differ / (STIFF * states_differ)) as u32;
+            // The linearly implicit method would keep its Jacobian.
+            self.for_other = too_long.max(u32::from(fifth.largest <= SMALL_ERROR));
+        }
+        self.moved = before;
+        LargestError { largest, state: fifth.state }
+    }
+
+    /// Tries a step of the linearly implicit method.
+    fn implicit_trial<S: System>(
+        &mut self,
+        last: &mut LastStep,
+        system: &mut S,
+        jacobian: &mut Jacobian,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let LastStep { begin, length, from, to, .. } = last;
+        let length = *length;
         let size = from.len();
         if !self.matrix.factor::<S>(jacobian, length, size) {
             return LargestError { largest: f64::INFINITY, state: jacobian.first_not_finite(size) };

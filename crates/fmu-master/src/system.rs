@@ -1,13 +1,12 @@
 //! Scenarios from other files: a single FMU, or the system in an .ssp with its connections, start values and parameter
 //! sets.
 
-use std::fmt::{self, Display, Formatter};
 use std::path::Path;
 
 use anyhow::{Context, Error, Result, bail};
 use fmu_io::reading;
 use fmu_io::temporary::Folder;
-use fmu_io::terminal::number;
+use fmu_io::terminal::{complain, number};
 use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{
     ConnectorDescription, FmuDescription, Kind, Linear, ParameterSet, SystemDescription, Unit, Value,
@@ -21,22 +20,15 @@ const STRUCTURE: &str = "SystemStructure.ssd";
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
 const STEPS: f64 = 500.0;
 
-/// The error where no stop time is given.
-#[derive(Debug)]
-pub struct NoStopTime;
-
-impl Display for NoStopTime {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        formatter.write_str("it defines no stop time")
-    }
-}
+/// The duration of a run whose end nothing defines (s), the same as in `fmpy simulate`.
+const DURATION: f64 = 1.0;
 
 /// Start, stop and communication step of a run (s); none if unspecified.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Times {
     /// The start; by default 0.
     pub start: Option<f64>,
-    /// The end.
+    /// The end; by default 1 s after the start.
     pub stop: Option<f64>,
     /// The communication step; by default a 500th of the run.
     pub step: Option<f64>,
@@ -54,7 +46,11 @@ impl Times {
 
     fn scenario(self, title: &str) -> Result<Scenario> {
         let start = self.start.unwrap_or(0.0);
-        let stop = self.stop.context(NoStopTime)?;
+        let stop = self.stop.unwrap_or_else(|| {
+            let stop = start + DURATION;
+            complain(&format!("note: {title} defines no stop time: it runs to {} s", number(stop)));
+            stop
+        });
         // A whole number of steps.
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {
@@ -75,7 +71,7 @@ impl Times {
 /// One FMU on its own. Times that are not given are those of its default experiment. Its outputs are recorded.
 ///
 /// # Errors
-/// When its modelDescription.xml cannot be read, no stop time is given, or the run is not a whole number of steps.
+/// When its modelDescription.xml cannot be read, or the run is not a whole number of steps.
 pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     let description = FmuDescription::read(path)?;
     let time = |name: &str| {
@@ -94,7 +90,7 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
 ///
 /// # Errors
 /// When the package or an FMU in it cannot be read, connected units do not convert, a parameter set of
-/// the system sets something other than its inputs, no stop time is given, or the run is not a whole number of steps.
+/// the system sets something other than its inputs, or the run is not a whole number of steps.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
     let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
     let scenario =

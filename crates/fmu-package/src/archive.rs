@@ -49,7 +49,9 @@ fn read_text_up_to<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     path: &str,
 ) -> io::Result<String> {
-    let entry = archive.by_name(path).map_err(|_| broken(format!("it contains no {path}")))?;
+    let index = archive.file_names().position(|name| name.is_ok_and(|name| normalized(&name) == path));
+    let entry = index.and_then(|index| archive.by_index(index).ok());
+    let entry = entry.ok_or_else(|| broken(format!("it contains no {path}")))?;
     up_to(largest, entry)
         .and_then(utf_8)
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
@@ -94,7 +96,7 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
         let path = path_of(&entry)?;
         let target = folder.join(&path);
         let mut extract = || {
-            if path.ends_with('/') {
+            if path.is_empty() || path.ends_with('/') {
                 return fs::create_dir_all(&target);
             }
             target.parent().map_or(Ok(()), fs::create_dir_all)?;
@@ -108,7 +110,15 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
 }
 
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
-    Ok(entry.name().map_err(plain)?.into_owned())
+    Ok(normalized(&entry.name().map_err(plain)?))
+}
+
+/// An entry's path without the folders `.` that some tools write: `./a` is `a`, and `./` the empty path of all files' folder.
+pub(crate) fn normalized(path: &str) -> String {
+    let (folders, name) =
+        path.rsplit_once('/').map_or(("", path), |(_, name)| (&path[..path.len() - name.len()], name));
+    let folders = folders.split_inclusive('/').filter(|folder| *folder != "./");
+    folders.chain([name]).collect()
 }
 
 /// The error, without the prefix that repeats the system's message.
@@ -146,6 +156,8 @@ fn zipped(entries: &[(String, &[u8])]) -> io::Result<Vec<u8>> {
 mod tests {
     use super::*;
 
+    use fmu_io::temporary::Folder;
+
     fn archive(paths: &[&str]) -> Cursor<Vec<u8>> {
         let entries: Vec<_> = paths.iter().map(|&path| (path.to_owned(), b"text".as_slice())).collect();
         Cursor::new(zipped(&entries).unwrap())
@@ -165,9 +177,19 @@ mod tests {
 
     #[test]
     fn paths_out_of_the_folder_are_refused() {
-        for path in
-            ["../a", "a/../../b", "/etc/passwd", "a//b", "./a", "C:/a", "a\\..\\b", "a/.", ".. /a", "a/..."]
-        {
+        for path in [
+            "../a",
+            "./../a",
+            "a/../../b",
+            "/etc/passwd",
+            "a//b",
+            ".//a",
+            "C:/a",
+            "a\\..\\b",
+            "a/.",
+            ".. /a",
+            "a/...",
+        ] {
             let reason = if path.contains('\\') {
                 "its path has backslashes"
             } else {
@@ -178,6 +200,20 @@ mod tests {
             let written = write(io::sink(), &[(path.to_owned(), b"")]);
             assert_eq!(written.unwrap_err().to_string(), expected);
         }
+    }
+
+    #[test]
+    fn folders_of_one_dot_are_none() {
+        let mut zip = ZipWriter::new_append(archive(&["./a.txt", "./b/./c", "d"])).unwrap();
+        zip.add_directory("./", SimpleFileOptions::default()).unwrap();
+        let mut opened = open(zip.finish().unwrap()).unwrap();
+        assert_eq!(read_text(&mut opened, "a.txt").unwrap(), "text");
+        let files = read_files(&mut opened, &mut LARGEST_CONTENT.clone()).unwrap();
+        assert_eq!(files.keys().collect::<Vec<_>>(), ["a.txt", "b/c", "d"]);
+        let folder = Folder::filled(".archive-", |folder| extract(&mut opened, folder)).unwrap();
+        assert!(["a.txt", "b/c", "d"].iter().all(|path| folder.path().join(path).is_file()));
+        let twice = refusal(archive(&["a", "./a"]));
+        assert_eq!(twice, "its entry './a': another entry has this path");
     }
 
     #[test]

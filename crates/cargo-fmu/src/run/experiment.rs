@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::{FmuArguments, inputs, name_and_value, positive};
 use crate::Export;
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_io::temporary::Folder;
@@ -80,10 +80,7 @@ impl Experiment {
         outputs: &[PathBuf],
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
-        let (scenario, folder) = self.scenario(subject, end).map_err(|error| {
-            let is_endless = error.is::<system::NoStopTime>();
-            if is_endless { anyhow!("{error:#}; give --{}", end.option) } else { error }
-        })?;
+        let (scenario, folder) = self.scenario(subject, end)?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
             let files: Vec<_> = inputs(&scenario).into_iter().chain(own).collect();
@@ -113,6 +110,10 @@ impl Experiment {
         for path in &self.parameters {
             let location = Location::argument(&format!("--parameters {}", path.display()));
             let set = ParameterSet::read(path)?;
+            if set.parameters.is_empty() {
+                complain(&format!("note: --parameters {}: it sets no parameters", path.display()));
+                continue;
+            }
             let member = location.locate(owner(&mut scenario, loaded, &set))?;
             member.parameters.push((set, location));
         }

@@ -107,6 +107,14 @@ impl<E: Equations> System for Equated<'_, E> {
     const LONGEST_STEP: f64 = E::INTEGRATION.longest_step;
     const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
 
+    fn zero(&self) -> f64 {
+        self.start
+    }
+
+    fn count_from(&mut self, zero: f64) {
+        self.start = zero;
+    }
+
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
         self.set(elapsed, |state| states[state]);
         if self.variables.first_beyond().is_some() {

@@ -21,7 +21,7 @@ const SERVES: u32 = 20;
 const GROWTH: f64 = 1.2;
 /// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
 /// step with an older one then has two decades to err more, and ends its service if it does.
-const SMALL_ERROR: f64 = 0.01;
+pub(super) const SMALL_ERROR: f64 = 0.01;
 
 /// A Jacobian.
 #[derive(Debug)]
@@ -194,6 +194,31 @@ impl Jacobian {
         }
         self.elements.resize(size * size, 0.0);
         system.linearize(time, states, &Units(size), &mut self.elements, by_time);
+    }
+
+    /// A bound of the magnitudes of its eigenvalues: the root of the norm of its square, of magnitudes, for states
+    /// relative to their scales. The root makes it close for systems of second order, too. `once` is memory.
+    pub(super) fn radius(&self, scale: impl Fn(usize) -> f64, once: &mut [f64]) -> f64 {
+        let size = once.len();
+        for (row, once) in once.iter_mut().enumerate() {
+            *once = self.product_of_magnitudes(row, size, &scale);
+        }
+        let twice = (0..size).map(|row| self.product_of_magnitudes(row, size, |i| once[i]) / scale(row));
+        twice.fold(0.0, f64::max).sqrt()
+    }
+
+    /// The product of the magnitudes of a row and a vector.
+    fn product_of_magnitudes(&self, row: usize, size: usize, vector: impl Fn(usize) -> f64) -> f64 {
+        match &self.pattern {
+            Some(pattern) if !pattern.is_full() => {
+                let elements = self.elements[pattern.range(row)].iter().zip(pattern.row(row));
+                elements.map(|(element, &column)| element.abs() * vector(column as usize)).sum()
+            }
+            _ => {
+                let elements = self.elements[row * size..(row + 1) * size].iter().enumerate();
+                elements.map(|(column, element)| element.abs() * vector(column)).sum()
+            }
+        }
     }
 
     /// The first state whose derivative has no finite linearization.

@@ -8,6 +8,8 @@
 //!
 //! Its result is where the last stage evaluates f plus that stage.
 
+use super::explicit;
+
 /// A method's coefficients.
 #[derive(Debug)]
 pub struct Method {
@@ -29,7 +31,44 @@ pub struct Method {
     pub(super) dense: &'static [&'static [f64]],
     /// Whether the order holds with any matrix in place of the Jacobian, which then serves many steps.
     pub(super) takes_any_jacobian: bool,
+    /// Where the explicit method takes the place of this one.
+    pub(super) explicit: Phases,
 }
+
+/// Phases of an integration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phases {
+    None,
+    Nonstiff,
+    All,
+}
+
+impl Method {
+    /// The number of stages that need memory.
+    pub(super) const fn count(&self) -> usize {
+        if matches!(self.explicit, Phases::None) { self.stages.len() } else { explicit::STAGES }
+    }
+
+    /// Whether the methods take turns.
+    pub(super) const fn switches(&self) -> bool {
+        matches!(self.explicit, Phases::Nonstiff)
+    }
+
+    /// Whether the explicit method takes the next step, where the linearly implicit one would if they take turns.
+    pub(super) const fn is_explicit(&self, is_implicit: bool) -> bool {
+        match self.explicit {
+            Phases::None => false,
+            Phases::Nonstiff => !is_implicit,
+            Phases::All => true,
+        }
+    }
+}
+
+/// `DOP853` in nonstiff phases, `Rodas5P` in stiff ones, as they turn out.
+pub const AUTOMATIC: Method = Method { explicit: Phases::Nonstiff, ..RODAS5P };
+
+/// `DOP853` alone: explicit, of eighth order, for systems that are never stiff.
+pub const DOP853: Method = Method { explicit: Phases::All, ..RODAS5P };
 
 /// `Rodas5P`: fifth order with an embedded method of fourth order and dense output of fourth order, eight stages
 /// (Steinebach, Construction of Rosenbrock-Wanner method `Rodas5P` and numerical benchmarks within the Julia
@@ -46,6 +85,7 @@ pub const RODAS5P: Method = Method {
     estimate_order: 5.0,
     dense: &DENSE,
     takes_any_jacobian: false,
+    explicit: Phases::None,
 };
 
 /// `ROS34PW2`: third order with an embedded method of second order, four stages (Rang and Angermann, New Rosenbrock
@@ -74,6 +114,7 @@ pub const ROS34PW2: Method = Method {
     estimate_order: 3.0,
     dense: &[],
     takes_any_jacobian: true,
+    explicit: Phases::None,
 };
 
 /// γ of `Rodas5P`.

@@ -34,6 +34,14 @@ pub trait System {
     /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
     const MAY_BE_SPARSE: bool = false;
 
+    /// What times count from.
+    fn zero(&self) -> f64 {
+        0.0
+    }
+    /// Has them count from another zero.
+    fn count_from(&mut self, zero: f64) {
+        let _ = zero;
+    }
     /// Computes the derivatives of the states.
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
     /// Computes their derivatives along directions of the states, by rows, and with respect to time.

@@ -47,42 +47,47 @@ fn exact(time: f64) -> [f64; 2] {
     [(time.sin() - 1.0_f64.sin()).exp(), time.recip()]
 }
 
-/// The same by `ROS34PW2`.
-struct Kept<S>(S);
+/// The same by another method.
+macro_rules! by {
+    ($($name:ident: $method:ident),*) => {$(
+        struct $name<S>(S);
 
-impl<S: System> System for Kept<S> {
-    const METHOD: &'static Method = &ROS34PW2;
-    const MAY_BE_SPARSE: bool = S::MAY_BE_SPARSE;
+        impl<S: System> System for $name<S> {
+            const METHOD: &'static Method = &$method;
+            const MAY_BE_SPARSE: bool = S::MAY_BE_SPARSE;
 
-    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
-        self.0.derivatives(time, states, derivatives);
-    }
+            fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
+                self.0.derivatives(time, states, derivatives);
+            }
 
-    fn linearize(
-        &mut self,
-        time: f64,
-        states: &[f64],
-        directions: &impl Directions,
-        products: &mut [f64],
-        by_time: &mut [f64],
-    ) {
-        self.0.linearize(time, states, directions, products, by_time);
-    }
+            fn linearize(
+                &mut self,
+                time: f64,
+                states: &[f64],
+                directions: &impl Directions,
+                products: &mut [f64],
+                by_time: &mut [f64],
+            ) {
+                self.0.linearize(time, states, directions, products, by_time);
+            }
 
-    fn gradients(
-        &mut self,
-        time: f64,
-        states: &[f64],
-        rows: &[usize],
-        take: impl FnMut(usize, &dyn Fn(usize) -> f64),
-    ) {
-        self.0.gradients(time, states, rows, take);
-    }
+            fn gradients(
+                &mut self,
+                time: f64,
+                states: &[f64],
+                rows: &[usize],
+                take: impl FnMut(usize, &dyn Fn(usize) -> f64),
+            ) {
+                self.0.gradients(time, states, rows, take);
+            }
 
-    fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
-        self.0.pattern(time, states)
-    }
+            fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
+                self.0.pattern(time, states)
+            }
+        }
+    )*};
 }
+by!(Kept: ROS34PW2, Explicit: DOP853, Automatic: AUTOMATIC);
 
 /// The errors of one step from 1: at its end, the estimate there, and at its middle.
 fn errors<S: System>(mut system: S, length: f64) -> [[f64; 2]; 3] {
@@ -91,8 +96,13 @@ fn errors<S: System>(mut system: S, length: f64) -> [[f64; 2]; 3] {
     let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; 2] };
     integrator.step(&mut system, (1.0, 1.0 + length), &exact(1.0), &tolerance, &mut 0).unwrap();
     let stages = &integrator.work.as_ref().unwrap().stages;
+    let (count, weights) = if S::METHOD.is_explicit(false) {
+        (explicit::END, explicit::FIFTH_ORDER)
+    } else {
+        (S::METHOD.stages.len(), S::METHOD.error)
+    };
     let estimate = [0, 1].map(|state| {
-        let last = stages[..S::METHOD.stages.len()].iter().rev().zip(S::METHOD.error.iter().rev());
+        let last = stages[..count].iter().rev().zip(weights.iter().rev());
         last.map(|(stage, weight)| weight * stage[state]).sum::<f64>()
     });
     let mut error_at = |time: f64| {
@@ -107,17 +117,20 @@ fn errors<S: System>(mut system: S, length: f64) -> [[f64; 2]; 3] {
 fn errors_fall_with_their_orders() {
     // The error of one step of a method of order p falls at least with the power p + 1: a wrong coefficient loses
     // a whole power. Half a power is for terms of higher order.
-    fn check<S: System>(system: fn() -> S, powers: [f64; 3]) {
-        let (long, short) = (errors(system(), 0.05), errors(system(), 0.025));
+    fn check<S: System>(system: fn() -> S, length: f64, states: usize, powers: [f64; 3]) {
+        let (long, short) = (errors(system(), length), errors(system(), 0.5 * length));
         for ((long, short), power) in long.into_iter().zip(short).zip(powers) {
-            for (long, short) in long.iter().zip(short) {
+            for (long, short) in long.iter().zip(short).take(states) {
                 let found = (long / short).abs().log2();
                 assert!(found > power - 0.5, "the error falls with the power {found}, not {power}");
             }
         }
     }
-    check(|| NONLINEAR, [6.0, 5.0, 5.0]);
-    check(|| Kept(NONLINEAR), [4.0, 3.0, 4.0]);
+    check(|| NONLINEAR, 0.05, 2, [6.0, 5.0, 5.0]);
+    check(|| Kept(NONLINEAR), 0.05, 2, [4.0, 3.0, 4.0]);
+    // Steps that are short enough for the second state are as exact as numbers. The estimate is not yet multiplied by the
+    // length.
+    check(|| Explicit(NONLINEAR), 0.3, 1, [9.0, 5.0, 8.0]);
 }
 
 /// Another trial of the last step, of another length.
@@ -128,7 +141,9 @@ fn trial<S: System>(
     tolerance: &Tolerance<'_>,
 ) -> LargestError {
     let Integrator { last, work, jacobian, .. } = integrator;
-    work.as_mut().unwrap().trial(last.as_mut().unwrap(), system, jacobian, length, tolerance)
+    let last = last.as_mut().unwrap();
+    last.length = length;
+    work.as_mut().unwrap().trial(last, system, jacobian, tolerance)
 }
 
 /// Takes a step from t = 1 with an initial length and a distant end. Returns the number of trials.
@@ -211,6 +226,9 @@ fn the_error_of_the_dense_output_is_estimated() {
     for length in [0.05, 0.1, 0.2, 0.4] {
         check(NONLINEAR, length);
         check(Kept(NONLINEAR), length);
+    }
+    for length in [0.2, 0.4, 0.8] {
+        check(Explicit(NONLINEAR), length);
     }
 }
 
@@ -301,13 +319,14 @@ trait Rates {
 /// Such a system with the pattern of its Jacobian or without, which counts.
 struct Counted<R, const PATTERN: bool> {
     rates: R,
-    /// The Jacobians, patterns, derivatives with respect to time and right-hand sides that were computed.
-    counts: [u32; 4],
+    /// The Jacobians, patterns, derivatives with respect to time, right-hand sides, and derivatives along directions that
+    /// were computed.
+    counts: [u32; 5],
 }
 
 impl<R: Rates, const PATTERN: bool> Counted<R, PATTERN> {
     fn new(rates: R) -> Self {
-        Self { rates, counts: [0; 4] }
+        Self { rates, counts: [0; 5] }
     }
 
     /// The states on an empty tape, and their derivatives.
@@ -343,6 +362,7 @@ impl<R: Rates, const PATTERN: bool> System for Counted<R, PATTERN> {
         by_time.fill(0.0);
         let count = directions.count();
         self.counts[0] += u32::from(count > 0);
+        self.counts[4] += u32::try_from(count).unwrap();
         for direction in 0..count {
             let along = |(state, &value)| Dual::new(value, directions.component(direction, state));
             let rates = self.rates.rates(time, &states.iter().enumerate().map(along).collect::<Vec<_>>());
@@ -460,7 +480,7 @@ fn with_a_pattern_the_steps_are_those_without() {
             conduct(&mut full, &mut integrators[1], 0.0, 0.1, &mut dense);
             assert_eq!(patterned.0.counts[1], 1);
             // One Jacobian for several steps.
-            let [jacobians, _, steps, _] = full.0.counts;
+            let [jacobians, _, steps, ..] = full.0.counts;
             assert!(jacobians * 4 < steps, "{jacobians} Jacobians in {steps} steps");
         } else {
             conduct(&mut patterned, &mut integrators[0], 0.0, 0.1, &mut sparse);
@@ -501,7 +521,7 @@ fn a_row_with_all_columns_is_as_exact_as_the_others() {
     conduct(&mut full, &mut Integrator::new(CELLS), 0.0, 1.0, &mut dense);
     assert_eq!(
         patterned.counts,
-        [full.counts[0], 1, full.counts[2], full.counts[3]],
+        [full.counts[0], 1, full.counts[2], full.counts[3], patterned.counts[4]],
         "the steps are the same"
     );
     assert_same(&sparse, &dense);
@@ -518,7 +538,7 @@ fn a_jacobian_serves_steps_with_little_error() {
         conduct(&mut rod, &mut integrator, from, to, &mut states);
         conduct(&mut full, &mut every, from, to, &mut exact);
     }
-    let [jacobians, _, steps, _] = rod.counts;
+    let [jacobians, _, steps, ..] = rod.counts;
     assert!(steps >= 100 && jacobians * 10 <= steps, "{jacobians} Jacobians in {steps} steps");
     for (found, exact) in states.iter().zip(exact) {
         // Of a hundred steps with an error below a hundredth of the tolerance.
@@ -569,6 +589,7 @@ fn a_serialized_jacobian_of_another_model_is_refused() {
 
 /// Seven stars in a plane, whose masses are 1 to 7 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I,
 /// section II.10): their x and y, and their velocities.
+#[derive(Clone, Copy)]
 struct Pleiades;
 
 impl Rates for Pleiades {
@@ -588,18 +609,18 @@ impl Rates for Pleiades {
     }
 }
 
+/// Of seven stars.
+const STARS: [f64; 28] = [
+    3.0, 3.0, -1.0, -3.0, 2.0, -2.0, 2.0, 3.0, -3.0, 2.0, 0.0, 0.0, -4.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.75,
+    -1.5, 0.0, 0.0, 0.0, -1.25, 1.0, 0.0, 0.0,
+];
+
 /// The right-hand sides and Jacobians of seven stars on their way to 3 s, in a number of steps.
 fn follow_stars<const PATTERN: bool>(steps: u32, tolerance: f64) -> [u32; 2] {
     let tolerance = Tolerance { relative: tolerance, nominals: &[1.0; 28] };
     let mut system = Counted::<Pleiades, PATTERN>::new(Pleiades);
     let mut integrator = Integrator::new(28);
-    let mut states = [
-        [3.0, 3.0, -1.0, -3.0, 2.0, -2.0, 2.0],
-        [3.0, -3.0, 2.0, 0.0, 0.0, -4.0, 4.0],
-        [0.0, 0.0, 0.0, 0.0, 0.0, 1.75, -1.5],
-        [0.0, 0.0, 0.0, -1.25, 1.0, 0.0, 0.0],
-    ]
-    .concat();
+    let mut states = STARS;
     let ends = (0..=steps).map(|number| 3.0 * f64::from(number) / f64::from(steps));
     for (mut time, end) in ends.clone().zip(ends.skip(1)) {
         while time < end {
@@ -622,5 +643,271 @@ fn a_jacobian_that_serves_costs_no_right_hand_sides() {
             // A step takes eight.
             assert!(tolerance < 1e-4 || steps == 10 || jacobians * 3 * 8 < found, "{jacobians} Jacobians");
         }
+    }
+}
+
+/// A body between Earth and Moon (Arenstorf; Hairer, Nørsett and Wanner, section II.0).
+#[derive(Clone, Copy)]
+struct Arenstorf;
+
+impl Rates for Arenstorf {
+    fn rates<T: Number>(&self, _time: f64, states: &[T]) -> Vec<T> {
+        let (moon, earth) = (0.012_277_471, 1.0 - 0.012_277_471);
+        let [x, y, u, v] = [0, 1, 2, 3].map(|state| states[state]);
+        let pull = |mass: f64, x: T| {
+            let square = x * x + y * y;
+            T::from(mass) / (square * square.sqrt())
+        };
+        let (to_earth, to_moon) = (x + moon, x - earth);
+        let (by_earth, by_moon) = (pull(earth, to_earth), pull(moon, to_moon));
+        vec![
+            u,
+            v,
+            x + v * 2.0 - by_earth * to_earth - by_moon * to_moon,
+            y - u * 2.0 - y * (by_earth + by_moon),
+        ]
+    }
+}
+
+/// Lorenz' chaotic system (section I.16).
+#[derive(Clone, Copy)]
+struct Lorenz;
+
+impl Rates for Lorenz {
+    fn rates<T: Number>(&self, _time: f64, states: &[T]) -> Vec<T> {
+        let [x, y, z] = [0, 1, 2].map(|state| states[state]);
+        vec![(y - x) * 10.0, x * (T::from(28.0) - z) - y, x * y - z * (8.0 / 3.0)]
+    }
+}
+
+/// Van der Pol's oscillator.
+#[derive(Clone, Copy)]
+struct VanDerPol(f64);
+
+impl Rates for VanDerPol {
+    fn rates<T: Number>(&self, _time: f64, states: &[T]) -> Vec<T> {
+        let [x, v] = [0, 1].map(|state| states[state]);
+        vec![v, (T::from(1.0) - x * x) * v * self.0 - x]
+    }
+}
+
+/// Integrates to an end in one step.
+fn solve<S: System>(mut system: S, start: &[f64], end: f64, relative: f64) -> (Vec<f64>, S, Integrator) {
+    let (nominals, mut integrator) = (vec![1.0; start.len()], Integrator::new(start.len()));
+    let (mut states, mut time) = (start.to_vec(), 0.0);
+    while time < end {
+        let tolerance = Tolerance { relative, nominals: &nominals };
+        time = integrator.step(&mut system, (time, end), &states, &tolerance, &mut 0).unwrap();
+        integrator.states_at(&mut system, time, &mut states);
+    }
+    (states, system, integrator)
+}
+
+fn largest_error(found: &[f64], exact: &[f64]) -> f64 {
+    found.iter().zip(exact).map(|(x, exact)| (x - exact).abs() / (1.0 + exact.abs())).fold(0.0, f64::max)
+}
+
+// What SciPy 1.17.1 ends at with DOP853 at the tolerance 1e-13, and its errors and right-hand sides at 1e-4 to 1e-10,
+// printed by `nonstiff.py` in the folder `tests`.
+const PLEIADES: ([f64; 28], [(f64, u32); 4]) = (
+    [
+        0.370_613_914_383_404_63,
+        3.237_284_092_057_588,
+        -3.222_559_032_420_952_5,
+        0.659_709_145_578_976_8,
+        0.342_558_170_716_970_9,
+        1.562_172_101_400_945_5,
+        -0.700_309_292_220_312,
+        -3.943_437_585_519_647_7,
+        -3.271_380_973_972_124,
+        5.225_081_843_446_938,
+        -2.590_612_434_977_918_3,
+        1.198_213_693_395_577,
+        -0.242_968_234_493_851_96,
+        1.091_449_240_431_423_8,
+        3.417_003_806_286_931_7,
+        1.354_584_501_625_950_1,
+        -2.590_065_597_809_687,
+        2.025_053_734_719_757_7,
+        -1.155_815_100_158_762_9,
+        -0.807_298_817_020_956_4,
+        0.595_239_635_418_675_2,
+        -3.741_244_961_247_941_3,
+        0.377_345_968_575_504_9,
+        0.938_685_886_946_783_9,
+        0.366_792_222_721_638_53,
+        -0.347_404_635_376_497_46,
+        2.344_915_448_180_536_5,
+        -1.947_020_434_261_529,
+    ],
+    [(6.66e-3, 842), (3.83e-5, 1358), (8.71e-7, 2222), (1.88e-8, 3590)],
+);
+const ARENSTORF: ([f64; 4], [(f64, u32); 4]) = (
+    [
+        0.993_999_999_998_141,
+        -3.085_273_600_185_803_3e-12,
+        -5.174_340_088_343_055e-10,
+        -2.001_585_106_668_373_6,
+    ],
+    [(2.16e-2, 674), (6.91e-3, 1070), (8.43e-5, 1778), (1.28e-6, 2870)],
+);
+const LORENZ: ([f64; 3], [(f64, u32); 4]) = (
+    [-4.902_687_541_136_66, -3.743_872_921_803_473_6, 24.690_858_102_794_65],
+    [(1.59e-2, 1058), (8.84e-5, 1742), (2.25e-7, 2978), (1.07e-9, 4706)],
+);
+const ARENSTORF_START: [f64; 4] = [0.994, 0.0, 0.0, -2.001_585_106_379_082_5];
+const ARENSTORF_END: f64 = 17.065_216_560_157_964;
+
+/// The methods' right-hand sides, of numbers and dual numbers.
+fn work(counts: [u32; 5]) -> f64 {
+    f64::from(counts[3] + counts[4])
+}
+
+#[test]
+fn nonstiff_systems_take_about_as_many_right_hand_sides_as_in_scipy() {
+    fn check<R: Rates + Copy>(rates: R, start: &[f64], end: f64, exact: &[f64], others: [(f64, u32); 4]) {
+        let mut compared = 0;
+        for tolerance in [1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10] {
+            let (found, Automatic(system), _) =
+                solve(Automatic(Counted::<R, false>::new(rates)), start, end, tolerance);
+            let error = largest_error(&found, exact);
+            if !(1e-9..=1e-3).contains(&error) {
+                continue;
+            }
+            compared += 1;
+            // Theirs at this error, by powers between and beyond the two that are nearest.
+            let at = others[1..3].iter().take_while(|(other, _)| *other > error).count();
+            let [(most, few), (least, many)] = [others[at], others[at + 1]];
+            let (few, many) = (f64::from(few), f64::from(many));
+            let others = few * (many / few).powf((error / most).ln() / (least / most).ln());
+            // One more in each step detects stiffness; the largest error counts instead of the mean.
+            assert!(
+                work(system.counts) <= 1.6 * others,
+                "{} instead of {others} at {error:e}",
+                work(system.counts)
+            );
+        }
+        assert!(compared > 2, "{compared} errors to compare");
+    }
+    check(Pleiades, &STARS, 3.0, &PLEIADES.0, PLEIADES.1);
+    check(Arenstorf, &ARENSTORF_START, ARENSTORF_END, &ARENSTORF.0, ARENSTORF.1);
+    check(Lorenz, &[1.0; 3], 10.0, &LORENZ.0, LORENZ.1);
+}
+
+#[test]
+fn stiff_systems_are_found() {
+    // Fast and slow phases by turns; the fast eigenvalue is up to 3·μ.
+    for (mu, end) in [(30.0, 100.0), (1000.0, 2000.0)] {
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            let start = [2.0, 0.0];
+            let (exact, ..) = solve(Counted::<_, false>::new(VanDerPol(mu)), &start, end, 1e-11);
+            let (by_one, one, _) = solve(Counted::<_, false>::new(VanDerPol(mu)), &start, end, tolerance);
+            let (found, Automatic(system), integrator) =
+                solve(Automatic(Counted::<_, false>::new(VanDerPol(mu))), &start, end, tolerance);
+            assert!(integrator.switch.is_implicit || mu < 1000.0, "μ = {mu} at {tolerance:e}");
+            let (work, by_one_work) = (work(system.counts), work(one.counts));
+            assert!(work <= 1.3 * by_one_work, "{work} instead of {by_one_work}, μ = {mu} at {tolerance:e}");
+            // The phase's error is that of all steps.
+            let (error, by_one) = (largest_error(&found, &exact), largest_error(&by_one, &exact));
+            assert!(error <= 3.0 * by_one, "{error:e} instead of {by_one:e}, μ = {mu} at {tolerance:e}");
+        }
+    }
+}
+
+/// A system whose times count from another zero.
+struct Late<S>(S, f64);
+
+impl<S: System> System for Late<S> {
+    const METHOD: &'static Method = S::METHOD;
+
+    fn zero(&self) -> f64 {
+        self.1
+    }
+
+    fn count_from(&mut self, zero: f64) {
+        self.1 = zero;
+    }
+
+    fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]) {
+        self.0.derivatives(self.1 + time, states, derivatives);
+    }
+
+    fn linearize(
+        &mut self,
+        time: f64,
+        states: &[f64],
+        directions: &impl Directions,
+        products: &mut [f64],
+        by_time: &mut [f64],
+    ) {
+        self.0.linearize(self.1 + time, states, directions, products, by_time);
+    }
+}
+
+#[test]
+fn a_step_beyond_the_present_time_is_the_same_after_a_restart_that_counts_from_another_zero() {
+    fn check<S: System>(system: fn() -> S) {
+        let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+        let mut ends = [false, true].map(|restores| {
+            let (mut system, mut integrator) = (Late(system(), 1.0), Integrator::new(2));
+            let (mut states, mut found) = (exact(1.0), vec![]);
+            // Of which double precision has no exact multiples.
+            let size = 0.007;
+            for _ in 0..200 {
+                let span = Span { begin: 0.0, end: size, limit: 1.0, rounding: 0.0 };
+                let mut reached = 0.0;
+                while reached < size {
+                    let span = Span { begin: reached, ..span };
+                    reached = integrator.step(&mut system, span, &states, &tolerance, &mut 0).unwrap();
+                    integrator.states_at(&mut system, reached, &mut states);
+                }
+                integrator.shift(size);
+                system.1 += size;
+                if restores {
+                    let mut archive = Archive::writing();
+                    integrator.clone().persist(&mut archive).unwrap();
+                    let bytes = archive.into_bytes();
+                    // The Jacobian, the step and ten numbers.
+                    let most = 8 * (2 * 2 + 5 * 2 + 10 + 10);
+                    assert!(bytes.len() <= most, "{} bytes", bytes.len());
+                    integrator = Integrator::new(2);
+                    integrator.persist(&mut Archive::reading(&bytes)).unwrap();
+                }
+                found.push(states.map(f64::to_bits));
+            }
+            found
+        });
+        let restored = ends[1].split_off(0);
+        assert_eq!(ends[0], restored);
+    }
+    check(|| NONLINEAR);
+    check(|| Kept(NONLINEAR));
+    check(|| Explicit(NONLINEAR));
+    check(|| Automatic(NONLINEAR));
+}
+
+#[test]
+fn a_damaged_step_of_the_explicit_method_is_refused() {
+    let tolerance = Tolerance { relative: 1e-6, nominals: &[1.0; 2] };
+    let mut integrator = Integrator::new(2);
+    let span = Span { begin: 1.0, end: 1.001, limit: 10.0, rounding: 0.0 };
+    let mut states = exact(1.0);
+    while !integrator.is_ahead {
+        integrator.step(&mut Explicit(NONLINEAR), span, &states, &tolerance, &mut 0).unwrap();
+    }
+    integrator.states_at(&mut Explicit(NONLINEAR), 1.001, &mut states);
+    for damage in [
+        |last: &mut LastStep| last.begun = f64::NAN,
+        |last: &mut LastStep| last.zero = f64::INFINITY,
+        |last: &mut LastStep| last.from = vec![1.0],
+        |last: &mut LastStep| last.is_explicit = false,
+    ] {
+        let mut damaged = integrator.clone();
+        damage(damaged.last.as_mut().unwrap());
+        let mut archive = Archive::writing();
+        let _ = damaged.persist(&mut archive);
+        let mut bytes = archive.into_bytes();
+        bytes.resize(1000, 0);
+        assert!(Integrator::new(2).persist(&mut Archive::reading(&bytes)).is_err());
     }
 }

@@ -13,6 +13,7 @@ use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
     ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
+use crate::archive::normalized;
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
@@ -99,12 +100,15 @@ impl<R: Read + Seek> Files<R> {
         let name = entry
             .name()
             .map_or_else(|_| String::from_utf8_lossy(entry.name_raw()).into_owned(), Cow::into_owned);
-        let path = name.replace('\\', "/");
+        let path = normalized(&name.replace('\\', "/"));
         let place = Place::file(&name);
         let (is_encrypted, is_link, is_folder) = (entry.encrypted(), entry.is_symlink(), path.ends_with('/'));
         let is_known = matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated);
         let (size, method) = (entry.size(), entry.compression());
         drop(entry);
+        if path.is_empty() {
+            return true;
+        }
         if name.contains('\\') {
             report.add(&ARCHIVE_BACKSLASH, place.clone(), "its path has backslashes");
         }

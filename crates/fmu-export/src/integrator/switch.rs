@@ -1,0 +1,65 @@
+//! Which method takes a step where both may.
+
+use crate::error::Error;
+use crate::persistence::{Archive, Persistent};
+
+/// How many votes the linearly implicit method needs at first, and at most, …
+const PATIENCE: u32 = 4;
+const MOST_PATIENCE: u32 = 32;
+/// … and the explicit one. If it has them within this many trials, the change was in vain.
+const TO_EXPLICIT: u32 = 3;
+const IN_VAIN: u32 = 5;
+
+/// The present method, which is explicit at first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Switch {
+    pub(super) is_implicit: bool,
+    /// The votes for the other method, less the trials that spoke against it, at least 0.
+    votes: u32,
+    /// How many the linearly implicit one needs: twice as many after each change that was in vain.
+    patience: u32,
+    /// The trials since the last change.
+    trials: u32,
+}
+
+impl Switch {
+    pub(super) const fn new() -> Self {
+        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0 }
+    }
+
+    /// Counts a trial and its votes for the other method. Returns whether that takes over.
+    pub(super) fn count(&mut self, votes: u32) -> bool {
+        self.trials = self.trials.saturating_add(1);
+        self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
+        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.patience };
+        if takes_over {
+            self.take_over();
+        }
+        takes_over
+    }
+
+    /// Has the other method take over.
+    pub(super) fn take_over(&mut self) {
+        if self.is_implicit {
+            self.patience =
+                if self.trials < IN_VAIN { (2 * self.patience).min(MOST_PATIENCE) } else { PATIENCE };
+        }
+        self.trials = 0;
+        (self.is_implicit, self.votes) = (!self.is_implicit, 0);
+    }
+}
+
+impl Persistent for Switch {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self { is_implicit, votes, patience, trials } = self;
+        is_implicit.persist(archive)?;
+        votes.persist(archive)?;
+        patience.persist(archive)?;
+        trials.persist(archive)?;
+        if (PATIENCE..=MOST_PATIENCE).contains(patience) && *votes < *patience {
+            Ok(())
+        } else {
+            Err(Error::new("the choice of the integrator's method in the serialized state is not one"))
+        }
+    }
+}
