@@ -190,6 +190,12 @@ impl LastStep {
         }
     }
 
+    /// Whether the explicit method took it. Code for it is left out where it never does.
+    #[inline]
+    fn took_explicit<S: System>(&self) -> bool {
+        S::METHOD.has_explicit() && self.is_explicit
+    }
+
     /// What a saved state keeps of it: the polynomials, or what is needed to evaluate them again if those are more.
     fn kept(&self) -> Self {
         let Self { from, to, dense, .. } = self;
@@ -326,7 +332,7 @@ impl Integrator {
             steps.begin(norm(&last.from), norm(&work.slopes));
         }
         last.is_explicit = S::METHOD.is_explicit(switch.is_implicit);
-        if !last.is_explicit {
+        if !last.took_explicit::<S>() {
             jacobian.expect::<S>(steps.within(time, limit).0);
         }
         work.prepare(last, system, jacobian);
@@ -350,20 +356,22 @@ impl Integrator {
             }
             work.decisive = error.state;
             // The error with an older Jacobian says nothing about the length, if the method's order rests on it.
-            let is_stale = !last.is_explicit && !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
+            let is_stale =
+                !last.took_explicit::<S>() && !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
             if is_stale && error.largest > 1.0 {
                 jacobian.distrust();
                 work.prepare(last, system, jacobian);
                 continue;
             }
-            let order = if last.is_explicit { explicit::ESTIMATE_ORDER } else { S::METHOD.estimate_order };
+            let order =
+                if last.took_explicit::<S>() { explicit::ESTIMATE_ORDER } else { S::METHOD.estimate_order };
             let factor = if error.largest > 0.0 { error.largest.powf(-order.recip()) } else { f64::INFINITY };
             let is_accepted = steps.judge(length, error.largest, factor);
             // Where ends cut steps short, one with a Jacobian of few states costs less than an explicit one.
             let is_cut = is_accepted && length < steps.next;
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
-            let takes_over = S::METHOD.switches() && (last.is_explicit || !costs_less) && {
-                if !last.is_explicit && jacobian.is_fresh() && error.largest > SMALL_ERROR {
+            let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
+                if !last.took_explicit::<S>() && jacobian.is_fresh() && error.largest > SMALL_ERROR {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
                     let is_nonstiff = length * jacobian.radius(scale, &mut work.moved) < NONSTIFF;
                     work.for_other = u32::from(is_nonstiff);
@@ -376,14 +384,14 @@ impl Integrator {
                 }
                 if takes_over {
                     jacobian.discard();
-                } else if !last.is_explicit {
+                } else if !last.took_explicit::<S>() {
                     jacobian.count_step::<S>(error.largest);
                 }
                 *is_ahead = is_beyond;
                 return Ok(if is_beyond { end } else { to });
             }
             if steps.is_too_short(time, end) {
-                if !(S::METHOD.switches() && last.is_explicit) {
+                if !(S::METHOD.switches() && last.took_explicit::<S>()) {
                     return Err(StepFailure { time, state: error.state });
                 }
                 if !takes_over {
@@ -391,7 +399,7 @@ impl Integrator {
                 }
             }
             let was_explicit = mem::replace(&mut last.is_explicit, S::METHOD.is_explicit(switch.is_implicit));
-            if was_explicit != last.is_explicit || !(last.is_explicit || jacobian.is_fresh()) {
+            if was_explicit != last.is_explicit || !(last.took_explicit::<S>() || jacobian.is_fresh()) {
                 jacobian.discard();
                 work.prepare(last, system, jacobian);
             }
@@ -403,7 +411,7 @@ impl Integrator {
         let Some(last) = &mut self.last else { return };
         if time < last.end && !last.has_dense {
             let work = self.work.get_or_insert_with(|| Box::new(Work::new(self.size, S::METHOD)));
-            if last.is_explicit && !work.has_stages {
+            if last.took_explicit::<S>() && !work.has_stages {
                 let zero = system.zero();
                 system.count_from(last.zero);
                 work.repeat(last, system);
@@ -466,7 +474,7 @@ impl Work {
     /// derivatives with respect to time.
     fn prepare<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
         let Self { by_time, matrix, .. } = self;
-        if last.is_explicit {
+        if last.took_explicit::<S>() {
             return self.stages[0].copy_from_slice(&self.slopes);
         }
         let at = (last.begin, &last.from[..]);
@@ -493,7 +501,7 @@ impl Work {
     fn find_dense<S: System>(&mut self, last: &mut LastStep, system: &mut S) {
         last.dense.resize(last.from.len(), [0.0; 3]);
         last.higher.clear();
-        if last.is_explicit {
+        if last.took_explicit::<S>() {
             // What is not finite is found by the error of the dense output.
             let _ = explicit::evaluate(explicit::OF_DENSE, last, system, &mut self.stages, &mut self.moved);
             last.higher.resize(last.from.len(), [0.0; 3]);
@@ -535,7 +543,7 @@ impl Work {
         system: &mut S,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        let share = if last.is_explicit { explicit::RESIDUAL_AT } else { RESIDUAL_AT };
+        let share = if last.took_explicit::<S>() { explicit::RESIDUAL_AT } else { RESIDUAL_AT };
         let rest = 1.0 - share;
         let time = last.begin + share * last.length;
         last.states_at(time, &mut self.moved);
@@ -547,14 +555,14 @@ impl Work {
             let rise = to - from + (rest - share) * bulge + share * rest * bulge_slope;
             *residual -= rise / last.length;
         }
-        if last.is_explicit {
+        if last.took_explicit::<S>() {
             for residual in residual.iter_mut() {
                 *residual *= last.length;
             }
         } else {
             self.matrix.solve::<S>(residual);
         }
-        let weight = if last.is_explicit { explicit::DENSE_ERROR } else { DENSE_ERROR };
+        let weight = if last.took_explicit::<S>() { explicit::DENSE_ERROR } else { DENSE_ERROR };
         let ends = last.from.iter().zip(&last.to);
         LargestError::of(residual.iter().zip(ends).enumerate().map(|(state, (error, (from, to)))| {
             weight * error / tolerance.scale::<S>(state, from.abs().max(to.abs()))
@@ -570,7 +578,7 @@ impl Work {
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
         self.for_other = 0;
-        if last.is_explicit {
+        if last.took_explicit::<S>() {
             self.explicit_trial(last, system, tolerance)
         } else {
             self.implicit_trial(last, system, jacobian, tolerance)

@@ -210,8 +210,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
     /// The value of a Real variable other than the independent one.
     fn real(&self, reference: ValueReference) -> f64;
-    /// Copies the values of Real variables; that of the independent one is `time` in s.
-    fn copy_reals(&self, time: f64, references: &[ValueReference], values: &mut [f64]);
+    /// Copies the finite values of Real variables; that of the independent one is `time` in s. Returns whether all are.
+    fn copy_reals(&self, time: f64, references: &[ValueReference], values: &mut [f64]) -> bool;
     /// Sets a Real variable; for a state, its start value.
     fn set_real(&mut self, reference: ValueReference, value: f64);
     /// The value of an Integer or Enumeration variable.

@@ -74,7 +74,7 @@ def test_packages_are_short(model):
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
     texts = [(FMUS.parent / model / file).read_text() for file in files]
     lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
-    assert lines <= {"VanDerPol": 40, "StickSlip": 106, "Cascade": 108}.get(model, 90)
+    assert lines <= {"VanDerPol": 40, "StickSlip": 106, "Cascade": 110}.get(model, 90)
 
 
 def interface_of(root):

@@ -35,13 +35,20 @@ impl Generator<'_, '_> {
                 let time = time.collect::<String>();
                 format!(
                     "
-    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) {{
+    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) -> bool {{
+        let mut are_finite = true;
         for (value, &reference) in values.iter_mut().zip(references) {{
             let variables = ::core::hint::black_box(self);
-            *value = match reference {{
+            let number = match reference {{
 {time}{}                _ => 0.0,
             }};
+            if number.is_finite() {{
+                *value = number;
+            }} else {{
+                are_finite = false;
+            }}
         }}
+        are_finite
     }}
 ",
                     getters.replace("            ", "                ").replace("self.", "variables.")

@@ -166,20 +166,21 @@ impl<M: Model> Instance<M> {
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
         Self::check_types(references, REALS)?;
         let status = self.compute_values()?;
-        self.memory.variables.copy_reals(self.memory.time, references, values);
-        if values.iter().fold(true, |are_finite, value| are_finite & value.is_finite()) {
+        if self.memory.variables.copy_reals(self.memory.time, references, values) {
             Ok(status)
         } else {
-            self.no_number(references, values)
+            self.no_number(references)
         }
     }
 
-    /// The answer if the value of a Real variable is no finite number. All values are still returned: after a failed step
-    /// they help debugging.
+    /// The answer if the value of a Real variable is no finite number. The other values are still returned: after a failed
+    /// step they help debugging.
     #[cold]
-    fn no_number(&self, references: &[ValueReference], values: &[f64]) -> Answer {
-        let not_finite = references.iter().zip(values).find(|(_, value)| !value.is_finite());
-        let message = not_finite.map_or_else(String::new, |(&reference, &value)| {
+    fn no_number(&self, references: &[ValueReference]) -> Answer {
+        let mut values =
+            references.iter().map(|&reference| (reference, self.memory.variables.real(reference)));
+        let not_finite = values.find(|(_, value)| !value.is_finite());
+        let message = not_finite.map_or_else(String::new, |(reference, value)| {
             format!("the variable {} is {}", Self::checked(reference).name(), Shown(value))
         });
         // A solver has tried states at which there is no such value; it can try others.

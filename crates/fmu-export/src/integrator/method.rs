@@ -46,7 +46,12 @@ pub(super) enum Phases {
 impl Method {
     /// The number of stages that need memory.
     pub(super) const fn count(&self) -> usize {
-        if matches!(self.explicit, Phases::None) { self.stages.len() } else { explicit::STAGES }
+        if self.has_explicit() { explicit::STAGES } else { self.stages.len() }
+    }
+
+    /// Whether the explicit method may take steps.
+    pub(super) const fn has_explicit(&self) -> bool {
+        !matches!(self.explicit, Phases::None)
     }
 
     /// Whether the methods take turns.

@@ -284,10 +284,11 @@ impl ::fmu_export::Variables for Variables {
         }
     }
 
-    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) {
+    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) -> bool {
+        let mut are_finite = true;
         for (value, &reference) in values.iter_mut().zip(references) {
             let variables = ::core::hint::black_box(self);
-            *value = match reference {
+            let number = match reference {
                 0 => time,
                 100 => variables.inputs.force,
                 3 => variables.states.position,
@@ -302,7 +303,13 @@ impl ::fmu_export::Variables for Variables {
                 20..=21 => variables.derivatives.wear[(reference - 20) as usize],
                 _ => 0.0,
             };
+            if number.is_finite() {
+                *value = number;
+            } else {
+                are_finite = false;
+            }
         }
+        are_finite
     }
 
     fn set_real(&mut self, reference: fmi::ValueReference, value: f64) {
