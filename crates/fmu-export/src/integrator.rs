@@ -1,6 +1,6 @@
-//! The built-in integrator of models of equations: an [explicit](explicit) method for nonstiff phases, linearly implicit
-//! (Rosenbrock) [methods](Method) for stiff ones. Unless a model chooses, they take turns as the [votes](switch) of the
-//! steps decide. A method makes a trial step and the polynomials of its dense output; all else they share.
+//! The built-in integrator of models of equations: an explicit [method](DOP853) for nonstiff phases, linearly implicit
+//! (Rosenbrock) [ones](Method) for stiff phases. Unless a model chooses, they take turns as the votes of the steps decide.
+//! A method makes a trial step and the polynomials of its dense output; all else they share.
 //!
 //! The linearly implicit ones are L-stable: they damp modes that are much faster than a step instead of following them.
 //! As one-step methods all restart cheaply after an event, and remember only the length of the next step, a Jacobian that
