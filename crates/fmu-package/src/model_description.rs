@@ -248,28 +248,24 @@ impl FmuDescription {
         Ok(states)
     }
 
-    /// For each continuous state, in their order, the positions of the states on which its derivative depends by
-    /// `ModelStructure`; on all if none.
+    /// For each derivative in `ModelStructure`, the number of its elements, and the positions of the continuous states on
+    /// which they depend; on all if none.
     ///
     /// # Errors
     /// As [`Self::continuous_states`].
-    pub fn state_dependencies(&self) -> io::Result<Vec<Option<Vec<usize>>>> {
+    pub fn state_dependencies(&self) -> io::Result<Vec<(usize, Option<Vec<usize>>)>> {
         let mut positions = BTreeMap::<_, Vec<_>>::new();
-        let mut sizes = vec![];
         for (position, [_, derivative]) in self.continuous_states()?.into_iter().enumerate() {
             positions.entry(derivative.derivative.meaning()).or_default().push(position);
         }
-        for Derivative { reference, .. } in &self.derivatives {
-            sizes.push(self.referred(reference).len());
-        }
         let of_states = |dependencies: &Vec<Declared<u32>>| {
             let states = dependencies.iter().filter_map(|reference| positions.get(&reference.meaning()));
-            states.flatten().copied().collect::<Vec<_>>()
+            states.flatten().copied().collect()
         };
-        let each = self.derivatives.iter().zip(sizes).flat_map(|(derivative, size)| {
-            std::iter::repeat_n(derivative.dependencies.as_ref().map(of_states), size)
+        let of_each = self.derivatives.iter().map(|Derivative { reference, dependencies }| {
+            (self.referred(reference).len(), dependencies.as_ref().map(of_states))
         });
-        Ok(each.collect())
+        Ok(of_each.collect())
     }
 
     /// The number of event indicators.

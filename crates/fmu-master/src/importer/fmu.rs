@@ -1,6 +1,7 @@
 //! FMUs, extracted and loaded for one of their interfaces.
 
 use std::collections::BTreeMap;
+use std::iter::repeat_n;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -227,8 +228,10 @@ fn states(description: &FmuDescription) -> Result<Vec<State>> {
 /// Where the Jacobian of the states has elements; full if any derivative depends on all of them.
 fn pattern(description: &FmuDescription) -> Result<Pattern> {
     let dependencies = description.state_dependencies().context("its modelDescription.xml is broken")?;
-    let listed: Option<Vec<_>> = dependencies.into_iter().collect();
-    Ok(listed.map_or_else(Pattern::full, |listed| {
-        Pattern::of_rows(listed.len(), |row, columns| columns.extend(&listed[row]))
+    // The elements of an array share them.
+    let of_elements = dependencies.iter().flat_map(|(elements, listed)| repeat_n(listed.as_ref(), *elements));
+    let rows: Option<Vec<_>> = of_elements.collect();
+    Ok(rows.map_or_else(Pattern::full, |rows| {
+        Pattern::of_rows(rows.len(), |row, columns| columns.extend(rows[row]))
     }))
 }
