@@ -14,7 +14,7 @@ use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-use crate::validation::archive::Files;
+use crate::validation::archive::{Files, normalized};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
 
@@ -111,14 +111,6 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
 
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
     Ok(normalized(&entry.name().map_err(plain)?))
-}
-
-/// An entry's path without the folders `.` that some tools write: `./a` is `a`, and `./` the empty path of all files' folder.
-pub(crate) fn normalized(path: &str) -> String {
-    let (folders, name) =
-        path.rsplit_once('/').map_or(("", path), |(_, name)| (&path[..path.len() - name.len()], name));
-    let folders = folders.split_inclusive('/').filter(|folder| *folder != "./");
-    folders.chain([name]).collect()
 }
 
 /// The error, without the prefix that repeats the system's message.

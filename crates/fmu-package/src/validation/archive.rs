@@ -13,7 +13,6 @@ use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
     ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
-use crate::archive::normalized;
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
@@ -219,6 +218,14 @@ fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut R
     if report.findings.len() == before {
         report.add(&ARCHIVE_DUPLICATE, Place::default(), "two entries have the same path");
     }
+}
+
+/// An entry's path without the folders `.` that some tools write: `./a` is `a`, and `./` the empty path of all files' folder.
+pub(crate) fn normalized(path: &str) -> String {
+    let (folders, name) =
+        path.rsplit_once('/').map_or(("", path), |(_, name)| (&path[..path.len() - name.len()], name));
+    let folders = folders.split_inclusive('/').filter(|folder| *folder != "./");
+    folders.chain([name]).collect()
 }
 
 /// Whether a path stays in its extraction folder, on every system.
