@@ -4,9 +4,6 @@
 
 use core::ops::Range;
 
-use super::LastStep;
-use super::system::System;
-
 /// The number of stages, with those of the dense output.
 pub(super) const STAGES: usize = 16;
 /// The stage at the end of the step. The one before is evaluated at the same time, at other states.
@@ -25,41 +22,8 @@ pub(super) const DENSE_ERROR: f64 = 1.0 / 8.5;
 /// How far along the negative real axis steps are stable: the length times the magnitude of the eigenvalue.
 pub(super) const STABILITY: f64 = 6.1;
 
-/// Adds weighted stages.
-pub(super) fn add(sums: &mut [f64], weights: &[f64], stages: &[Vec<f64>]) {
-    for (weight, stage) in weights.iter().zip(stages).filter(|(weight, _)| **weight != 0.0) {
-        for (sum, rate) in sums.iter_mut().zip(stage) {
-            *sum += weight * rate;
-        }
-    }
-}
-
-/// Evaluates stages of a step, those before them known; `moved` gets the states of the last one. The error is the
-/// position of the first derivative that is not finite.
-pub(super) fn evaluate<S: System>(
-    of: Range<usize>,
-    last: &LastStep,
-    system: &mut S,
-    stages: &mut [Vec<f64>],
-    moved: &mut [f64],
-) -> Result<(), usize> {
-    for stage in of {
-        let (known, rest) = stages.split_at_mut(stage);
-        moved.fill(-0.0);
-        add(moved, STATES[stage], known);
-        for (moved, from) in moved.iter_mut().zip(&last.from) {
-            *moved = from + last.length * *moved;
-        }
-        system.derivatives(last.begun + TIMES[stage] * last.length, moved, &mut rest[0]);
-        if let Some(state) = rest[0].iter().position(|rate| !rate.is_finite()) {
-            return Err(state);
-        }
-    }
-    Ok(())
-}
-
 /// The weights of the stages in the states at which each stage is evaluated.
-const STATES: [&[f64]; STAGES] = [
+pub(super) const STATES: [&[f64]; STAGES] = [
     &[],
     &[0.052_600_151_958_767_73],
     &[0.019_725_056_984_537_9, 0.059_175_170_953_613_7],
@@ -186,7 +150,7 @@ const STATES: [&[f64]; STAGES] = [
     ],
 ];
 /// The time of each stage within the step, relative to it.
-const TIMES: [f64; STAGES] = [
+pub(super) const TIMES: [f64; STAGES] = [
     0.0,
     0.052_600_151_958_767_73,
     0.078_900_227_938_151_6,

@@ -1,5 +1,6 @@
 //! The integrator on systems with known solutions, and with patterns of their Jacobians.
 
+use super::work::LargestError;
 use super::*;
 use crate::number::{Dual, Number};
 use crate::tape::{Recorded, Tape};
