@@ -43,6 +43,7 @@ use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::search::ROUNDINGS;
 
+pub use jacobian::check_direction;
 use jacobian::{Jacobian, SMALL_ERROR};
 use last_step::LastStep;
 pub use method::{AUTOMATIC, DOP853, Method, RODAS5P, ROS34PW2};

@@ -247,8 +247,10 @@ impl Directions for Units {
     }
 }
 
-/// A direction in which no two columns cancel but by chance: between 0.5 and 1.5, by multiples of the golden ratio.
-fn check_direction(state: usize) -> f64 {
+/// The component along a state of a direction in which no two columns cancel but by chance: between 0.5 and 1.5, by
+/// multiples of the golden ratio.
+#[must_use]
+pub fn check_direction(state: usize) -> f64 {
     0.5 + (0.618_033_988_749_895 * (state + 1) as f64).fract()
 }
 

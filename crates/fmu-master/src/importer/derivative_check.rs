@@ -13,10 +13,11 @@ use std::mem;
 use std::sync::Arc;
 
 use anyhow::Result;
-use fmu_export::integrator::{Directions, Pattern};
+use fmu_export::integrator::check_direction;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
+use super::columns::Columns;
 use super::messages::is_discarded;
 
 /// The lengths of the differences relative to the shortest, in the order in which they are tried. At the shortest, rounding
@@ -38,84 +39,6 @@ pub struct Use<'a> {
     pub step: f64,
     /// The relative tolerance.
     pub tolerance: f64,
-}
-
-/// The directions along which the products of a Jacobian were computed.
-pub struct Columns<'a> {
-    pattern: Option<&'a Pattern>,
-    /// The number of directions, with one that checks the pattern.
-    count: usize,
-    /// The direction of each state.
-    of: Vec<usize>,
-    /// The rows whose elements are computed otherwise.
-    is_long: Vec<bool>,
-}
-
-impl<'a> Columns<'a> {
-    /// Those of a full Jacobian.
-    pub fn full(size: usize) -> Self {
-        Self { pattern: None, count: size, of: (0..size).collect(), is_long: vec![false; size] }
-    }
-
-    pub fn new(directions: &'a impl Directions, size: usize) -> Self {
-        let Some(pattern) = directions.pattern() else { return Self::full(size) };
-        let count = directions.count();
-        let direction = |state: usize| (0..count - 1).find(|&of| directions.component(of, state) != 0.0);
-        let of: Vec<_> = (0..size).map(|state| direction(state).unwrap_or(count)).collect();
-        let mut rows = vec![size; count + 1];
-        let is_long = (0..size).map(|row| {
-            let mut columns = pattern.row(row).iter();
-            columns.any(|&column| mem::replace(&mut rows[of[column as usize]], row) == row)
-        });
-        let is_long = is_long.collect();
-        Self { pattern: Some(pattern), count, of, is_long }
-    }
-
-    /// Whether they are those of a full Jacobian.
-    pub fn is_full(&self) -> bool {
-        self.pattern.is_none()
-    }
-
-    /// The direction that checks the pattern.
-    pub fn checking(&self) -> Option<usize> {
-        self.pattern.map(|_| self.count - 1)
-    }
-
-    /// The directions that give elements.
-    pub fn directions(&self) -> std::ops::Range<usize> {
-        0..self.count - usize::from(self.pattern.is_some())
-    }
-
-    /// The states of a direction.
-    pub fn states(&self, direction: usize) -> impl Iterator<Item = usize> {
-        self.of.iter().enumerate().filter(move |(_, of)| **of == direction).map(|(state, _)| state)
-    }
-
-    /// The columns of a row's elements; none of a row whose elements are computed otherwise.
-    pub fn row(&self, row: usize) -> impl Iterator<Item = usize> {
-        let columns =
-            self.pattern.map_or(&[][..], |pattern| if self.is_long[row] { &[] } else { pattern.row(row) });
-        let all = if self.pattern.is_none() { self.of.len() } else { 0 };
-        (0..all).chain(columns.iter().map(|&column| column as usize))
-    }
-
-    /// The column of a row's element along a direction.
-    pub fn column(&self, row: usize, direction: usize) -> Option<usize> {
-        match self.pattern {
-            None => Some(direction),
-            Some(_) => self.row(row).find(|&column| self.of[column] == direction),
-        }
-    }
-
-    /// Where the product of a row with a direction is.
-    pub fn place(&self, row: usize, direction: usize) -> usize {
-        row * self.count + direction
-    }
-
-    /// Where the product is that is an element.
-    pub fn element(&self, row: usize, column: usize) -> usize {
-        self.place(row, self.of[column])
-    }
 }
 
 /// What is wrong with a Jacobian.
@@ -185,7 +108,7 @@ impl DerivativeCheck {
         let mut suspect = None;
         if !is_first || !columns.is_full() {
             for column in 0..at.states.len() {
-                self.direction[column] = component(column) * scale(at, column);
+                self.direction[column] = check_direction(column) * scale(at, column);
             }
             suspect = self.contradiction(calls, columns, products, at)?;
             if !is_first && suspect.is_none() {
@@ -263,7 +186,7 @@ impl DerivativeCheck {
                 let new = (there - here) / length;
                 *quotient = [quotient[0].min(new), quotient[1].max(new)];
             }
-            found = (0..size).find(|&row| !columns.is_long[row] && !self.agrees(row, at));
+            found = (0..size).find(|&row| !columns.is_long(row) && !self.agrees(row, at));
             if found.is_none() {
                 return Ok(None);
             }
@@ -286,10 +209,4 @@ impl DerivativeCheck {
 /// By what a state is measured.
 fn scale(at: &Use<'_>, state: usize) -> f64 {
     at.states[state].abs().max(at.nominals[state])
-}
-
-/// The component along a state of a direction in which two columns cancel only by chance: between 0.5 and 1.5, by
-/// multiples of the golden ratio.
-fn component(state: usize) -> f64 {
-    0.5 + (0.618_033_988_749_895 * (state + 1) as f64).fract()
 }

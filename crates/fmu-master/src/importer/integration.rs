@@ -13,7 +13,8 @@ use fmu_io::terminal::number;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;
-use super::derivative_check::{Columns, DerivativeCheck, Use, Wrong};
+use super::columns::Columns;
+use super::derivative_check::{DerivativeCheck, Use, Wrong};
 use super::event_mode::EventMode;
 use super::messages::is_discarded;
 

@@ -11,6 +11,7 @@
 
 mod c_boundary;
 mod calls;
+mod columns;
 mod derivative_check;
 mod event_mode;
 mod fmu;
