@@ -13,7 +13,9 @@ pub(crate) mod states;
 use core::ffi::{c_char, c_void};
 use core::ptr;
 
-use crate::calling_sequence::{Function, Interface};
+use fmu_terms::InstanceType;
+
+use crate::calling_sequence::Function;
 use crate::checksum::checksum;
 use crate::description::ValueReference;
 use crate::error::{Error, check_memory};
@@ -204,14 +206,14 @@ impl<M: Model> Exported<M> {
 pub(crate) fn instantiate<M: Model>(
     function: &str,
     logger: Logger,
-    interface: Result<Interface, Error>,
+    instance_type: Result<InstanceType, Error>,
     set_up: impl FnOnce(&mut Instance<M>),
 ) -> *mut c_void {
     // Created in place: instances are large, and moves would copy them.
-    let made = interface.and_then(|interface| {
+    let made = instance_type.and_then(|instance_type| {
         check_memory(size_of::<Exported<M>>())?;
         in_default_environment(|| {
-            contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(interface) }))
+            contain(|| Box::new(Exported { fmu: Exported::<M>::FMU, instance: Instance::new(instance_type) }))
         })
     });
     match made {

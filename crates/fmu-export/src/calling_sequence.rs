@@ -3,40 +3,10 @@
 
 use core::fmt;
 
+use fmu_terms::Interface;
+
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
-
-/// The interfaces of FMI.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Interface {
-    /// The model steps itself.
-    CoSimulation,
-    /// The model steps itself from event to event; the importer handles events.
-    CoSimulationWithEvents,
-    /// The importer integrates the model's states.
-    ModelExchange,
-    /// The importer activates the model partitions.
-    ScheduledExecution,
-}
-
-impl Interface {
-    /// Whether its instances have the functions of another interface.
-    #[inline]
-    pub(crate) fn has(self, functions_of: Self) -> bool {
-        self == functions_of || (self, functions_of) == (Self::CoSimulationWithEvents, Self::CoSimulation)
-    }
-}
-
-impl fmt::Display for Interface {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::CoSimulation => "Co-Simulation",
-            Self::CoSimulationWithEvents => "Co-Simulation with Event Mode",
-            Self::ModelExchange => "Model Exchange",
-            Self::ScheduledExecution => "Scheduled Execution",
-        })
-    }
-}
 
 /// Declares the states: their names, and the only interface whose instances have them, if there is just one.
 macro_rules! phases {

@@ -19,7 +19,9 @@ mod values;
 use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
-use crate::calling_sequence::{Function, Interface, Phase};
+use fmu_terms::InstanceType;
+
+use crate::calling_sequence::{Function, Phase};
 use crate::context::{Context, Experiment};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::display::{Seconds, Shown};
@@ -105,10 +107,10 @@ pub(crate) struct Instance<M: Model> {
 
 impl<M: Model> Instance<M> {
     /// An instance without logging and resources.
-    pub(crate) fn new(interface: Interface) -> Self {
+    pub(crate) fn new(instance_type: InstanceType) -> Self {
         Self {
             logger: Logger::default(),
-            memory: Memory::new(interface),
+            memory: Memory::new(instance_type),
             resources: Resources::none(),
             strings: Vec::new(),
             scalars: Vec::new(),
@@ -145,8 +147,8 @@ impl<M: Model> Instance<M> {
     /// library function, and what happens rarely is not.
     #[inline]
     pub(crate) fn call(&mut self, function: &Function, body: impl FnOnce(&mut Self) -> Answer) -> Status {
-        let Memory { phase, interface, .. } = self.memory;
-        let is_of_interface = function.interface.is_none_or(|only| interface.has(only));
+        let Memory { phase, instance_type, .. } = self.memory;
+        let is_of_interface = function.interface.is_none_or(|only| instance_type.interface() == only);
         if !(function.phases.contains(phase) && (phase.interface().is_some() || is_of_interface)) {
             return self.refuse(function, is_of_interface);
         }
@@ -160,11 +162,11 @@ impl<M: Model> Instance<M> {
     #[cold]
     #[inline(never)]
     fn refuse(&mut self, function: &Function, is_of_interface: bool) -> Status {
-        let Memory { phase, interface, .. } = self.memory;
+        let Memory { phase, instance_type, .. } = self.memory;
         let error = Error::new(if is_of_interface {
             format!("must not be called in the state {phase}")
         } else {
-            format!("this instance is for {interface}, which does not have this function")
+            format!("this instance is for {instance_type}, which does not have this function")
         });
         self.report(&error, function)
     }
@@ -196,9 +198,9 @@ impl<M: Model> Instance<M> {
         Status::Error
     }
 
-    /// The interface that the instance is for.
-    pub(crate) fn interface(&self) -> Interface {
-        self.memory.interface
+    /// What the instance is for.
+    pub(crate) fn instance_type(&self) -> InstanceType {
+        self.memory.instance_type
     }
 
     /// The finished function's messages.
@@ -264,11 +266,11 @@ impl<M: Model> Instance<M> {
         M::check_parameters(&self.memory.variables)?;
         let status = self.compute_values()?;
         self.memory.parameters_changed = false;
-        self.memory.phase = match self.memory.interface {
-            Interface::CoSimulation => Phase::StepComplete,
-            Interface::CoSimulationWithEvents => Phase::StepEventMode,
-            Interface::ModelExchange => Phase::EventMode,
-            Interface::ScheduledExecution => Phase::ClockActivationMode,
+        self.memory.phase = match self.memory.instance_type {
+            InstanceType::CoSimulation => Phase::StepComplete,
+            InstanceType::CoSimulationWithEvents => Phase::StepEventMode,
+            InstanceType::ModelExchange => Phase::EventMode,
+            InstanceType::ScheduledExecution => Phase::ClockActivationMode,
         };
         Ok(status)
     }
@@ -304,7 +306,7 @@ impl<M: Model> Instance<M> {
 
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn reset(&mut self) -> Answer {
-        self.memory = Memory::new(self.memory.interface);
+        self.memory = Memory::new(self.memory.instance_type);
         self.may_roll_back = false;
         self.logged_inputs.clear();
         Ok(Status::Ok)

@@ -4,14 +4,15 @@
 //! |---|---|
 //! | 8 | [`SIGNATURE`] |
 //! | 4 | [`VERSION`] of this format |
-//! | 4 + n | the length of the FMU's name, and the name: its model identifier, GUID and interface |
+//! | 4 + n | the length of the FMU's name, and the name: its model identifier, GUID and type of instance |
 //! | 8 | the length of the content |
 //! | … | the content: the memory of an instance |
 //! | 8 | the checksum of all that precedes |
 //!
 //! Numbers are little-endian.
 
-use crate::calling_sequence::Interface;
+use fmu_terms::InstanceType;
+
 use crate::checksum::checksum;
 use crate::description::ModelDescription;
 use crate::error::{Error, check_memory};
@@ -29,13 +30,13 @@ const CHECKSUM: usize = 8;
 /// Those of the value.
 pub(crate) fn to_bytes(
     description: &ModelDescription,
-    interface: Interface,
+    instance_type: InstanceType,
     value: &mut impl Persistent,
 ) -> Result<Vec<u8>, Error> {
     let mut content = Archive::writing();
     value.persist(&mut content)?;
     let content = content.into_bytes();
-    let name = name(description, interface);
+    let name = name(description, instance_type);
     let length = SIGNATURE.len() + name.len() + content.len() + 32;
     check_memory(length)?;
     let mut bytes = Vec::with_capacity(length);
@@ -56,11 +57,11 @@ pub(crate) fn to_bytes(
 /// When the bytes are anything else; the value is then undefined.
 pub(crate) fn from_bytes(
     description: &ModelDescription,
-    interface: Interface,
+    instance_type: InstanceType,
     bytes: &[u8],
     value: &mut impl Persistent,
 ) -> Result<(), Error> {
-    let content = content(&name(description, interface), bytes)?;
+    let content = content(&name(description, instance_type), bytes)?;
     let mut archive = Archive::reading(content);
     value.persist(&mut archive)?;
     if archive.is_exhausted() {
@@ -71,8 +72,8 @@ pub(crate) fn from_bytes(
 }
 
 /// The FMU's name in a state.
-fn name(description: &ModelDescription, interface: Interface) -> String {
-    format!("{} {} {interface}", description.model_identifier, description.guid)
+fn name(description: &ModelDescription, instance_type: InstanceType) -> String {
+    format!("{} {} {instance_type}", description.model_identifier, description.guid)
 }
 
 /// The content, after checking that the bytes are an intact state of this FMU.

@@ -77,6 +77,48 @@ impl Interface {
     }
 }
 
+/// What an instance is for: an interface, of FMI 3.0 with the mode in which its importer handles events. Its text is for
+/// people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstanceType {
+    /// The FMU steps itself.
+    CoSimulation,
+    /// The FMU steps itself from event to event; the importer handles events (`eventModeUsed` of FMI 3.0).
+    CoSimulationWithEvents,
+    /// The importer integrates the FMU's states.
+    ModelExchange,
+    /// The importer schedules the FMU's clocks.
+    ScheduledExecution,
+}
+
+impl InstanceType {
+    /// Every type.
+    pub const ALL: [Self; 4] =
+        [Self::CoSimulation, Self::CoSimulationWithEvents, Self::ModelExchange, Self::ScheduledExecution];
+
+    /// The interface, whose functions its instances have.
+    #[inline]
+    #[must_use]
+    pub const fn interface(self) -> Interface {
+        match self {
+            Self::CoSimulation | Self::CoSimulationWithEvents => Interface::CoSimulation,
+            Self::ModelExchange => Interface::ModelExchange,
+            Self::ScheduledExecution => Interface::ScheduledExecution,
+        }
+    }
+}
+
+impl fmt::Display for InstanceType {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::CoSimulation => "Co-Simulation",
+            Self::CoSimulationWithEvents => "Co-Simulation with Event Mode",
+            Self::ModelExchange => "Model Exchange",
+            Self::ScheduledExecution => "Scheduled Execution",
+        })
+    }
+}
+
 /// The interfaces that an FMU offers, with the texts `cs`, `me`, `cs,me` and `se`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interfaces {

@@ -8,7 +8,7 @@ mod units;
 mod variables;
 mod words;
 
-pub use interfaces::{INTERFACES_VARIABLE, Interface, Interfaces, VERSION_VARIABLE, Version};
+pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
 #[cfg(feature = "units")]
 pub use likeness::{like, nearest};
 #[cfg(feature = "units")]

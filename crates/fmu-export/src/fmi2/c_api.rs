@@ -9,6 +9,8 @@ use core::ffi::{CStr, c_void};
 use core::ptr;
 use std::ffi::CString;
 
+use fmu_terms::InstanceType;
+
 use super::c_types::{
     Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, Enumeration, EventInfo,
     FALSE, FmuState, Integer, MODEL_EXCHANGE, Status, String, ValueReference, status_kind,
@@ -16,7 +18,6 @@ use super::c_types::{
 use super::calling_sequence;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
-use crate::calling_sequence::Interface;
 use crate::context::Experiment;
 use crate::error::Error;
 use crate::instance::{Answer, Instance};
@@ -98,7 +99,7 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     let instance_name = name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned());
     let recipient = callback.map(|function| Callback { function, environment, instance_name });
     let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, true);
-    let check = || -> Result<Interface, Error> {
+    let check = || -> Result<InstanceType, Error> {
         // C's white space: section 2.1.5 requires at least one other character.
         if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {
             return Err(Error::new("the argument instanceName is blank"));
@@ -113,8 +114,8 @@ pub unsafe fn fmi2Instantiate<M: Model>(
         }
         let interfaces = description.interfaces;
         match fmu_type {
-            CO_SIMULATION if interfaces.co_simulation() => Ok(Interface::CoSimulation),
-            MODEL_EXCHANGE if interfaces.model_exchange() => Ok(Interface::ModelExchange),
+            CO_SIMULATION if interfaces.co_simulation() => Ok(InstanceType::CoSimulation),
+            MODEL_EXCHANGE if interfaces.model_exchange() => Ok(InstanceType::ModelExchange),
             CO_SIMULATION => Err(Error::new("this FMU is for Model Exchange, not for Co-Simulation")),
             MODEL_EXCHANGE => Err(Error::new("this FMU is for Co-Simulation, not for Model Exchange")),
             other => Err(Error::new(format!("the argument fmuType is {other}, which is not an fmi2Type"))),

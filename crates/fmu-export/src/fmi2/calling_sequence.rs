@@ -3,7 +3,9 @@
 //! The states `stepInProgress` and `stepCanceled` of the standard do not occur, because steps are never asynchronous.
 //! The state `fatal` does not occur, because an error never affects another instance.
 
-use crate::calling_sequence::{Conventions, Function, Interface, Phase, Phases, functions};
+use fmu_terms::Interface;
+
+use crate::calling_sequence::{Conventions, Function, Phase, Phases, functions};
 
 use Phase::{
     ContinuousTimeMode, Error, EventMode, InitializationMode, Instantiated, StepComplete, StepFailed,

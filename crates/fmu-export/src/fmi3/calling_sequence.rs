@@ -2,7 +2,9 @@
 //!
 //! Reconfiguration Mode does not occur: there are no tunable structural parameters.
 
-use crate::calling_sequence::{Conventions, Function, Interface, Phase, Phases, functions};
+use fmu_terms::Interface;
+
+use crate::calling_sequence::{Conventions, Function, Phase, Phases, functions};
 
 use Phase::{
     ClockActivationMode, ConfigurationMode, ContinuousTimeMode, Error, EventMode, InitializationMode,

@@ -1,7 +1,9 @@
 //! Co-Simulation with Event Mode and Intermediate Update Mode (FMI 3.0.2, section 4.2).
 
+use fmu_terms::InstanceType;
+
 use super::{Answer, Instance, IntermediateCallback};
-use crate::calling_sequence::{Interface, Phase};
+use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::error::Error;
 use crate::model::Model;
@@ -14,7 +16,7 @@ impl<M: Model> Instance<M> {
     /// update. Returns whether the importer has an event to handle.
     pub(crate) fn do_step_to_event(&mut self, start: f64, size: f64) -> Result<(Status, bool), Error> {
         let internal_steps = self.intermediate_update.is_some();
-        let has_event_mode = self.memory.interface == Interface::CoSimulationWithEvents;
+        let has_event_mode = self.memory.instance_type == InstanceType::CoSimulationWithEvents;
         if !has_event_mode && !internal_steps {
             return self.do_step(start, size).map(|status| (status, false));
         }

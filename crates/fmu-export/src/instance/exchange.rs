@@ -2,9 +2,11 @@
 
 use core::mem;
 
+use fmu_terms::InstanceType;
+
 use super::memory::{EventUnderWay, Memory};
 use super::{Answer, Instance, check_finite};
-use crate::calling_sequence::{Interface, Phase};
+use crate::calling_sequence::Phase;
 use crate::context::Context;
 use crate::description::ValueReference;
 use crate::display::{Seconds, Shown};
@@ -69,7 +71,7 @@ impl<M: Model> Instance<M> {
         let status = self.leave_initialization_mode()?;
         let memory = &mut self.memory;
         let event_mode = memory.phase;
-        if const { Self::EVENTS.is_made } && memory.interface != Interface::CoSimulation {
+        if const { Self::EVENTS.is_made } && memory.instance_type != InstanceType::CoSimulation {
             // It can be repeated after an error.
             memory.phase = Phase::InitializationMode;
             let Memory { model, variables, inputs, time, events, .. } = memory;
@@ -84,8 +86,8 @@ impl<M: Model> Instance<M> {
 
     #[expect(clippy::unnecessary_wraps, reason = "returns what every callable function does")]
     pub(crate) fn enter_event_mode(&mut self) -> Answer {
-        self.memory.phase = match self.memory.interface {
-            Interface::CoSimulationWithEvents => Phase::StepEventMode,
+        self.memory.phase = match self.memory.instance_type {
+            InstanceType::CoSimulationWithEvents => Phase::StepEventMode,
             _ => Phase::EventMode,
         };
         self.memory.event = EventUnderWay::default();

@@ -5,7 +5,9 @@
 
 use core::mem;
 
-use crate::calling_sequence::{Interface, Phase};
+use fmu_terms::InstanceType;
+
+use crate::calling_sequence::Phase;
 use crate::clock::Clock;
 use crate::context::Experiment;
 use crate::description::ClockDescription;
@@ -19,7 +21,7 @@ use crate::variables::Variables;
 /// The content of a saved state.
 #[derive(Clone)]
 pub(crate) struct Memory<M: Model> {
-    pub(super) interface: Interface,
+    pub(super) instance_type: InstanceType,
     pub(super) phase: Phase,
     pub(super) model: M,
     pub(super) variables: M::Variables,
@@ -69,25 +71,25 @@ struct BeforeTicks<M: Model> {
     end: Option<f64>,
 }
 
-// An instance of another interface rejects the memory before; ticks are rewound before.
+// An instance of another type rejects the memory before; ticks are rewound before.
 crate::persistent!(<M: Model> Memory<M> {
     phase, model, variables, inputs, experiment, is_set_up, time, stale, parameters_changed, recent_messages, end,
     events, event,
-} without interface, ticks);
+} without instance_type, ticks);
 
 impl<M: Model> Memory<M> {
     const CLOCKS: &'static [ClockDescription] = M::Variables::CLOCKS;
 
-    pub(super) fn new(interface: Interface) -> Self {
+    pub(super) fn new(instance_type: InstanceType) -> Self {
         let variables = M::Variables::default();
-        let indicators = match interface {
-            Interface::CoSimulation | Interface::ScheduledExecution => 0,
-            Interface::CoSimulationWithEvents | Interface::ModelExchange => {
+        let indicators = match instance_type {
+            InstanceType::CoSimulation | InstanceType::ScheduledExecution => 0,
+            InstanceType::CoSimulationWithEvents | InstanceType::ModelExchange => {
                 M::Variables::EVENT_INDICATORS.len()
             }
         };
         Self {
-            interface,
+            instance_type,
             phase: Phase::Instantiated,
             model: M::default(),
             inputs: InputSignal::constant(variables.inputs().clone()),

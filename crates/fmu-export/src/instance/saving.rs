@@ -2,9 +2,10 @@
 
 use core::mem;
 
+use fmu_terms::InstanceType;
+
 use super::Instance;
 use super::memory::Memory;
-use crate::calling_sequence::Interface;
 use crate::error::{Error, check_memory};
 use crate::model::Model;
 use crate::serialized_state;
@@ -34,10 +35,10 @@ impl<M: Model> Instance<M> {
     /// Continues from a saved memory.
     pub(crate) fn restore(&mut self, memory: &Memory<M>) -> Result<(), Error> {
         self.check_partitions()?;
-        if memory.interface != self.memory.interface {
+        if memory.instance_type != self.memory.instance_type {
             return Err(Error::new(format!(
                 "the state is one of {}, this instance is for {}",
-                memory.interface, self.memory.interface
+                memory.instance_type, self.memory.instance_type
             )));
         }
         let mut model = mem::replace(&mut self.memory, memory.clone()).model;
@@ -57,31 +58,25 @@ impl<M: Model> Instance<M> {
     pub(crate) fn to_bytes(memory: &Memory<M>) -> Result<Vec<u8>, Error> {
         let mut memory = memory.clone();
         memory.rewind();
-        serialized_state::to_bytes(Self::DESCRIPTION, memory.interface, &mut memory)
+        serialized_state::to_bytes(Self::DESCRIPTION, memory.instance_type, &mut memory)
     }
 
-    /// The memory from bytes saved by this FMU, of any interface.
+    /// The memory from bytes saved by this FMU, of an instance of any type.
     #[cfg(target_family = "wasm")]
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Memory<M>, Error> {
-        let [first, others @ ..] = [
-            Interface::CoSimulation,
-            Interface::CoSimulationWithEvents,
-            Interface::ModelExchange,
-            Interface::ScheduledExecution,
-        ]
-        .map(|interface| Self::read(interface, bytes));
+        let [first, others @ ..] = InstanceType::ALL.map(|instance_type| Self::read(instance_type, bytes));
         others.into_iter().fold(first, Result::or)
     }
 
     /// The memory from bytes saved by this FMU, in any process.
     pub(crate) fn deserialize(&self, bytes: &[u8]) -> Result<Memory<M>, Error> {
         Self::check_serializes()?;
-        Self::read(self.memory.interface, bytes)
+        Self::read(self.memory.instance_type, bytes)
     }
 
-    fn read(interface: Interface, bytes: &[u8]) -> Result<Memory<M>, Error> {
-        let mut memory = Memory::<M>::new(interface);
-        serialized_state::from_bytes(Self::DESCRIPTION, interface, bytes, &mut memory)?;
+    fn read(instance_type: InstanceType, bytes: &[u8]) -> Result<Memory<M>, Error> {
+        let mut memory = Memory::<M>::new(instance_type);
+        serialized_state::from_bytes(Self::DESCRIPTION, instance_type, bytes, &mut memory)?;
         memory.model.restored(&memory.variables);
         Ok(memory)
     }

@@ -1,8 +1,9 @@
 //! The functions of Model Exchange, and of events in Co-Simulation.
 
+use fmu_terms::InstanceType;
+
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{self, c_functions};
-use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{Boolean, FALSE, Status};
 use crate::fmi3::calling_sequence;
@@ -13,7 +14,7 @@ use crate::variables::Variables;
 c_functions! {
     /// An error in co-simulation without Event Mode.
     fmi3EnterEventMode(), |instance| {
-        if const { !Instance::<M>::EVENTS.is_made } || instance.interface() == Interface::CoSimulation {
+        if const { !Instance::<M>::EVENTS.is_made } || instance.instance_type() == InstanceType::CoSimulation {
             return Err(Error::new("Event Mode is not used (hasEventMode or eventModeUsed is false)"));
         }
         instance.enter_event_mode()

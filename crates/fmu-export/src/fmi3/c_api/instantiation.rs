@@ -2,9 +2,10 @@
 
 use core::ffi::CStr;
 
+use fmu_terms::InstanceType;
+
 use crate::c_boundary::arguments::{c_string, elements};
 use crate::c_boundary::{self, silence_panics};
-use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
@@ -49,7 +50,7 @@ pub(super) struct Options {
 /// The strings are null or end in NUL.
 pub(super) unsafe fn instantiate<M: Model>(
     function: &str,
-    interface: Result<Interface, Error>,
+    instance_type: Result<InstanceType, Error>,
     [instance_name, token, resource_path]: [String; 3],
     logging_on: Boolean,
     options: Options,
@@ -61,7 +62,7 @@ pub(super) unsafe fn instantiate<M: Model>(
     let log_message = log_message.map(|_| host::log as LogMessageCallback);
     let recipient = log_message.map(|function| Callback { function, environment });
     let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, false);
-    let check = || -> Result<Interface, Error> {
+    let check = || -> Result<InstanceType, Error> {
         // SAFETY: the caller's promise.
         let (name, token) =
             unsafe { (c_string("instanceName", instance_name)?, c_string("instantiationToken", token)?) };
@@ -74,18 +75,11 @@ pub(super) unsafe fn instantiate<M: Model>(
                 description.model_identifier, description.guid
             )));
         }
-        let interface = interface?;
-        let is_offered = match interface {
-            Interface::CoSimulation | Interface::CoSimulationWithEvents => {
-                description.interfaces.co_simulation()
-            }
-            Interface::ModelExchange => description.interfaces.model_exchange(),
-            Interface::ScheduledExecution => description.interfaces.scheduled_execution(),
-        };
-        if is_offered {
-            Ok(interface)
+        let instance_type = instance_type?;
+        if description.interfaces.include(instance_type.interface()) {
+            Ok(instance_type)
         } else {
-            Err(Error::new(format!("this FMU does not offer {interface}")))
+            Err(Error::new(format!("this FMU does not offer {instance_type}")))
         }
     };
     c_boundary::instantiate::<M>(function, logger, check(), |instance| {
@@ -130,7 +124,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
         )
     }
     .and_then(|references| registered::<M>(&references));
-    let (interface, registered) = match registered {
+    let (instance_type, registered) = match registered {
         Err(error) => (Err(error), Box::default()),
         Ok(_) if event_mode_used && !has_event_mode => {
             let error = "eventModeUsed is true, but this FMU has no Event Mode (hasEventMode is false)";
@@ -140,8 +134,8 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
             let error = "eventModeUsed is false, but this FMU has clocks, which tick in Event Mode";
             (Err(Error::new(error)), Box::default())
         }
-        Ok(registered) if event_mode_used => (Ok(Interface::CoSimulationWithEvents), registered),
-        Ok(registered) => (Ok(Interface::CoSimulation), registered),
+        Ok(registered) if event_mode_used => (Ok(InstanceType::CoSimulationWithEvents), registered),
+        Ok(registered) => (Ok(InstanceType::CoSimulation), registered),
     };
     #[cfg(target_family = "wasm")]
     let intermediate_update =
@@ -154,7 +148,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<M: Model>(
     unsafe {
         instantiate::<M>(
             "fmi3InstantiateCoSimulation",
-            interface,
+            instance_type,
             strings,
             logging_on,
             Options {
@@ -207,7 +201,7 @@ pub unsafe fn fmi3InstantiateModelExchange<M: Model>(
     unsafe {
         instantiate::<M>(
             "fmi3InstantiateModelExchange",
-            Ok(Interface::ModelExchange),
+            Ok(InstanceType::ModelExchange),
             strings,
             logging_on,
             Options::default(),

@@ -1,8 +1,9 @@
 //! The functions of Scheduled Execution, and its locks.
 
+use fmu_terms::InstanceType;
+
 use super::instantiation::{Options, instantiate};
 use crate::c_boundary::{Exported, call, refuse, silence_panics};
-use crate::calling_sequence::Interface;
 use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
@@ -31,7 +32,7 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     silence_panics();
     let strings = [instance_name, instantiation_token, resource_path];
     let offer = instance::Instance::<M>::SCHEDULED_EXECUTION;
-    let (interface, options) = if const { instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
+    let (instance_type, options) = if const { instance::Instance::<M>::SCHEDULED_EXECUTION.is_made } {
         #[cfg(target_family = "wasm")]
         let (clock_update, lock_preemption, unlock_preemption) = (
             clock_update.map(|_| host::clock_update as ClockUpdateCallback),
@@ -39,7 +40,7 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
             unlock_preemption.map(|_| host::unlock_preemption as PreemptionCallback),
         );
         let preemption = Preemption { lock: lock_preemption, unlock: unlock_preemption };
-        (Ok(Interface::ScheduledExecution), Options { preemption, clock_update, ..Options::default() })
+        (Ok(InstanceType::ScheduledExecution), Options { preemption, clock_update, ..Options::default() })
     } else {
         (Err(Error::new(offer.refusal)), Options::default())
     };
@@ -47,7 +48,7 @@ pub unsafe fn fmi3InstantiateScheduledExecution<M: Model>(
     unsafe {
         instantiate::<M>(
             "fmi3InstantiateScheduledExecution",
-            interface,
+            instance_type,
             strings,
             logging_on,
             options,

@@ -11,19 +11,12 @@ use std::ptr;
 use fmu_export::description::{ValueReference, Version};
 use fmu_export::{Integrated, Model, SampledModel, Simulation, Variables as _, fmi2, fmi3};
 use fmu_export_equations::{Tuned, Tuned3, TunedSamples, TunedSamples3, TunedTicks};
+use fmu_terms::InstanceType;
 
 use crate::instantiate;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Interface {
-    CoSimulation,
-    /// Co-Simulation with Event Mode.
-    EventMode,
-    ModelExchange,
-}
-
 /// An instance of a model's FMU.
-struct Importer<M: Model>(*mut c_void, Interface, PhantomData<M>);
+struct Importer<M: Model>(*mut c_void, InstanceType, PhantomData<M>);
 
 /// Calls a function that has the same arguments in both versions. It must succeed.
 macro_rules! call {
@@ -52,14 +45,14 @@ impl<M: Model> Importer<M> {
     /// Known to the compiler, so that it compiles the functions of one version.
     const IS_FMI2: bool = matches!(M::Variables::DESCRIPTION.version, Version::Two);
 
-    fn new(interface: Interface) -> Self {
+    fn new(instance_type: InstanceType) -> Self {
         let token = CString::new(M::Variables::DESCRIPTION.guid).unwrap();
         let (name, token, none) = (c"tuned".as_ptr(), token.as_ptr(), ptr::null_mut());
         // SAFETY: see above.
         let instance = unsafe {
             if const { Self::IS_FMI2 } {
-                instantiate::<M>(i32::from(interface != Interface::ModelExchange))
-            } else if interface == Interface::ModelExchange {
+                instantiate::<M>(i32::from(instance_type != InstanceType::ModelExchange))
+            } else if instance_type == InstanceType::ModelExchange {
                 fmi3::c_api::fmi3InstantiateModelExchange::<M>(name, token, ptr::null(), 0, 0, none, None)
             } else {
                 fmi3::c_api::fmi3InstantiateCoSimulation::<M>(
@@ -68,7 +61,7 @@ impl<M: Model> Importer<M> {
                     ptr::null(),
                     0,
                     0,
-                    (interface == Interface::EventMode).into(),
+                    (instance_type == InstanceType::CoSimulationWithEvents).into(),
                     1,
                     ptr::null(),
                     0,
@@ -79,7 +72,7 @@ impl<M: Model> Importer<M> {
             }
         };
         assert!(!instance.is_null());
-        Self(instance, interface, PhantomData)
+        Self(instance, instance_type, PhantomData)
     }
 
     fn enter_initialization(&mut self) {
@@ -269,7 +262,7 @@ impl<M: Model> Importer<M> {
 
     /// From Event Mode to the mode in which time passes.
     fn leave_event_mode(&mut self) {
-        if self.1 == Interface::ModelExchange {
+        if self.1 == InstanceType::ModelExchange {
             call!(self, fmi2EnterContinuousTimeMode | fmi3EnterContinuousTimeMode);
         } else {
             // SAFETY: see above.
@@ -316,7 +309,7 @@ fn is_close(found: f64, exact: f64) -> bool {
 /// In Step Mode, with a getter before the step and without.
 fn follow_in_steps<M: Model>() {
     for reads in [true, false] {
-        let mut importer = Importer::<M>::new(Interface::CoSimulation);
+        let mut importer = Importer::<M>::new(InstanceType::CoSimulation);
         importer.initialize();
         assert_eq!(importer.get(FOLLOWING), follows(2.0));
         importer.step(0.0, 0.5);
@@ -360,11 +353,11 @@ fn they_follow_in_co_simulation() {
 }
 
 /// In Event Mode, in which parameters are tuned, and in the mode that follows.
-fn follow_in_events<M: Model>(interface: Interface) {
-    let is_exchange = interface == Interface::ModelExchange;
+fn follow_in_events<M: Model>(instance_type: InstanceType) {
+    let is_exchange = instance_type == InstanceType::ModelExchange;
     // The time event is due when `scaled` says.
     for reads in [true, false] {
-        let mut importer = Importer::<M>::new(interface);
+        let mut importer = Importer::<M>::new(instance_type);
         importer.initialize();
         assert_eq!((importer.get(FOLLOWING), importer.update()), (follows(2.0), Some(20.0)));
         assert!(importer.tune(5.0));
@@ -405,17 +398,17 @@ fn follow_in_events<M: Model>(interface: Interface) {
 
 #[test]
 fn they_follow_in_event_mode() {
-    follow_in_events::<Integrated<Tuned>>(Interface::ModelExchange);
-    follow_in_events::<Integrated<Tuned3>>(Interface::ModelExchange);
-    follow_in_events::<Integrated<Tuned3>>(Interface::EventMode);
+    follow_in_events::<Integrated<Tuned>>(InstanceType::ModelExchange);
+    follow_in_events::<Integrated<Tuned3>>(InstanceType::ModelExchange);
+    follow_in_events::<Integrated<Tuned3>>(InstanceType::CoSimulationWithEvents);
 }
 
 /// The outputs' derivatives go through what is calculated, in FMI 3.0 between steps, too, where parameters are knowns.
 #[test]
 fn they_have_derivatives() {
     fn check<M: Model>() {
-        for interface in [Interface::CoSimulation, Interface::ModelExchange] {
-            let mut importer = Importer::<M>::new(interface);
+        for instance_type in [InstanceType::CoSimulation, InstanceType::ModelExchange] {
+            let mut importer = Importer::<M>::new(instance_type);
             importer.enter_initialization();
             for found in importer.by_gain(["scaled", "y", "z", "of_field", "held", "der(x)", "plain"]) {
                 assert_eq!(found, [10.0, 10.0, -11.0, 10.0, 10.0, 10.0, 11.0]);
@@ -437,12 +430,12 @@ fn they_have_derivatives() {
 /// Calculated parameters of a sampled model follow at once, its outputs at the next sample.
 #[test]
 fn those_of_sampled_models_follow_before_the_next_sample() {
-    fn check<M: Model>(interface: Interface) {
+    fn check<M: Model>(instance_type: InstanceType) {
         let names = ["scaled", "plain", "seen"];
-        let mut importer = Importer::<M>::new(interface);
+        let mut importer = Importer::<M>::new(instance_type);
         importer.initialize();
         let begin = |importer: &mut Importer<M>| {
-            if interface == Interface::CoSimulation {
+            if instance_type == InstanceType::CoSimulation {
                 importer.step(0.0, 0.5);
             } else {
                 importer.update();
@@ -454,27 +447,28 @@ fn those_of_sampled_models_follow_before_the_next_sample() {
         let mut restored = importer.restored();
         for importer in [&mut importer, &mut restored] {
             assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
-            match interface {
+            match instance_type {
                 // The samples at 0.5 s are those before 1 s; the next one is in the step that begins there.
-                Interface::CoSimulation => {
+                InstanceType::CoSimulation => {
                     importer.step(0.5, 0.5);
                     assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
                     importer.step(1.0, 0.5);
                 }
-                Interface::EventMode => {
+                InstanceType::CoSimulationWithEvents => {
                     importer.leave_event_mode();
                     importer.step(0.0, 1.0);
                     assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
                     importer.enter_event_mode();
                     importer.update();
                 }
-                Interface::ModelExchange => {
+                InstanceType::ModelExchange => {
                     importer.leave_event_mode();
                     importer.set_time(1.0);
                     assert_eq!(importer.get(names), [50.0, 55.0, 20.0]);
                     importer.enter_event_mode();
                     importer.update();
                 }
+                InstanceType::ScheduledExecution => unreachable!("no model of these is for it"),
             }
             assert_eq!(importer.get(names), [50.0, 55.0, 50.0]);
         }
@@ -483,18 +477,18 @@ fn those_of_sampled_models_follow_before_the_next_sample() {
         begin(&mut importer);
         assert_eq!(importer.get(names), [20.0, 22.0, 20.0]);
     }
-    check::<SampledModel<TunedSamples>>(Interface::CoSimulation);
-    check::<SampledModel<TunedSamples>>(Interface::ModelExchange);
-    check::<SampledModel<TunedSamples3>>(Interface::CoSimulation);
-    check::<SampledModel<TunedSamples3>>(Interface::ModelExchange);
-    check::<SampledModel<TunedSamples3>>(Interface::EventMode);
+    check::<SampledModel<TunedSamples>>(InstanceType::CoSimulation);
+    check::<SampledModel<TunedSamples>>(InstanceType::ModelExchange);
+    check::<SampledModel<TunedSamples3>>(InstanceType::CoSimulation);
+    check::<SampledModel<TunedSamples3>>(InstanceType::ModelExchange);
+    check::<SampledModel<TunedSamples3>>(InstanceType::CoSimulationWithEvents);
 }
 
 /// In a model with clocks, calculated parameters change at once and outputs at the next tick.
 #[test]
 fn those_of_models_with_clocks_follow_before_the_next_tick() {
-    for interface in [Interface::ModelExchange, Interface::EventMode] {
-        let mut importer = Importer::<SampledModel<TunedTicks>>::new(interface);
+    for instance_type in [InstanceType::ModelExchange, InstanceType::CoSimulationWithEvents] {
+        let mut importer = Importer::<SampledModel<TunedTicks>>::new(instance_type);
         importer.initialize();
         assert_eq!(importer.get(["scaled", "plain"]), [20.0, 22.0]);
         assert!(importer.tune(5.0));

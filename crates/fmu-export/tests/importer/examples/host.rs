@@ -11,7 +11,8 @@ use std::path::Path;
 use std::{env, fs, mem};
 
 use fmu_importer::arguments::reference;
-use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
+use fmu_importer::{Argument, Fmu, Instance, State, Status, Whim};
+use fmu_terms::InstanceType;
 
 /// glibc's `mallinfo2`.
 #[repr(C)]
@@ -101,7 +102,8 @@ fn side_by_side(environment: &str, paths: &[String]) {
     let fmus: Vec<_> = paths.iter().map(|path| open(path)).collect();
     feenableexcept(traps);
     fesetround(rounding);
-    let mut instances: Vec<_> = fmus.iter().map(|fmu| Instance::new(fmu, Interface::CoSimulation)).collect();
+    let mut instances: Vec<_> =
+        fmus.iter().map(|fmu| Instance::new(fmu, InstanceType::CoSimulation)).collect();
     let ends = run(&mut instances, 40);
     for instance in &mut instances {
         provoke(instance);
@@ -135,7 +137,7 @@ fn report(fmu: &Fmu, is_loaded: bool) {
 fn cycle(cycles: usize, keep: bool, leak: &str, path: &str) {
     let mut fmu = open(path);
     for index in 1..=cycles {
-        let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
+        let mut instance = Instance::in_state(&fmu, InstanceType::CoSimulation, State::StepComplete).unwrap();
         steps(&mut instance, 2);
         let saved = instance.snapshot();
         steps(&mut instance, 1);

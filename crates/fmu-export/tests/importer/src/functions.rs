@@ -4,30 +4,7 @@
 use std::ffi::{c_char, c_int, c_void};
 use std::mem;
 
-/// What an instance is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interface {
-    /// Model Exchange.
-    ModelExchange,
-    /// Co-Simulation.
-    CoSimulation,
-    /// Co-Simulation with Event Mode (FMI 3.0).
-    EventMode,
-    /// Scheduled Execution (FMI 3.0).
-    ScheduledExecution,
-}
-
-impl Interface {
-    /// The element that declares it, if it has one of its own.
-    pub fn standard(self) -> Option<fmu_terms::Interface> {
-        match self {
-            Self::ModelExchange => Some(fmu_terms::Interface::ModelExchange),
-            Self::CoSimulation => Some(fmu_terms::Interface::CoSimulation),
-            Self::EventMode => None,
-            Self::ScheduledExecution => Some(fmu_terms::Interface::ScheduledExecution),
-        }
-    }
-}
+use fmu_terms::Interface;
 
 /// What a parameter is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

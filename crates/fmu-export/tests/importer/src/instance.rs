@@ -13,12 +13,12 @@ use fmu_export::fmi3::c_types::{
     fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange, fmi3InstantiateScheduledExecution,
 };
 use fmu_package::{FmuDescription, FmuVariable, Platform, ValueType, archive};
-use fmu_terms::DataType;
+use fmu_terms::{DataType, InstanceType, Interface};
 use libloading::Library;
 use tempfile::TempDir;
 
 use crate::arguments::{Argument, Whim, reference};
-use crate::functions::{Element, FMI2, FMI3, Function, Interface, Kind, Raw};
+use crate::functions::{Element, FMI2, FMI3, Function, Kind, Raw};
 
 /// `fmi2Status` and `fmi3Status`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -125,9 +125,7 @@ impl Fmu {
         // Of FMI 3.0 all, of FMI 2.0 those of the interfaces that it offers.
         let table = if description.is_fmi3() { FMI3 } else { FMI2 };
         let is_exported = |function: &&Function| {
-            function.interface.is_none_or(|of| {
-                description.is_fmi3() || of.standard().is_some_and(|of| description.interface(of).is_some())
-            })
+            function.interface.is_none_or(|of| description.is_fmi3() || description.interface(of).is_some())
         };
         // A URI (FMI 2.0.5, section 2.1.5), or a path that ends with a separator (FMI 3.0.2, section 2.3.1).
         let [scheme, end] = if description.is_fmi3() { ["", "/"] } else { ["file://", ""] };
@@ -184,21 +182,21 @@ impl Fmu {
         paths.into_iter().map(|path| Self::open(&Self::folder(), path))
     }
 
-    /// The interfaces that it offers.
-    pub fn interfaces(&self) -> Vec<Interface> {
-        let offers = |of: Interface| of.standard().is_some_and(|of| self.description.interface(of).is_some());
+    /// What its instances can be for.
+    pub fn instance_types(&self) -> Vec<InstanceType> {
+        let offers = |of: InstanceType| self.description.interface(of.interface()).is_some();
         let has_clocks = self.variables("Clock").next().is_some();
         [
-            (Interface::ModelExchange, offers(Interface::ModelExchange)),
-            (Interface::CoSimulation, offers(Interface::CoSimulation) && !has_clocks),
+            (InstanceType::ModelExchange, offers(InstanceType::ModelExchange)),
+            (InstanceType::CoSimulation, offers(InstanceType::CoSimulation) && !has_clocks),
             (
-                Interface::EventMode,
-                self.description.has_capability(fmu_terms::Interface::CoSimulation, "hasEventMode"),
+                InstanceType::CoSimulationWithEvents,
+                self.description.has_capability(Interface::CoSimulation, "hasEventMode"),
             ),
-            (Interface::ScheduledExecution, offers(Interface::ScheduledExecution)),
+            (InstanceType::ScheduledExecution, offers(InstanceType::ScheduledExecution)),
         ]
         .into_iter()
-        .filter_map(|(interface, is_offered)| is_offered.then_some(interface))
+        .filter_map(|(instance_type, is_offered)| is_offered.then_some(instance_type))
         .collect()
     }
 
@@ -269,8 +267,8 @@ unsafe extern "C" fn log_3(
 pub struct Instance<'f> {
     /// Its FMU.
     pub fmu: &'f Fmu,
-    /// Its interface.
-    pub interface: Interface,
+    /// What it is for.
+    pub instance_type: InstanceType,
     /// Where it is.
     pub at: Progress,
     /// The states that were saved, and not freed.
@@ -296,25 +294,25 @@ impl Drop for Instance<'_> {
 // of arrays has as many elements as their counts say, or is refused before it is accessed.
 impl<'f> Instance<'f> {
     /// A new instance.
-    pub fn new(fmu: &'f Fmu, interface: Interface) -> Self {
+    pub fn new(fmu: &'f Fmu, instance_type: InstanceType) -> Self {
         let messages = Box::new(Messages::default());
         let environment = (&raw const *messages).cast_mut().cast();
         let token = CString::new(fmu.description.guid()).unwrap();
         let (name, token, resources) = (c"importer".as_ptr(), token.as_ptr(), fmu.resources.as_ptr());
         // SAFETY: each symbol is that function's; `callbacks` is valid during the call.
         let address = unsafe {
-            match interface {
+            match instance_type {
                 _ if !fmu.description.is_fmi3() => {
                     let callbacks =
                         [log_2 as *const c_void, ptr::null(), ptr::null(), ptr::null(), environment];
                     let instantiate: fmi2Instantiate = mem::transmute(fmu.address("fmi2Instantiate"));
-                    let of = c_int::from(interface != Interface::ModelExchange);
+                    let of = c_int::from(instance_type != InstanceType::ModelExchange);
                     instantiate(name, of, token, resources, (&raw const callbacks).cast(), 0, 1)
                 }
-                Interface::CoSimulation | Interface::EventMode => {
+                InstanceType::CoSimulation | InstanceType::CoSimulationWithEvents => {
                     let instantiate: fmi3InstantiateCoSimulation =
                         mem::transmute(fmu.address("fmi3InstantiateCoSimulation"));
-                    let events = u8::from(interface == Interface::EventMode);
+                    let events = u8::from(instance_type == InstanceType::CoSimulationWithEvents);
                     let required = ptr::null();
                     instantiate(
                         name,
@@ -331,12 +329,12 @@ impl<'f> Instance<'f> {
                         None,
                     )
                 }
-                Interface::ModelExchange => {
+                InstanceType::ModelExchange => {
                     let instantiate: fmi3InstantiateModelExchange =
                         mem::transmute(fmu.address("fmi3InstantiateModelExchange"));
                     instantiate(name, token, resources, 0, 1, environment, Some(log_3))
                 }
-                Interface::ScheduledExecution => {
+                InstanceType::ScheduledExecution => {
                     let instantiate: fmi3InstantiateScheduledExecution =
                         mem::transmute(fmu.address("fmi3InstantiateScheduledExecution"));
                     instantiate(name, token, resources, 0, 1, environment, Some(log_3), None, None, None)
@@ -344,32 +342,32 @@ impl<'f> Instance<'f> {
             }
         };
         assert!(!address.is_null(), "{messages:?}");
-        Self { fmu, interface, at: Progress::NONE, saved: vec![], calls: 0, address, messages }
+        Self { fmu, instance_type, at: Progress::NONE, saved: vec![], calls: 0, address, messages }
     }
 
-    /// A new instance, brought into a state; `None` if its interface does not have the state.
-    pub fn in_state(fmu: &'f Fmu, interface: Interface, state: State) -> Option<Self> {
-        let mut instance = Self::new(fmu, interface);
+    /// A new instance, brought into a state; `None` if its type does not have the state.
+    pub fn in_state(fmu: &'f Fmu, instance_type: InstanceType, state: State) -> Option<Self> {
+        let mut instance = Self::new(fmu, instance_type);
         let is_fmi3 = fmu.description.is_fmi3();
-        let path: &[&str] = match (state, interface) {
+        let path: &[&str] = match (state, instance_type) {
             (State::Instantiated, _) => &[],
             (State::InitializationMode, _) => &["EnterInitializationMode"],
-            (State::StepComplete | State::Terminated | State::Error, Interface::CoSimulation)
+            (State::StepComplete | State::Terminated | State::Error, InstanceType::CoSimulation)
             | (
                 State::EventMode | State::Terminated | State::Error,
-                Interface::ModelExchange | Interface::EventMode,
+                InstanceType::ModelExchange | InstanceType::CoSimulationWithEvents,
             )
             | (
                 State::ClockActivationMode | State::Terminated | State::Error,
-                Interface::ScheduledExecution,
+                InstanceType::ScheduledExecution,
             ) => &["EnterInitializationMode", "ExitInitializationMode"],
-            (State::StepComplete, Interface::EventMode) => {
+            (State::StepComplete, InstanceType::CoSimulationWithEvents) => {
                 &["EnterInitializationMode", "ExitInitializationMode", "EnterStepMode"]
             }
-            (State::ContinuousTimeMode, Interface::ModelExchange) => {
+            (State::ContinuousTimeMode, InstanceType::ModelExchange) => {
                 &["EnterInitializationMode", "ExitInitializationMode", "EnterContinuousTimeMode"]
             }
-            (State::StepFailed, Interface::CoSimulation) if !is_fmi3 => {
+            (State::StepFailed, InstanceType::CoSimulation) if !is_fmi3 => {
                 &["EnterInitializationMode", "ExitInitializationMode"]
             }
             _ => return None,
@@ -387,8 +385,8 @@ impl<'f> Instance<'f> {
             State::Terminated => instance.ok("Terminate"),
             // Of FMI 2.0: the model panics in a step, or at a tick.
             State::Error if !is_fmi3 => {
-                let (place, fails) = match interface {
-                    Interface::CoSimulation => (4, "DoStep"),
+                let (place, fails) = match instance_type {
+                    InstanceType::CoSimulation => (4, "DoStep"),
                     _ => (12, "NewDiscreteStates"),
                 };
                 instance.set("fault.place", place);
@@ -447,7 +445,7 @@ impl<'f> Instance<'f> {
             status <= Status::Warning,
             "{name} in {:?} of {:?}: {status:?}, {:?}",
             self.at,
-            self.interface,
+            self.instance_type,
             self.messages
         );
     }
@@ -510,10 +508,12 @@ impl<'f> Instance<'f> {
                     }
                 }
                 "ExitInitializationMode" => {
-                    self.at.state = match self.interface {
-                        Interface::CoSimulation => State::StepComplete,
-                        Interface::ModelExchange | Interface::EventMode => State::EventMode,
-                        Interface::ScheduledExecution => State::ClockActivationMode,
+                    self.at.state = match self.instance_type {
+                        InstanceType::CoSimulation => State::StepComplete,
+                        InstanceType::ModelExchange | InstanceType::CoSimulationWithEvents => {
+                            State::EventMode
+                        }
+                        InstanceType::ScheduledExecution => State::ClockActivationMode,
                     }
                 }
                 "EnterEventMode" => self.at.state = State::EventMode,
@@ -542,15 +542,12 @@ impl<'f> Instance<'f> {
         let name = &function.name[4..];
         let is_of = match function.interface {
             Some(Interface::CoSimulation) if name == "EnterStepMode" => {
-                self.interface == Interface::EventMode
+                self.instance_type == InstanceType::CoSimulationWithEvents
             }
-            Some(Interface::CoSimulation) => {
-                matches!(self.interface, Interface::CoSimulation | Interface::EventMode)
-            }
-            Some(interface) => self.interface == interface,
-            None => name != "EnterEventMode" || self.interface != Interface::CoSimulation,
+            Some(interface) => self.instance_type.interface() == interface,
+            None => name != "EnterEventMode" || self.instance_type != InstanceType::CoSimulation,
         };
-        let has = |flag| self.fmu.description.has_capability(fmu_terms::Interface::CoSimulation, flag);
+        let has = |flag| self.fmu.description.has_capability(Interface::CoSimulation, flag);
         let is_capable = match name {
             "GetDirectionalDerivative" => {
                 has("providesDirectionalDerivative") || has("providesDirectionalDerivatives")
@@ -655,7 +652,7 @@ impl<'f> Instance<'f> {
     }
 }
 
-/// Each FMU with each of its interfaces.
-pub fn instances(fmus: &[Fmu]) -> impl Iterator<Item = (&Fmu, Interface)> {
-    fmus.iter().flat_map(|fmu| iter::repeat(fmu).zip(fmu.interfaces()))
+/// Each FMU with each type of its instances.
+pub fn instances(fmus: &[Fmu]) -> impl Iterator<Item = (&Fmu, InstanceType)> {
+    fmus.iter().flat_map(|fmu| iter::repeat(fmu).zip(fmu.instance_types()))
 }

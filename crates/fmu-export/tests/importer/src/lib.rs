@@ -20,5 +20,5 @@ pub mod functions;
 pub mod instance;
 
 pub use arguments::{Argument, Whim};
-pub use functions::{Function, Interface, Kind};
+pub use functions::{Function, Kind};
 pub use instance::{Fmu, Instance, State, Status};

@@ -8,9 +8,9 @@ use std::{env, ptr};
 use fmu_importer::arguments::reference;
 use fmu_importer::functions::{Element, FMI2, FMI3};
 use fmu_importer::instance::instances;
-use fmu_importer::{Argument, Fmu, Function, Instance, Interface, Kind, State, Status, Whim};
+use fmu_importer::{Argument, Fmu, Function, Instance, Kind, State, Status, Whim};
 use fmu_package::ValueType;
-use fmu_terms::{Causality, DataType};
+use fmu_terms::{Causality, DataType, InstanceType};
 
 /// In which each function is allowed in some interface, all but those of the other states.
 const STATES: [State; 6] = [
@@ -25,11 +25,11 @@ const STATES: [State; 6] = [
 /// An instance in a state in which a function is allowed, with the function's valid arguments.
 fn before<'f>(
     fmu: &'f Fmu,
-    interface: Interface,
+    instance_type: InstanceType,
     function: &'static Function,
 ) -> Option<(Instance<'f>, Vec<Argument>)> {
     STATES.into_iter().find_map(|state| {
-        let mut instance = Instance::in_state(fmu, interface, state)?;
+        let mut instance = Instance::in_state(fmu, instance_type, state)?;
         if !instance.allows(function) {
             return None;
         }
@@ -44,13 +44,13 @@ fn before<'f>(
 /// Replaces an argument of a function, which [refuses](assert_refused) it.
 fn refuses(
     fmu: &Fmu,
-    interface: Interface,
+    instance_type: InstanceType,
     function: &'static Function,
     position: usize,
     replaced: impl FnOnce(&Argument) -> Argument,
     names: &[&str],
 ) {
-    let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+    let (mut instance, mut arguments) = before(fmu, instance_type, function).unwrap();
     arguments[position] = replaced(&arguments[position]);
     assert_refused(&mut instance, function, &arguments, names);
 }
@@ -62,8 +62,9 @@ fn assert_refused(
     arguments: &[Argument],
     names: &[&str],
 ) {
-    let (is_fmi3, interface) = (instance.fmu.description.is_fmi3(), instance.interface);
-    let told = format!("{} of {interface:?} in {:?} with {arguments:?}", function.name, instance.at.state);
+    let (is_fmi3, instance_type) = (instance.fmu.description.is_fmi3(), instance.instance_type);
+    let told =
+        format!("{} of {instance_type:?} in {:?} with {arguments:?}", function.name, instance.at.state);
     let saved = instance.snapshot();
     let _ = instance.messages();
     let (status, _) = instance.call(function, arguments);
@@ -83,12 +84,12 @@ fn assert_refused(
 }
 
 /// Each function that some state of an interface allows, with its valid arguments.
-fn each_function(check: impl Fn(&Fmu, Interface, &'static Function, &[Argument])) {
+fn each_function(check: impl Fn(&Fmu, InstanceType, &'static Function, &[Argument])) {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
+    for (fmu, instance_type) in instances(&fmus) {
         for function in &fmu.functions {
-            if let Some((instance, arguments)) = before(fmu, interface, function) {
-                check(fmu, interface, function, &arguments);
+            if let Some((instance, arguments)) = before(fmu, instance_type, function) {
+                check(fmu, instance_type, function, &arguments);
                 drop(instance);
             }
         }
@@ -110,7 +111,7 @@ fn count(function: &Function, arguments: &[Argument], position: usize) -> u64 {
 #[test]
 #[ignore = "of exported FMUs"]
 fn an_array_that_is_null_is_refused_unless_it_is_empty() {
-    each_function(|fmu, interface, function, arguments| {
+    each_function(|fmu, instance_type, function, arguments| {
         for (position, &(parameter, kind)) in function.parameters.iter().enumerate() {
             let is_freed = function.name.to_lowercase().ends_with("freefmustate");
             if !matches!(kind, Kind::In(_) | Kind::Out(_)) {
@@ -118,7 +119,7 @@ fn an_array_that_is_null_is_refused_unless_it_is_empty() {
             }
             if count(function, arguments, position) == 0 || is_freed {
                 // FMI 2.0.5, section 2.1.8: to free no state is ignored.
-                let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+                let (mut instance, mut arguments) = before(fmu, instance_type, function).unwrap();
                 arguments[position] = Argument::Null;
                 let status = instance.call(function, &arguments).0;
                 assert_eq!(
@@ -130,7 +131,7 @@ fn an_array_that_is_null_is_refused_unless_it_is_empty() {
                 );
                 continue;
             }
-            refuses(fmu, interface, function, position, |_| Argument::Null, &[parameter, "NULL"]);
+            refuses(fmu, instance_type, function, position, |_| Argument::Null, &[parameter, "NULL"]);
         }
     });
 }
@@ -140,7 +141,7 @@ fn an_array_that_is_null_is_refused_unless_it_is_empty() {
 fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
     const OF_VECTORS: [&str; 8] =
         ["nx", "ni", "nContinuousStates", "nEventIndicators", "nValues", "nSeed", "nSensitivity", "size"];
-    each_function(|fmu, interface, function, arguments| {
+    each_function(|fmu, instance_type, function, arguments| {
         for (position, (parameter, _)) in function.parameters.iter().enumerate() {
             let (Argument::Whole(right), true) = (&arguments[position], OF_VECTORS.contains(parameter))
             else {
@@ -156,7 +157,7 @@ fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
             let tried = if is_compiled { &wrong[..1] } else { &wrong };
             for &wrong in tried.iter().filter(|wrong| *wrong != right) {
                 let names = [&wrong.to_string()[..], &right.to_string()];
-                refuses(fmu, interface, function, position, |_| Argument::Whole(wrong), &names);
+                refuses(fmu, instance_type, function, position, |_| Argument::Whole(wrong), &names);
             }
         }
     });
@@ -166,7 +167,7 @@ fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
 /// after right ones, wherever the function is allowed. Returns the functions.
 fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
     let mut tried = BTreeSet::new();
-    for (fmu, interface) in instances(fmus) {
+    for (fmu, instance_type) in instances(fmus) {
         for (function, data_type) in fmu.functions.iter().filter_map(|of| Some((*of, of.data_type()?))) {
             let right: BTreeSet<_> = fmu.variables(data_type).map(reference).collect();
             let mut types = BTreeSet::new();
@@ -179,7 +180,7 @@ fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
             let scalar = fmu.description.variables.iter().find(|variable| fmu.size(variable) == 1).unwrap();
             wrong.extend([9999, 1 << 31, u32::MAX].map(|unknown| (scalar, unknown, unknown.to_string())));
             for state in STATES {
-                let Some(instance) = Instance::in_state(fmu, interface, state) else { continue };
+                let Some(instance) = Instance::in_state(fmu, instance_type, state) else { continue };
                 if !instance.allows(function) {
                     continue;
                 }
@@ -196,7 +197,7 @@ fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
                             let mut references: Vec<_> = lists[list].iter().copied().map(reference).collect();
                             references.push(*wrong);
                             lists[list].push(variable);
-                            let mut instance = Instance::in_state(fmu, interface, state).unwrap();
+                            let mut instance = Instance::in_state(fmu, instance_type, state).unwrap();
                             let mut arguments = instance.arguments_of(function, lists, &mut Whim::none());
                             arguments[position] = match function.parameters[position].1 {
                                 Kind::Reference => Argument::Whole((*wrong).into()),
@@ -234,14 +235,14 @@ fn a_wrong_value_reference_is_refused_by_models_of_equations() {
 #[test]
 #[ignore = "of exported FMUs"]
 fn numbers_that_are_not_finite_are_refused() {
-    each_function(|fmu, interface, function, arguments| {
+    each_function(|fmu, instance_type, function, arguments| {
         for (position, &(parameter, kind)) in function.parameters.iter().enumerate() {
             for (value, shown) in [(f64::NAN, "NaN"), (f64::INFINITY, "inf"), (f64::NEG_INFINITY, "-inf")] {
                 match kind {
                     // An infinite stop time is none.
                     Kind::Number if parameter != "stopTime" || value != f64::INFINITY => {
                         let of = |_: &Argument| Argument::Number(value);
-                        refuses(fmu, interface, function, position, of, &[parameter, shown]);
+                        refuses(fmu, instance_type, function, position, of, &[parameter, shown]);
                     }
                     Kind::In(Element::Float(size)) if count(function, arguments, position) > 0 => {
                         let of = |argument: &Argument| {
@@ -254,7 +255,7 @@ fn numbers_that_are_not_finite_are_refused() {
                             #[allow(clippy::cast_possible_truncation, reason = "they were of this type")]
                             Argument::of(&numbers.iter().map(|&number| number as f32).collect::<Vec<_>>())
                         };
-                        refuses(fmu, interface, function, position, of, &[shown]);
+                        refuses(fmu, instance_type, function, position, of, &[shown]);
                     }
                     _ => {}
                 }
@@ -266,7 +267,7 @@ fn numbers_that_are_not_finite_are_refused() {
 #[test]
 #[ignore = "of exported FMUs"]
 fn texts_that_are_null_or_not_utf_8_are_refused() {
-    each_function(|fmu, interface, function, arguments| {
+    each_function(|fmu, instance_type, function, arguments| {
         for (position, &(_, kind)) in function.parameters.iter().enumerate() {
             if kind != Kind::In(Element::Text) || count(function, arguments, position) == 0 {
                 continue;
@@ -279,8 +280,8 @@ fn texts_that_are_null_or_not_utf_8_are_refused() {
                 texts[room - 1] = wrong.map(|wrong| CString::new(wrong).unwrap());
                 Argument::of_texts(texts)
             };
-            refuses(fmu, interface, function, position, |_| texts(None), &["NULL"]);
-            refuses(fmu, interface, function, position, |_| texts(Some(b"\xff\xfe")), &[]);
+            refuses(fmu, instance_type, function, position, |_| texts(None), &["NULL"]);
+            refuses(fmu, instance_type, function, position, |_| texts(Some(b"\xff\xfe")), &[]);
         }
     });
 }
@@ -290,9 +291,9 @@ fn texts_that_are_null_or_not_utf_8_are_refused() {
 #[ignore = "of exported FMUs"]
 fn a_handle_that_is_not_a_state_is_refused() {
     let other = Fmu::test_models().next().unwrap();
-    let mut other = Instance::new(&other, Interface::CoSimulation);
+    let mut other = Instance::new(&other, InstanceType::CoSimulation);
     let of_other = other.save();
-    each_function(|fmu, interface, function, _| {
+    each_function(|fmu, instance_type, function, _| {
         let name = function.name[4..].to_lowercase();
         for (position, &(_, kind)) in function.parameters.iter().enumerate() {
             let of: fn(*mut c_void) -> Argument = match kind {
@@ -304,15 +305,22 @@ fn a_handle_that_is_not_a_state_is_refused() {
                 _ => continue,
             };
             for handle in [of_other, ptr::without_provenance_mut(4096)] {
-                refuses(fmu, interface, function, position, |_| of(handle), &["FMUstate"]);
+                refuses(fmu, instance_type, function, position, |_| of(handle), &["FMUstate"]);
             }
-            let (mut instance, mut arguments) = before(fmu, interface, function).unwrap();
+            let (mut instance, mut arguments) = before(fmu, instance_type, function).unwrap();
             let freed = instance.save();
             instance.free_state(freed);
             arguments[position] = of(freed);
             assert_eq!(instance.call(function, &arguments).0, Status::Error, "{}", function.name);
             if kind == Kind::State {
-                refuses(fmu, interface, function, position, |_| of(ptr::null_mut()), &["FMUstate", "NULL"]);
+                refuses(
+                    fmu,
+                    instance_type,
+                    function,
+                    position,
+                    |_| of(ptr::null_mut()),
+                    &["FMUstate", "NULL"],
+                );
             }
         }
     });
@@ -324,13 +332,13 @@ fn a_handle_that_is_not_a_state_is_refused() {
 #[ignore = "of exported FMUs"]
 fn a_state_of_another_interface_is_refused() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
-        for of in fmu.interfaces().into_iter().filter(|of| *of != interface) {
+    for (fmu, instance_type) in instances(&fmus) {
+        for of in fmu.instance_types().into_iter().filter(|of| *of != instance_type) {
             let mut other = Instance::new(fmu, of);
             let state = other.save();
             let bytes = other.serialize(state);
             for by_handle in [true, false] {
-                let mut instance = Instance::new(fmu, interface);
+                let mut instance = Instance::new(fmu, instance_type);
                 let saved = instance.snapshot();
                 let status = if by_handle {
                     let set = instance.state_function("SetFMUstate");
@@ -338,12 +346,12 @@ fn a_state_of_another_interface_is_refused() {
                 } else {
                     instance.deserialize(&bytes).unwrap_err()
                 };
-                assert_eq!(status, Status::Error, "of {of:?} in {interface:?}");
+                assert_eq!(status, Status::Error, "of {of:?} in {instance_type:?}");
                 let messages = instance.messages();
                 let text = &messages.last().unwrap().1;
                 let name =
-                    |of| if of == Interface::ModelExchange { "Model Exchange" } else { "Co-Simulation" };
-                assert!([of, interface].into_iter().all(|of| text.contains(name(of))), "{text}");
+                    |of| if of == InstanceType::ModelExchange { "Model Exchange" } else { "Co-Simulation" };
+                assert!([of, instance_type].into_iter().all(|of| text.contains(name(of))), "{text}");
                 instance.restore(&saved);
                 assert!(instance.snapshot() == saved);
             }
@@ -356,10 +364,10 @@ fn a_state_of_another_interface_is_refused() {
 #[ignore = "of exported FMUs"]
 fn bytes_of_another_fmu_are_refused() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
+    for (fmu, instance_type) in instances(&fmus) {
         for other in fmus.iter().filter(|other| other.description.guid() != fmu.description.guid()) {
-            let (bytes, _) = Instance::new(other, other.interfaces()[0]).snapshot();
-            let mut instance = Instance::new(fmu, interface);
+            let (bytes, _) = Instance::new(other, other.instance_types()[0]).snapshot();
+            let mut instance = Instance::new(fmu, instance_type);
             assert_eq!(instance.deserialize(&bytes), Err(Status::Error));
             let messages = instance.messages();
             // States of the versions differ in what they begin with.
@@ -376,8 +384,8 @@ fn bytes_of_another_fmu_are_refused() {
 #[ignore = "of exported FMUs"]
 fn a_state_is_saved_over_and_bytes_become_a_new_one() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
-        let mut instance = Instance::new(fmu, interface);
+    for (fmu, instance_type) in instances(&fmus) {
+        let mut instance = Instance::new(fmu, instance_type);
         let older = instance.save();
         let of_older = instance.serialize(older);
         if !fmu.description.is_fmi3() {
@@ -418,11 +426,11 @@ fn a_step_that_is_no_step_is_refused() {
             .into_iter()
             .chain([1e300, 1e18, 1e9].map(|size| (size, &[][..])))
         {
-            refuses(fmu, Interface::CoSimulation, function, 1, |_| Argument::Number(size), names);
+            refuses(fmu, InstanceType::CoSimulation, function, 1, |_| Argument::Number(size), names);
         }
         for begin in [0.125, -0.125, 1e-3, -1e-3, 1e9] {
             let names = ["currentCommunicationPoint"];
-            refuses(fmu, Interface::CoSimulation, function, 0, |_| Argument::Number(begin), &names);
+            refuses(fmu, InstanceType::CoSimulation, function, 0, |_| Argument::Number(begin), &names);
         }
     }
 }
@@ -434,7 +442,7 @@ fn a_step_that_is_no_step_is_refused() {
 fn a_value_out_of_its_range_is_refused() {
     let mut tried = 0;
     for fmu in Fmu::test_models() {
-        let interface = fmu.interfaces()[0];
+        let instance_type = fmu.instance_types()[0];
         for variable in fmu.description.variables.iter().filter(|variable| variable.is_settable()) {
             let (min, max) = variable.range().unwrap();
             let is_real = variable.value_type() == ValueType::Real;
@@ -459,7 +467,7 @@ fn a_value_out_of_its_range_is_refused() {
                     _ => bound + f64::from(direction),
                 };
                 for (value, is_within) in [(bound, true), (next, false)] {
-                    let mut instance = Instance::new(&fmu, interface);
+                    let mut instance = Instance::new(&fmu, instance_type);
                     let status = instance.set_to(variable, value);
                     let expected = match (is_within, is_limited) {
                         (true, _) => Status::Ok,

@@ -2,13 +2,14 @@
 //! message. After a panic, or a step or event that failed, the instance is in the state `error`, which a reset or a state that
 //! was saved before leads out of (FMI 2.0.5, sections 2.1.3 and 4.2.4; FMI 3.0.2, section 2.2.4).
 
-use Interface::{CoSimulation, ModelExchange};
+use InstanceType::{CoSimulation, ModelExchange};
 use State::{EventMode, InitializationMode, StepComplete};
-use fmu_importer::{Fmu, Instance, Interface, State, Status, Whim};
+use fmu_importer::{Fmu, Instance, State, Status, Whim};
+use fmu_terms::InstanceType;
 
 /// An item of the test model's parameter `fault.place`, by its value; an interface and a state; and a function that meets it
 /// there, as FMI 2.0 names it.
-type Place = (i32, Interface, State, &'static str);
+type Place = (i32, InstanceType, State, &'static str);
 
 const CHECK_PARAMETERS: i32 = 2;
 const INITIALIZE: i32 = 3;
@@ -58,12 +59,12 @@ fn named<'n>(fmu: &Fmu, name: &'n str) -> &'n str {
 
 /// Fails in a place, in a manner by its value in `fault.manner`: the message of the error. Whether the instance must then be
 /// in the state `error` is asked for.
-fn fails(fmu: &Fmu, (place, interface, state, name): Place, manner: i32, ends: bool) -> String {
+fn fails(fmu: &Fmu, (place, instance_type, state, name): Place, manner: i32, ends: bool) -> String {
     let name = named(fmu, name);
-    let told = format!("{name} of {interface:?} at the place {place} in the manner {manner}");
-    let mut bystander = Instance::in_state(fmu, interface, state).unwrap();
+    let told = format!("{name} of {instance_type:?} at the place {place} in the manner {manner}");
+    let mut bystander = Instance::in_state(fmu, instance_type, state).unwrap();
     let untouched = bystander.snapshot();
-    let mut instance = Instance::new(fmu, interface);
+    let mut instance = Instance::new(fmu, instance_type);
     // A tick is due.
     instance.set("events.period", 4);
     if !fmu.description.is_fmi3() {
@@ -91,7 +92,7 @@ fn fails(fmu: &Fmu, (place, interface, state, name): Place, manner: i32, ends: b
     instance.free_state(saved);
     instance.ok(name);
     instance.ok("Reset");
-    assert!(instance.snapshot() == Instance::new(fmu, interface).snapshot(), "{told}");
+    assert!(instance.snapshot() == Instance::new(fmu, instance_type).snapshot(), "{told}");
     assert!(bystander.snapshot() == untouched, "{told}");
     messages.into_iter().next().unwrap()
 }

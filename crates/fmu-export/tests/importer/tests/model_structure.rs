@@ -122,7 +122,7 @@ fn derivatives(
         names(unknowns),
         names(knowns),
         instance.at.state,
-        instance.interface,
+        instance.instance_type,
         instance.messages()
     );
     let position = if fmu.description.is_fmi3() { 6 } else { 5 };
@@ -149,9 +149,9 @@ fn walk(fmus: &[Fmu]) -> Vec<usize> {
     let mut counts = vec![];
     for fmu in fmus.iter().filter(|fmu| has_derivatives(fmu)) {
         let mut count = 0;
-        for (fmu, interface) in instances(std::slice::from_ref(fmu)) {
+        for (fmu, instance_type) in instances(std::slice::from_ref(fmu)) {
             for state in STATES {
-                let Some(mut instance) = Instance::in_state(fmu, interface, state) else { continue };
+                let Some(mut instance) = Instance::in_state(fmu, instance_type, state) else { continue };
                 let forwards = fmu.function("GetDirectionalDerivative");
                 let backwards = fmu.functions.iter().find(|f| f.name.ends_with("GetAdjointDerivative"));
                 let backwards = backwards.copied().filter(|function| instance.allows(function));
@@ -174,7 +174,7 @@ fn walk(fmus: &[Fmu]) -> Vec<usize> {
                     let dependencies = &unknown.dependencies;
                     let told = |known: &FmuVariable| {
                         format!(
-                            "{} by {} in {state:?} of {interface:?} of {}",
+                            "{} by {} in {state:?} of {instance_type:?} of {}",
                             unknown.variable.name,
                             known.name,
                             fmu.description.attribute("modelName")

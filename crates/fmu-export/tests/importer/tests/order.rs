@@ -2,8 +2,8 @@
 //! sections 2.3, 3.2, 4.2 and 5.2).
 
 use fmu_importer::instance::instances;
-use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
-use fmu_terms::DataType;
+use fmu_importer::{Argument, Fmu, Instance, State, Status, Whim};
+use fmu_terms::{DataType, InstanceType};
 
 const STATES: [State; 9] = [
     State::Instantiated,
@@ -26,17 +26,17 @@ fn a_function_succeeds_in_its_states_alone() {
     let fmus: Vec<_> = Fmu::test_models().collect();
     // Every other instance continues from the bytes of another one's state.
     let mut of_bytes = [false, true, true, false, true].into_iter().cycle();
-    for (fmu, interface) in instances(&fmus) {
+    for (fmu, instance_type) in instances(&fmus) {
         for state in STATES {
             for function in &fmu.functions {
-                let Some(mut instance) = Instance::in_state(fmu, interface, state) else { break };
+                let Some(mut instance) = Instance::in_state(fmu, instance_type, state) else { break };
                 let is_restored = of_bytes.next().expect("it does not end");
                 if is_restored {
                     let saved = instance.snapshot();
-                    instance = Instance::new(fmu, interface);
+                    instance = Instance::new(fmu, instance_type);
                     instance.restore(&saved);
                 }
-                let told = format!("{} in {state:?} of {interface:?}", function.name);
+                let told = format!("{} in {state:?} of {instance_type:?}", function.name);
                 if function.name == "fmi2EnterInitializationMode" && state == State::Instantiated {
                     instance.ok("SetupExperiment");
                 }
@@ -65,7 +65,7 @@ fn a_function_succeeds_in_its_states_alone() {
                 assert!(instance.snapshot() == saved, "{told} changes the instance");
                 instance.ok("Reset");
                 assert!(
-                    instance.snapshot() == Instance::new(fmu, interface).snapshot(),
+                    instance.snapshot() == Instance::new(fmu, instance_type).snapshot(),
                     "fmi2Reset after {told}"
                 );
             }
@@ -78,7 +78,7 @@ fn a_function_succeeds_in_its_states_alone() {
 #[ignore = "of exported FMUs"]
 fn initialization_needs_an_experiment() {
     let fmu = Fmu::test_models().next().unwrap();
-    let mut instance = Instance::new(&fmu, Interface::CoSimulation);
+    let mut instance = Instance::new(&fmu, InstanceType::CoSimulation);
     let (status, _) = instance.call_with("EnterInitializationMode", &mut Whim::none());
     assert_eq!(status, Status::Error);
     assert!(instance.messages()[0].1.contains("fmi2SetupExperiment"));
@@ -90,9 +90,9 @@ fn initialization_needs_an_experiment() {
 #[ignore = "of exported FMUs"]
 fn a_function_without_an_instance_is_an_error() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
+    for (fmu, instance_type) in instances(&fmus) {
         for function in &fmu.functions {
-            let mut instance = Instance::new(fmu, interface);
+            let mut instance = Instance::new(fmu, instance_type);
             let arguments = instance.arguments(function, &mut Whim::none());
             assert_eq!(fmu.call_without_instance(function, &arguments), Status::Error, "{}", function.name);
         }
@@ -106,10 +106,10 @@ fn a_function_without_an_instance_is_an_error() {
 fn which_variables_can_be_set() {
     let fmus: Vec<_> = Fmu::test_models().filter(|fmu| fmu.variables("Clock").next().is_none()).collect();
     let mut tried = 0;
-    for (fmu, interface) in instances(&fmus) {
+    for (fmu, instance_type) in instances(&fmus) {
         for state in STATES {
             for variable in &fmu.description.variables {
-                let Some(mut instance) = Instance::in_state(fmu, interface, state) else { break };
+                let Some(mut instance) = Instance::in_state(fmu, instance_type, state) else { break };
                 let is_real = variable.data_type == DataType::Real;
                 let is_whole = variable.data_type == DataType::Integer;
                 if !is_real && !is_whole
@@ -128,7 +128,7 @@ fn which_variables_can_be_set() {
                 let status = instance.set_to(variable, other);
                 let messages = instance.messages();
                 let told =
-                    format!("{} in {state:?} of {interface:?}: {status:?}, {messages:?}", variable.name);
+                    format!("{} in {state:?} of {instance_type:?}: {status:?}, {messages:?}", variable.name);
                 instance.at.state = state;
                 // Section 3.2.3, note 5: a continuous state, too; in Event Mode none that events set (`reinit`).
                 let is_state = fmu.xml.contains(&format!("name=\"der({})\"", variable.name));
@@ -155,7 +155,7 @@ fn steps_of_equations_are_whole_unless_the_fmu_says_otherwise() {
     assert!(
         !fmu.description.has_capability(fmu_terms::Interface::CoSimulation, "mightReturnEarlyFromDoStep")
     );
-    let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
+    let mut instance = Instance::in_state(&fmu, InstanceType::CoSimulation, State::StepComplete).unwrap();
     let function = fmu.function("DoStep");
     for step in 1..=24 {
         let arguments = instance.arguments(function, &mut Whim::none());

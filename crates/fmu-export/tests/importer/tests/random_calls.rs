@@ -13,7 +13,8 @@ use std::env;
 
 use fmu_importer::functions::{Element, Function, Kind};
 use fmu_importer::instance::{Answer, instances};
-use fmu_importer::{Argument, Fmu, Instance, Interface, State, Status, Whim};
+use fmu_importer::{Argument, Fmu, Instance, State, Status, Whim};
+use fmu_terms::InstanceType;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -179,17 +180,17 @@ fn readings(instance: &mut Instance<'_>) -> Vec<Answer> {
 }
 
 /// Random calls, after an opening that makes steps likely.
-fn any_order(fmu: &Fmu, interface: Interface, cases: u32, before: &dyn Fn(&mut Instance<'_>)) {
-    let fresh = Instance::new(fmu, interface).snapshot();
+fn any_order(fmu: &Fmu, instance_type: InstanceType, cases: u32, before: &dyn Fn(&mut Instance<'_>)) {
+    let fresh = Instance::new(fmu, instance_type).snapshot();
     let (mut made, mut reached) = (0, String::new());
     let strategy = (0..6_usize, calls(40), calls(20));
-    let opening: &[&str] = match (fmu.description.is_fmi3(), interface) {
+    let opening: &[&str] = match (fmu.description.is_fmi3(), instance_type) {
         (false, _) => &["SetupExperiment", "EnterInitializationMode", "ExitInitializationMode"],
         (true, _) => &["EnterInitializationMode", "ExitInitializationMode"],
     };
     let shared = std::cell::RefCell::new((&mut made, &mut reached));
     let outcome = runner(cases).run(&strategy, |(opened, head, tail)| {
-        let mut instance = Instance::new(fmu, interface);
+        let mut instance = Instance::new(fmu, instance_type);
         before(&mut instance);
         for function in &opening[..opened.min(opening.len())] {
             instance.ok(function);
@@ -214,7 +215,7 @@ fn any_order(fmu: &Fmu, interface: Interface, cases: u32, before: &dyn Fn(&mut I
             instance.free_state(state);
         }
         let expected = run(&mut instance);
-        let mut other = Instance::new(fmu, interface);
+        let mut other = Instance::new(fmu, instance_type);
         for each in [&mut instance, &mut other] {
             while let Some((state, _)) = each.saved.pop() {
                 each.free_state(state);
@@ -229,16 +230,16 @@ fn any_order(fmu: &Fmu, interface: Interface, cases: u32, before: &dyn Fn(&mut I
         *shared.borrow_mut().0 += instance.calls + other.calls;
         Ok(())
     });
-    outcome.unwrap_or_else(|failure| panic!("{interface:?}: {failure}"));
-    println!("{} {interface:?}: {made} calls, states {reached}", fmu.description.attribute("modelName"));
+    outcome.unwrap_or_else(|failure| panic!("{instance_type:?}: {failure}"));
+    println!("{} {instance_type:?}: {made} calls, states {reached}", fmu.description.attribute("modelName"));
 }
 
 #[test]
 #[ignore = "of exported FMUs"]
 fn the_test_models_survive_calls_in_any_order() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
-        any_order(fmu, interface, 400, &|_| {});
+    for (fmu, instance_type) in instances(&fmus) {
+        any_order(fmu, instance_type, 400, &|_| {});
     }
 }
 
@@ -247,16 +248,16 @@ fn the_test_models_survive_calls_in_any_order() {
 fn the_plant_survives_calls_in_any_order() {
     let fmu = Fmu::open(&Fmu::folder(), "fmu/BoostPlant.fmu");
     // A running start: with random parameters and inputs, the search for a settled start is long and mostly fails.
-    any_order(&fmu, Interface::CoSimulation, 100, &|instance| instance.set("initialization.mode", 2));
-    any_bytes(&fmu, Interface::CoSimulation, 2000);
+    any_order(&fmu, InstanceType::CoSimulation, 100, &|instance| instance.set("initialization.mode", 2));
+    any_bytes(&fmu, InstanceType::CoSimulation, 2000);
 }
 
 #[test]
 #[ignore = "of exported FMUs"]
 fn the_controller_survives_calls_in_any_order() {
     let fmu = Fmu::open(&Fmu::folder(), "fmu/BoostController.fmu");
-    any_order(&fmu, Interface::CoSimulation, 500, &|_| {});
-    any_bytes(&fmu, Interface::CoSimulation, 2000);
+    any_order(&fmu, InstanceType::CoSimulation, 500, &|_| {});
+    any_bytes(&fmu, InstanceType::CoSimulation, 2000);
 }
 
 #[test]
@@ -264,8 +265,8 @@ fn the_controller_survives_calls_in_any_order() {
 fn models_of_equations_survive_calls_in_any_order() {
     let paths = ["ladder/fmu/BouncingBall.fmu", "ladder/fmu/fmi3/BouncingBall.fmu", "ladder/fmu/Stair.fmu"];
     let fmus: Vec<_> = paths.into_iter().map(|path| Fmu::open(&Fmu::folder(), path)).collect();
-    for (fmu, interface) in instances(&fmus) {
-        any_order(fmu, interface, 200, &|_| {});
+    for (fmu, instance_type) in instances(&fmus) {
+        any_order(fmu, instance_type, 200, &|_| {});
     }
 }
 
@@ -291,11 +292,11 @@ fn models_of_equations_go_on_from_states_between_steps() {
             assert_eq!(instance.call(fmu.function("DoStep"), &arguments).0, Status::Ok);
             instance.snapshot()
         };
-        let mut instance = Instance::in_state(&fmu, Interface::CoSimulation, State::StepComplete).unwrap();
+        let mut instance = Instance::in_state(&fmu, InstanceType::CoSimulation, State::StepComplete).unwrap();
         let mut states = vec![instance.snapshot()];
         states.extend(times.windows(2).map(|pair| step(&mut instance, pair)));
         for begin in 0..states.len() {
-            let mut other = Instance::new(&fmu, Interface::CoSimulation);
+            let mut other = Instance::new(&fmu, InstanceType::CoSimulation);
             other.restore(&states[begin]);
             for (pair, expected) in times.windows(2).zip(&states[1..]).skip(begin) {
                 assert!(step(&mut other, pair) == *expected, "{model}, from {} s", times[begin]);
@@ -305,8 +306,8 @@ fn models_of_equations_go_on_from_states_between_steps() {
 }
 
 /// Any bytes as a serialized state.
-fn any_bytes(fmu: &Fmu, interface: Interface, cases: u32) {
-    let mut instance = Instance::new(fmu, interface);
+fn any_bytes(fmu: &Fmu, instance_type: InstanceType, cases: u32) {
+    let mut instance = Instance::new(fmu, instance_type);
     if !fmu.description.is_fmi3() {
         instance.ok("SetupExperiment");
     }
@@ -374,7 +375,7 @@ fn put_checksum(bytes: &mut [u8]) {
 #[ignore = "of exported FMUs"]
 fn damaged_states_are_refused() {
     let fmus: Vec<_> = Fmu::test_models().collect();
-    for (fmu, interface) in instances(&fmus) {
-        any_bytes(fmu, interface, 1000);
+    for (fmu, instance_type) in instances(&fmus) {
+        any_bytes(fmu, instance_type, 1000);
     }
 }
