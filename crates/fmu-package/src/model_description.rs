@@ -16,7 +16,8 @@ use crate::archive;
 use crate::declared::Declared;
 use crate::identifier::{IDENTIFIER, refuse_no_identifier};
 use crate::units;
-use crate::variable::{Dimension, Element, FmuVariable, Types};
+use crate::variable::{Dimension, FmuVariable, Types};
+use crate::variables::Variables;
 use crate::xml::{self, attributes, children, listed, named, text};
 
 /// The path in the archive.
@@ -39,7 +40,7 @@ pub struct FmuDescription {
     /// The declared enumerations.
     pub enumerations: Vec<Enumeration>,
     /// The variables, in file order.
-    pub variables: Vec<FmuVariable>,
+    pub variables: Variables,
     /// The derivatives of the continuous states.
     pub derivatives: Vec<Derivative>,
     /// The value references of the event indicators (FMI 3.0).
@@ -121,7 +122,7 @@ impl FmuDescription {
             default_experiment: named(root, "DefaultExperiment").next().map(attributes).unwrap_or_default(),
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
-            variables: variables.collect::<io::Result<_>>()?,
+            variables: variables.collect::<io::Result<Vec<_>>>()?.into(),
             derivatives: of_fmi2.chain(of_fmi3).collect(),
             event_indicators: indicators.collect(),
         };
@@ -152,12 +153,11 @@ impl FmuDescription {
                 if sizes.is_empty() {
                     scalars.push(named);
                 } else {
-                    scalars
-                        .extend((0..size).map(|position| named.element(&sizes, Element { position, size })));
+                    scalars.extend(named.elements(&sizes, size));
                 }
             }
         }
-        self.variables = scalars;
+        self.variables = scalars.into();
         Ok(self)
     }
 
@@ -299,16 +299,13 @@ impl FmuDescription {
 
     /// The variables with a value reference.
     fn with_reference(&self, reference: &Declared<u32>) -> impl Iterator<Item = &FmuVariable> {
-        let reference = reference.meaning();
-        self.variables
-            .iter()
-            .filter(move |variable| reference.is_some_and(|reference| variable.value_reference == reference))
+        reference.meaning().into_iter().flat_map(|reference| self.variables.with_reference(reference))
     }
 
     /// A variable by name.
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<&FmuVariable> {
-        self.variables.iter().find(|variable| variable.name == name)
+        self.variables.named(name)
     }
 
     /// The variables of a causality.
