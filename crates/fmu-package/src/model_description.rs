@@ -23,7 +23,7 @@ use crate::xml::{self, attributes, children, listed, named, text};
 /// The path in the archive.
 pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
-/// The most array elements as variables.
+/// The most array elements as variables, and the most event indicators.
 const MOST_SCALARS: usize = 2_000_000;
 
 /// An FMU's modelDescription.xml.
@@ -271,17 +271,24 @@ impl FmuDescription {
     /// The number of event indicators.
     ///
     /// # Errors
-    /// When it is not a number.
+    /// When it is not a number, or above two million.
     pub fn number_of_event_indicators(&self) -> io::Result<usize> {
         if self.is_fmi3() {
             return Ok(self.event_indicators.iter().map(|reference| self.referred(reference).len()).sum());
         }
         match self.attribute("numberOfEventIndicators") {
             "" => Ok(0),
-            number => number
-                .trim()
-                .parse()
-                .map_err(|_| broken(format!("its numberOfEventIndicators is '{number}', not a number"))),
+            text => {
+                let number = text.trim().parse();
+                let number = number
+                    .map_err(|_| broken(format!("its numberOfEventIndicators is '{text}', not a number")))?;
+                if number > MOST_SCALARS {
+                    return Err(broken(format!(
+                        "its numberOfEventIndicators is {number}; at most {MOST_SCALARS} are supported"
+                    )));
+                }
+                Ok(number)
+            }
         }
     }
 
