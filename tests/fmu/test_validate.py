@@ -21,9 +21,9 @@ COMMAND = TARGET / "debug" / "cargo-fmu"
 """Built by `cargo test`."""
 
 LOCAL_TIME = {"generation-date"}
-"""The offset `+00:00`, no offset, or fractions of a second."""
+"""No offset, or fractions of a second."""
 
-NEEDS_PYTHON = {"generation-date", "library-python"}
+NEEDS_PYTHON = {"library-python"}
 """PythonFMU expects Python's library in the importer."""
 
 OPEN_MODELICA = "gemseo_fmu/problems/fmu_files"
