@@ -189,7 +189,10 @@ pub fn main() -> ExitCode {
 pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
     temporary::remove_when_interrupted();
     #[cfg(feature = "simulate")]
-    fmu_master::fail_if_an_fmu_exits(FAILED.into());
+    fmu_master::when_an_fmu_exits(|culprit| {
+        terminal::complain(&format!("error: {culprit}"));
+        FAILED.into()
+    });
     match command() {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
