@@ -8,6 +8,7 @@ mod linearize;
 mod plot_format;
 mod simulate;
 mod sweep;
+pub mod workers;
 
 use std::fs;
 use std::io::Write;
