@@ -324,6 +324,19 @@ mod tests {
         assert!(message.ends_with("or remove it:\n  voltage was 12, is 13"), "{message}");
     }
 
+    /// As before lines said that a part begins.
+    #[test]
+    fn a_journal_of_the_former_form_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, "{\"settings\":{\"plant\":\"BoostPlant\",\"voltage\":\"12\"}}\n[1.0]\n").unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &settings("12")).err().unwrap();
+        assert!(
+            format!("{error:#}").contains("wrote it, in another form; choose another folder"),
+            "{error:#}"
+        );
+    }
+
     #[test]
     fn a_damaged_line_is_named() {
         let message = refusal("{\"finished\":[1.0]}\n[2.\n{\"begun\":3}\n{", "12");
