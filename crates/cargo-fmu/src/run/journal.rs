@@ -46,14 +46,14 @@ struct Header {
 enum Line<K, P> {
     Begun(K),
     Finished(P),
-    /// The user interrupted these.
+    /// These neither finished nor ended the command: the user interrupted them, or the task failed.
     Interrupted(Vec<K>),
 }
 
 /// A part of a task.
-pub trait Part: Clone + Serialize + DeserializeOwned {
+pub trait Part: Clone + Send + Sync + Serialize + DeserializeOwned + 'static {
     /// What tells it from the other parts.
-    type Key: Clone + Ord + Serialize + DeserializeOwned;
+    type Key: Clone + Ord + Send + Sync + Serialize + DeserializeOwned;
 
     /// Its key.
     fn key(&self) -> Self::Key;
@@ -73,10 +73,7 @@ struct State<P: Part> {
     finished: BTreeMap<P::Key, P>,
 }
 
-impl<P: Part + Send + 'static> Journal<P>
-where
-    P::Key: Send,
-{
+impl<P: Part> Journal<P> {
     /// Opens or creates a journal.
     ///
     /// # Errors
@@ -147,9 +144,7 @@ where
         }
         Ok(Self { path: path.to_owned(), state: Arc::new(Mutex::new(state)), begun })
     }
-}
 
-impl<P: Part> Journal<P> {
     /// The finished parts.
     #[must_use]
     pub fn finished(&self) -> Vec<P> {
@@ -176,6 +171,16 @@ impl<P: Part> Journal<P> {
         let mut state = self.state();
         state.running.insert(key.clone());
         self.writing(state.write(&Line::<_, P>::Begun(key)))
+    }
+
+    /// Notes that a part that began will not be finished now, through no fault of its own.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn interrupt(&self, key: &P::Key) -> Result<()> {
+        let mut state = self.state();
+        state.running.remove(key);
+        self.writing(state.write(&Line::<_, P>::Interrupted(vec![key])))
     }
 
     /// Notes that a part is finished.

@@ -66,11 +66,11 @@ impl Program {
 #[group(skip)]
 pub struct WorkerArguments {
     /// Number of processes that run FMUs [default: one per core]
-    #[arg(long, value_name = "NUMBER", alias = "threads", value_parser = clap::value_parser!(u16).range(1..))]
-    workers: Option<u16>,
+    #[arg(long = "workers", value_name = "NUMBER", alias = "threads", value_parser = clap::value_parser!(u16).range(1..))]
+    pub number: Option<u16>,
     /// Longest time of a run on the clock (s); one that takes longer has failed
     #[arg(long, value_name = "SECONDS", default_value_t = 3600.0, value_parser = number_in(1e-3..=1e9, "a time from 0.001 to 1e9 s"))]
-    time_limit: f64,
+    pub time_limit: f64,
 }
 
 /// An answer. The last line of a process that is ending by an FMU's wish is an error.
@@ -288,7 +288,7 @@ impl<'a> Workers<'a> {
     /// When the program cannot be started, or cannot prepare its task.
     pub fn open<O: DeserializeOwned>(program: &'a Program, arguments: &WorkerArguments) -> Result<(Self, O)> {
         let cores = || thread::available_parallelism().map_or(1, usize::from);
-        let number = arguments.workers.map_or_else(cores, usize::from);
+        let number = arguments.number.map_or_else(cores, usize::from);
         let limit = Duration::from_secs_f64(arguments.time_limit);
         let mut workers = Self {
             program,
@@ -412,26 +412,24 @@ impl<'a> Workers<'a> {
     ///
     /// # Errors
     /// When a part cannot be run or written, or `failed` fails.
-    pub fn finish<P: Part, J: Serialize>(
+    pub fn finish<P: Part, J: Serialize + Sync>(
         &self,
         journal: &Journal<P>,
         jobs: &[(P::Key, J)],
         failed: impl Fn(&P::Key, String) -> Result<P> + Sync,
         progress: impl Fn(&P) + Sync,
-    ) -> Result<Vec<P>>
-    where
-        P: Send + Sync,
-        P::Key: Send + Sync,
-        J: Sync,
-    {
-        let part = |(key, job): &(P::Key, J)| {
+    ) -> Result<Vec<P>> {
+        let attempt = |(key, job): &(P::Key, J)| {
             let result = if journal.times_begun(key) > 1 {
                 Err("it began twice, and both times the command ended before it did".to_owned())
             } else {
                 journal.begin(key)?;
                 self.run(job)?.map_err(|lost| lost.to_string())
             };
-            let part = result.or_else(|reason| failed(key, reason))?;
+            result.or_else(|reason| failed(key, reason))
+        };
+        let part = |job: &(P::Key, J)| {
+            let part = attempt(job).or_else(|error| journal.interrupt(&job.0).and(Err(error)))?;
             journal.finish(part.clone())?;
             progress(&part);
             Ok::<_, Error>(())
