@@ -51,6 +51,9 @@ impl Times {
             complain(&format!("note: {title} defines no stop time: it runs to {} s", number(stop)));
             stop
         });
+        if stop <= start {
+            bail!("the stop time, {} s, is not after the start time, {} s", number(stop), number(start));
+        }
         // A whole number of steps.
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {

@@ -21,6 +21,7 @@ mod system_structure;
 mod units;
 pub mod validation;
 mod variable;
+mod variables;
 mod xml;
 
 pub use declared::Declared;
@@ -41,3 +42,4 @@ pub use system_structure::{
 };
 pub use units::unit_conversion;
 pub use variable::{Dimension, Element, FmuVariable, ValueType};
+pub use variables::Variables;

@@ -303,7 +303,7 @@ impl Task {
         }
     }
 
-    /// The schedule, row by row; `points` are in the same order.
+    /// The schedule, row by row.
     fn cells(&self, statics: &[Monotone], points: &[Point]) -> Result<Vec<Cell>> {
         let identified: Vec<_> = points
             .iter()
@@ -355,7 +355,7 @@ impl Task {
                 feedback: Feedback::tuned(gain, time_constant, delay, self.schedule.lambda),
             })
         };
-        (0..points.len()).map(cell).collect()
+        (0..self.schedule.boost_references.len() * columns).map(cell).collect()
     }
 
     /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to

@@ -1,11 +1,11 @@
 //! `simulate`: runs an experiment, and writes a summary, a record and a plot.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
+use super::summary::Summary;
 use super::workers::{Program, supervised, work_once};
 use super::{finite, progress_bar, write_file};
 use anyhow::{Error, Result};
@@ -81,9 +81,10 @@ impl Simulate {
                 scenario.record = Some(names.iter().map(recorded).collect());
                 scenario.panels = None;
             }
+            let is_kept = out.is_some() || plot.is_some();
             // Files are relative to the folder that FMUs may leave.
-            let (recorded, _) = contained(|| record(&scenario, loaded));
-            let (record, taken) = recorded?;
+            let (recorded, _) = contained(|| record(&scenario, loaded, is_kept));
+            let (record, summary) = recorded?;
             match &out {
                 Some((format, path)) => {
                     let table = record.table();
@@ -91,7 +92,7 @@ impl Simulate {
                     writing::write(path, |writer| table.write(*format, writer))?;
                     print(&format!("{}  {} rows\n", path.display(), record.time().len()))?;
                 }
-                None => print(&summary(&name, &scenario, &record, taken))?,
+                None => print(&format!("{name}: {summary}"))?,
             }
             if let Some((format, path)) = &plot {
                 let title = scenario.title.as_deref().unwrap_or(&name);
@@ -103,17 +104,24 @@ impl Simulate {
     }
 }
 
-/// Runs a scenario to its end; prints notes and warnings.
-fn record(scenario: &Scenario, loaded: &mut LoadedFmus) -> Result<(Record, Duration)> {
+/// Runs a scenario to its end; prints notes and warnings. Returns the record, if it is kept, and what ran, how long, and
+/// the course of each variable.
+fn record(scenario: &Scenario, loaded: &mut LoadedFmus, is_kept: bool) -> Result<(Record, String)> {
     let master = Master::new(scenario, loaded)?;
     for note in master.notes() {
         complain(&format!("note: {note}"));
     }
     let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
+    let mut summary = Summary::new(master.recorded());
     let begin = Instant::now();
-    let run = master.run(|step| {
+    let run = master.run(|step, record| {
         if step % STEPS_PER_LOOK == 0 {
             bar.set_position(u64::from(step));
+            // A long run needs no more memory than a short one.
+            if !is_kept {
+                summary.add(record);
+                record.clear();
+            }
         }
     });
     bar.finish_and_clear();
@@ -123,26 +131,16 @@ fn record(scenario: &Scenario, loaded: &mut LoadedFmus) -> Result<(Record, Durat
         complain(&format!("note: {ended}"));
     }
     for (name, message) in &run.warnings {
-        complain(&format!("warning: {name}: {}", message.text));
+        complain(&format!("warning: {}", message.of(name)));
     }
-    Ok((run.record, taken))
-}
-
-/// What ran, how long, and where each variable began and ended.
-fn summary(name: &str, scenario: &Scenario, record: &Record, taken: Duration) -> String {
-    let mut text = format!(
-        "{name}: {} steps of {} s to {} s, in {} ms\n",
+    summary.add(&run.record);
+    let text = format!(
+        "{} steps of {} s to {} s, in {} ms\n{}",
         scenario.steps,
         number(scenario.step),
         number(scenario.stop_time),
-        taken.as_millis()
+        taken.as_millis(),
+        summary.text()
     );
-    let width = record.columns().iter().map(|column| column.name.len()).max().unwrap_or_default();
-    for column in record.columns() {
-        let values = &column.values;
-        let [first, last] =
-            [values.first(), values.last()].map(|value| column.text(*value.unwrap_or(&f64::NAN)));
-        let _ = writeln!(text, "  {:width$}  {first} to {last}", column.name);
-    }
-    text
+    Ok((run.record, text))
 }

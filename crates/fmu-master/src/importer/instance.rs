@@ -209,6 +209,7 @@ impl Instance {
             self.read_group(group, &selection.names)?;
             group.scatter(values);
         }
+        self.calls.warn_of_no_numbers(&selection.names, values);
         Ok(())
     }
 
@@ -228,6 +229,7 @@ impl Instance {
     pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         self.refuse_other(selection)?;
         self.prepare_to_set()?;
+        self.calls.warn_of_no_numbers(&selection.names, values);
         self.write_groups(selection, values)
     }
 

@@ -69,6 +69,19 @@ pub struct Message {
     pub status: Status,
     /// The text, as the FMU formatted it.
     pub text: String,
+    /// The time that the FMU had reached before the call that logged it (s), if any.
+    pub time: Option<f64>,
+}
+
+impl Message {
+    /// The message of an FMU or instance, with its time.
+    #[must_use]
+    pub fn of(&self, name: &str) -> String {
+        match self.time {
+            Some(time) => format!("{name} at {} s: {}", Seconds(time), self.text),
+            None => format!("{name}: {}", self.text),
+        }
+    }
 }
 
 /// The messages that explain a failed call: warnings and errors, else the last messages.

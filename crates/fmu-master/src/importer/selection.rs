@@ -1,5 +1,6 @@
 //! Variables resolved by their names, to be read and written together.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
@@ -61,7 +62,7 @@ pub struct Group {
     pub values: Numbers,
     slots: Vec<Slot>,
     /// The arrays among the references, each with its first value.
-    pub arrays: Vec<(ValueReference, usize)>,
+    pub arrays: BTreeMap<ValueReference, usize>,
 }
 
 /// One of a group's variables.
@@ -77,7 +78,7 @@ struct Slot {
 impl Group {
     fn new(functions: &Functions, number_type: NumberType, values: Numbers) -> Self {
         let function = functions.name(number_type);
-        Self { number_type, function, references: vec![], values, slots: vec![], arrays: vec![] }
+        Self { number_type, function, references: vec![], values, slots: vec![], arrays: BTreeMap::new() }
     }
 
     fn push(
@@ -87,13 +88,13 @@ impl Group {
         position: usize,
         conversion: Option<(Linear, Linear)>,
     ) {
-        let known = self.arrays.iter().find(|(array, _)| *array == reference).map(|(_, first)| *first);
+        let known = self.arrays.get(&reference).copied();
         let first = known.unwrap_or_else(|| {
             let first = self.values.len();
             self.references.push(reference);
             self.values.extend(element.map_or(1, |element| element.size));
             if element.is_some() {
-                self.arrays.push((reference, first));
+                self.arrays.insert(reference, first);
             }
             first
         });

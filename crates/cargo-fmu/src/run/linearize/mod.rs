@@ -170,7 +170,7 @@ impl Linearize {
         }
         master.initialize()?;
         if self.at.is_some() {
-            (0..scenario.steps).try_for_each(|_| master.step())?;
+            master.step_to_end(|_, _| ())?;
         }
         let time = master.time();
         let mut fmus = vec![];
@@ -188,7 +188,7 @@ impl Linearize {
             self.cut.as_ref().map(|input| self.loop_at(input, &mut master, scenario.step)).transpose()?;
         for name in &names {
             for message in master.instance(name)?.take_warnings() {
-                complain(&format!("warning: {name}: {}", message.text));
+                complain(&format!("warning: {}", message.of(name)));
             }
         }
         if fmus.is_empty() && cut.is_none() {

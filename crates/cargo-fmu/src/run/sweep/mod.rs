@@ -221,7 +221,7 @@ impl Study {
     fn run_one(&self, fmus: &LoadedFmus, run: usize, records: &Path) -> Result<Outcome> {
         let mut outcome = Outcome::new(run, self.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
-            let run = Master::new(&scenario, &mut fmus.clone())?.run(|_| ())?;
+            let run = Master::new(&scenario, &mut fmus.clone())?.run(|_, _| ())?;
             Ok((run, scenario))
         });
         let (finished, scenario) = match simulated {
@@ -231,8 +231,7 @@ impl Study {
                 return Ok(outcome);
             }
         };
-        outcome.warnings =
-            finished.warnings.iter().map(|(name, message)| format!("{name}: {}", message.text)).collect();
+        outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
         outcome.measures = self
             .measures
             .iter()
