@@ -3,7 +3,8 @@
 //! # As a library
 //!
 //! The commands of `cargo fmu`, which other commands may offer as well. Each is a type whose fields clap fills from the
-//! command line.
+//! command line. Those that run FMUs in other processes take the program for these, which works instead if its arguments
+//! say so.
 
 mod compile;
 mod export;
@@ -42,8 +43,8 @@ const FAILED: u8 = 2;
 /// Exit statuses, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    success; `validate`: no errors
-  1    `validate`: errors found
+  0    success; `validate`: no errors; `sweep`: no failed runs
+  1    `validate`: errors found; `sweep`: runs failed
   2    failure or wrong command line; see standard error
   130  interrupted
 

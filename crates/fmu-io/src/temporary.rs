@@ -38,7 +38,9 @@ pub fn remove_when_interrupted() {
     let end = || {
         IS_INTERRUPTED.store(true, Ordering::SeqCst);
         let actions = mem::take(&mut *ACTIONS.lock().unwrap_or_else(PoisonError::into_inner));
-        actions.into_iter().for_each(|act| act());
+        for act in actions {
+            act();
+        }
         remove_all();
         process::exit(INTERRUPTED);
     };

@@ -109,7 +109,7 @@ pub fn work(arguments: &Arguments) -> Result<()> {
         let settings = task.settings(digest(&arguments.plant)?);
         Ok((task, settings))
     };
-    workers::work(prepare, |task, job| task.work(job))
+    workers::work(prepare, Task::work)
 }
 
 impl Arguments {

@@ -28,7 +28,7 @@ impl Part for TuningPart {
 pub type TuningJournal = Journal<TuningPart>;
 
 /// What a worker does for a part.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TuningJob {
     /// Sweeps the duty in a column.

@@ -5,7 +5,7 @@
 //! A process that ends without its answer has failed, whatever its status. The parent alone writes the journal and
 //! shows the progress.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::env;
 use std::ffi::OsString;
 use std::fmt;
@@ -13,9 +13,8 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -218,7 +217,7 @@ impl fmt::Display for Lost {
 }
 
 /// The living processes, which an interruption ends before it removes their folders.
-struct Processes(Arc<Mutex<BTreeMap<usize, Arc<Group>>>>);
+struct Processes(Arc<Mutex<Vec<Weak<Group>>>>);
 
 impl Processes {
     fn new() -> Self {
@@ -226,7 +225,7 @@ impl Processes {
         let living = Arc::downgrade(&processes.0);
         temporary::when_interrupted(move || {
             if let Some(living) = living.upgrade() {
-                locked(&living).values().for_each(|group| group.end());
+                locked(&living).iter().filter_map(Weak::upgrade).for_each(|group| group.end());
             }
         });
         processes
@@ -234,7 +233,6 @@ impl Processes {
 
     /// Starts a program with a temporary folder of its own, which also remains this process's to remove.
     fn start(&self, program: &Program, adapt: impl FnOnce(&mut Command)) -> Result<(Arc<Group>, Folder)> {
-        static NEXT: AtomicUsize = AtomicUsize::new(0);
         let folder = Folder::filled(PREFIX, |_| Ok::<_, io::Error>(())).context("no temporary folder")?;
         let mut command = Command::new(&program.path);
         command.args(&program.arguments);
@@ -250,8 +248,8 @@ impl Processes {
         }
         let group = Group::spawn(command).with_context(|| format!("cannot start {}", program.path.display()));
         let group = Arc::new(group?);
-        living.retain(|_, group| !matches!(group.status(), Ok(Some(_))));
-        living.insert(NEXT.fetch_add(1, Ordering::Relaxed), Arc::clone(&group));
+        living.retain(|group| group.strong_count() > 0);
+        living.push(Arc::downgrade(&group));
         Ok((group, folder))
     }
 }
