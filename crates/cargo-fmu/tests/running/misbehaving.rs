@@ -344,3 +344,24 @@ fn every_message_is_printed() {
         assert_eq!(message_of, format!("error: alone: fmi2DoStep at 0 s {message}"));
     }
 }
+
+/// It would run on by itself, and nobody would stop it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_simulation_ends_with_its_command() {
+    let bench = misbehaving(2, "none");
+    bench.scenario(0.25, "values = { misdeed = \"hang\" }");
+    let mut command = bench.command(&["simulate", "scenario.toml"]);
+    let temporary = tempfile::tempdir().unwrap();
+    command.stdout(Stdio::piped()).env("TMPDIR", temporary.path());
+    let mut process = command.spawn().unwrap();
+    let mut printed = BufReader::new(process.stdout.take().unwrap());
+    let mut line = String::new();
+    printed.read_line(&mut line).unwrap();
+    assert_eq!(line, "it hangs\n");
+    process.kill().unwrap();
+    // Until the other process closes it.
+    printed.read_to_string(&mut line).unwrap();
+    assert_eq!(line, "it hangs\n");
+    process.wait().unwrap();
+}
