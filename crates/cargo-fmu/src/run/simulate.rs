@@ -18,6 +18,29 @@ use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
 
+/// Names from the command line.
+#[derive(Clone, Debug)]
+struct Names(Vec<String>);
+
+/// Splits names at commas that are not between brackets.
+fn names(text: &str) -> Result<Names, String> {
+    let mut names = vec![String::new()];
+    let mut depth = 0_u32;
+    for letter in text.chars() {
+        match letter {
+            '[' => depth += 1,
+            ']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        match (letter, names.last_mut()) {
+            (',', _) if depth == 0 => names.push(String::new()),
+            (_, Some(name)) => name.push(letter),
+            (_, None) => {}
+        }
+    }
+    if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
+}
+
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
 
@@ -30,9 +53,9 @@ pub struct Simulate {
     /// Override the stop time (s)
     #[arg(long, value_name = "SECONDS", value_parser = finite())]
     stop_time: Option<f64>,
-    /// Override what is recorded, as in a scenario
-    #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
-    record: Option<Vec<String>>,
+    /// Override what is recorded, as in a scenario: variables, whole arrays, and patterns such as "T[3,*]"
+    #[arg(long, value_name = "[FMU:]NAME,...", value_parser = names)]
+    record: Option<Names>,
     /// The record to write, or its folder [default: none, but a summary]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
@@ -75,7 +98,7 @@ impl Simulate {
             out.iter().map(|(_, file)| file).chain(plot.iter().map(|(_, file)| file)).cloned().collect();
         let end = End { time: self.stop_time, option: "stop-time" };
         self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
-            if let Some(names) = &self.record {
+            if let Some(Names(names)) = &self.record {
                 let location = Location::argument("--record");
                 let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
                 scenario.record = Some(names.iter().map(recorded).collect());

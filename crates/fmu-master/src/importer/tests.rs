@@ -335,6 +335,48 @@ fn elements_of_arrays_are_variables() {
     assert!(instance.calls.fmu.variable("table[2,4]").is_err());
 }
 
+/// The columns of a run of the FMU of FMI 3.0, with what its scenario records.
+fn recorded(record: &str, description: &str) -> Result<Vec<String>> {
+    let folder = tempfile::tempdir()?;
+    careless::write(&folder.path().join("it.fmu"), description, &careless::compiled("careless3.c"));
+    let text = format!("step = 0.5\nstop_time = 1\n{record}\n[[fmu]]\nname = \"it\"\nfile = \"it.fmu\"");
+    let scenario = Scenario::parse("it.toml", &text, folder.path(), folder.path())?;
+    let run = Master::new(&scenario, &mut LoadedFmus::default())?.run(|_, _| ())?;
+    Ok(run.record.columns().iter().map(|column| column.name.clone()).collect())
+}
+
+#[test]
+fn arrays_and_patterns_are_recorded() {
+    let all = ["table[1,1]", "table[1,2]", "table[1,3]", "table[2,1]", "table[2,2]", "table[2,3]"];
+    for (record, columns) in [
+        ("table", &all[..]),
+        ("table[2,*]", &all[3..]),
+        ("t*e[*,3]", &[all[2], all[5]]),
+        ("it:table[1,*]", &["it:table[1,1]", "it:table[1,2]", "it:table[1,3]"]),
+        ("level\", \"l*l", &["level"]),
+    ] {
+        assert_eq!(
+            recorded(&format!("record = [\"{record}\"]"), DESCRIPTION_3).unwrap(),
+            columns,
+            "{record}"
+        );
+    }
+    for record in ["tabl", "table[3,*]", "no*", "other:table"] {
+        let refused = recorded(&format!("record = [\"{record}\"]"), DESCRIPTION_3).unwrap_err().to_string();
+        assert!(refused.starts_with("it.toml, line 3, record[1]: no FMU "), "{refused}");
+    }
+}
+
+#[test]
+fn without_outputs_local_variables_are_recorded() {
+    let without = DESCRIPTION_3.replace("causality=\"output\"", "causality=\"local\"");
+    let locals = recorded("", &without).unwrap();
+    assert!(
+        locals.iter().any(|name| name == "level") && locals.iter().all(|name| name != "input"),
+        "{locals:?}"
+    );
+}
+
 #[test]
 fn a_state_of_fmi_3_is_saved_restored_and_freed() {
     let mut instance = started(&opened_3().unwrap()).unwrap();
