@@ -129,13 +129,6 @@ Examples:
 Example:
   cargo fmu sweep study.toml --out target/study")]
     Sweep(run::Sweep),
-    /// Run FMUs for another process of this program
-    #[cfg(feature = "simulate")]
-    #[command(hide = true)]
-    Worker {
-        #[command(subcommand)]
-        task: Task,
-    },
     /// Print shell completions
     #[command(after_help = "\
 Example:
@@ -155,14 +148,6 @@ Example:
     },
 }
 
-/// What runs FMUs in processes of their own.
-#[cfg(feature = "simulate")]
-#[derive(Subcommand)]
-enum Task {
-    Simulate(Box<run::Simulate>),
-    Sweep(run::Sweep),
-}
-
 /// Runs `cargo fmu` with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
@@ -171,9 +156,11 @@ pub fn main() -> ExitCode {
         let arguments = env::args_os().enumerate();
         let arguments = arguments.filter(|(index, word)| *index != 1 || word != "fmu").map(|(_, word)| word);
         let arguments: Vec<_> = arguments.collect();
+        #[cfg(feature = "simulate")]
+        let (is_worker, arguments) = run::workers::told_to_work(arguments);
         let command = Arguments::parse_from(&arguments).command;
         #[cfg(feature = "simulate")]
-        let worker = || run::workers::Program::this("worker", arguments.into_iter().skip(1));
+        let worker = || run::workers::Program::this(&arguments);
         match command {
             Command::New(new) => new.run(),
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
@@ -182,6 +169,10 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
+            Command::Simulate(simulate) if is_worker => simulate.work(),
+            #[cfg(feature = "simulate")]
+            Command::Sweep(sweep) if is_worker => sweep.work(),
+            #[cfg(feature = "simulate")]
             Command::Simulate(simulate) => simulate.run(&worker()?),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
@@ -189,10 +180,6 @@ pub fn main() -> ExitCode {
             Command::Linearize(linearize) => linearize.run(),
             #[cfg(feature = "simulate")]
             Command::Sweep(sweep) => return sweep.run(&worker()?),
-            #[cfg(feature = "simulate")]
-            Command::Worker { task: Task::Simulate(simulate) } => simulate.work(),
-            #[cfg(feature = "simulate")]
-            Command::Worker { task: Task::Sweep(sweep) } => sweep.work(),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.

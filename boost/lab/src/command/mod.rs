@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use crate::study::draw::known_plants;
 use anyhow::Result;
-use cargo_fmu::run::workers::Program;
+use cargo_fmu::run::workers::{Program, told_to_work};
 use cargo_fmu::run::{
     FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
 };
@@ -66,19 +66,6 @@ enum Command {
         #[command(subcommand)]
         what: Identify,
     },
-    /// Run FMUs for another process of this program
-    #[command(hide = true)]
-    Worker {
-        #[command(subcommand)]
-        task: WorkerTask,
-    },
-}
-
-/// What runs FMUs in processes of their own.
-#[derive(Subcommand)]
-enum WorkerTask {
-    Tune(tune::Arguments),
-    Study(study::Arguments),
 }
 
 fn parameter_sets(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
@@ -98,15 +85,16 @@ enum Identify {
 
 /// Runs the command. Returns false if a claim of `reproduce` fails or a criterion of `study` is not met.
 pub fn run() -> Result<bool> {
-    let worker = || Program::this("worker", env::args_os().skip(1));
-    match Arguments::parse().command {
+    let (is_worker, arguments) = told_to_work(env::args_os().collect());
+    let worker = || Program::this(&arguments);
+    match Arguments::parse_from(&arguments).command {
+        Command::Study(arguments) if is_worker => study::work(&arguments),
+        Command::Tune(arguments) if is_worker => tune::work(&arguments),
         Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),
         Command::Study(arguments) => return study::run(&arguments, &worker()?),
         Command::Live(arguments) => live::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments, &worker()?),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
-        Command::Worker { task: WorkerTask::Tune(arguments) } => tune::work(&arguments),
-        Command::Worker { task: WorkerTask::Study(arguments) } => study::work(&arguments),
     }
     .map(|()| true)
 }

@@ -1,6 +1,6 @@
 //! Workers: other processes of this program that run FMUs, so that an FMU that crashes or hangs ends its own run only.
 //!
-//! A worker is started with this process's own arguments, by a hidden subcommand, and prepares the same task from them.
+//! A worker is started with this process's own arguments, after a hidden subcommand, and prepares the same task from them.
 //! It takes jobs, a JSON line each, from its standard input, and answers by its standard output; its FMUs get neither.
 //! A process that ends without its answer has failed, whatever its status. The parent alone writes the journal and
 //! shows the progress.
@@ -30,6 +30,8 @@ use serde::{Deserialize, Serialize};
 use super::journal::{Journal, Part};
 use super::number_in;
 
+/// The hidden subcommand, which no help or completion shows.
+const WORKER: &str = "worker";
 /// The temporary folders of workers.
 const PREFIX: &str = ".worker-of-cargo-fmu-";
 /// The answer of a process that answers once, in its temporary folder.
@@ -49,15 +51,25 @@ pub struct Program {
 }
 
 impl Program {
-    /// This program, with a word before its arguments.
+    /// This program, told to work by arguments that [`told_to_work`] recognizes; `arguments` begin with its name.
     ///
     /// # Errors
     /// When the system does not tell which program this is.
-    pub fn this(subcommand: &str, arguments: impl IntoIterator<Item = OsString>) -> Result<Self> {
+    pub fn this(arguments: &[OsString]) -> Result<Self> {
         let path = env::current_exe().context("cannot find this program")?;
-        let arguments = [subcommand.into()].into_iter().chain(arguments).collect();
+        let arguments = [&[WORKER.into()], arguments.get(1..).unwrap_or_default()].concat();
         Ok(Self { path, arguments })
     }
+}
+
+/// Whether the arguments of a program, which begin with its name, tell it to work; and those that say what.
+#[must_use]
+pub fn told_to_work(mut arguments: Vec<OsString>) -> (bool, Vec<OsString>) {
+    let is_told = arguments.get(1).is_some_and(|word| word == WORKER);
+    if is_told {
+        arguments.remove(1);
+    }
+    (is_told, arguments)
 }
 
 /// How many workers there are, and how long they may take.
