@@ -104,6 +104,22 @@ fn findings_are_told_with_place_rule_and_remedy() {
     assert_described(&report, &[], &page());
 }
 
+/// `info` says it and goes on, as what runs FMUs does.
+#[test]
+fn a_hyphen_in_the_model_identifier_is_told() {
+    let description = DESCRIPTION.replace("modelIdentifier=\"tank\"", "modelIdentifier=\"two-tanks\"");
+    assert!(description.contains("two-tanks"));
+    let path = fmu("hyphen.fmu", &description);
+    let sentence = "the modelIdentifier 'two-tanks' is not a C identifier";
+    let info = cargo_fmu(&["info", &path]);
+    assert_eq!(String::from_utf8(info.stderr).unwrap(), format!("warning: {path}: {sentence}\n"));
+    assert_eq!(info.status.code(), Some(0));
+    let validated = cargo_fmu(&["validate", &path]);
+    assert_eq!(validated.status.code(), Some(1));
+    let validated = String::from_utf8(validated.stdout).unwrap();
+    assert!(validated.contains(&format!("error: {sentence} [model-identifier]")), "{validated}");
+}
+
 /// Of each rule three messages, and of each message three places; as JSON all.
 #[test]
 fn findings_of_one_kind_are_one_line() {

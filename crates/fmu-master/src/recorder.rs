@@ -170,9 +170,8 @@ fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, F
         _ => (None, name),
     };
     let is_wanted = |variable: &&FmuVariable| {
-        let of_array = variable.element.is_some()
-            && variable.name.rsplit_once('[').map(|(array, _)| array) == Some(wanted);
-        is_number(variable) && (of_array || wanted.contains('*') && fits(&variable.name, wanted))
+        is_number(variable)
+            && (variable.array() == Some(wanted) || wanted.contains('*') && fits(&variable.name, wanted))
     };
     let mut found = vec![];
     for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {

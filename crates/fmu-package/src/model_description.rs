@@ -14,7 +14,7 @@ use roxmltree::Node;
 
 use crate::archive;
 use crate::declared::Declared;
-use crate::identifier::{IDENTIFIER, refuse_no_identifier};
+use crate::identifier::{IDENTIFIER, refuse_no_file_name};
 use crate::units;
 use crate::variable::{Dimension, FmuVariable, Types};
 use crate::variables::Variables;
@@ -129,7 +129,7 @@ impl FmuDescription {
         description
             .interfaces
             .iter()
-            .try_for_each(|(_, attributes)| refuse_no_identifier(text_of(attributes, IDENTIFIER)))?;
+            .try_for_each(|(_, attributes)| refuse_no_file_name(text_of(attributes, IDENTIFIER)))?;
         Ok(description)
     }
 

@@ -183,6 +183,13 @@ impl FmuVariable {
         }
     }
 
+    /// The name of the array of which it is an element.
+    #[must_use]
+    pub fn array(&self) -> Option<&str> {
+        let (array, _) = self.name.rsplit_once('[')?;
+        self.element.map(|_| array)
+    }
+
     /// The elements of this array with the given sizes, whose product is `size`.
     pub(crate) fn elements(self, sizes: &[usize], size: usize) -> Vec<Self> {
         // One start value for all, or one each.

@@ -121,10 +121,7 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
             types.iter().any(|data_type| variable.data_type == *data_type) && reference.get(1..) == Some(own)
         });
         // The reference of an element is the array's.
-        let array = |variable: &FmuVariable| match (variable.element, variable.name.rfind('[')) {
-            (Some(_), Some(end)) => variable.name[..end].to_owned(),
-            _ => variable.name.clone(),
-        };
+        let array = |variable: &FmuVariable| variable.array().unwrap_or(&variable.name).to_owned();
         match (named.map(array), parts.next()) {
             (Some(name), Some(rest)) => text += &format!("{name}{rest}"),
             (None, Some(rest)) if reference.is_empty() => text += &format!("#{rest}"),

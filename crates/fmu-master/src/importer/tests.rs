@@ -335,6 +335,28 @@ fn elements_of_arrays_are_variables() {
     assert!(instance.calls.fmu.variable("table[2,4]").is_err());
 }
 
+/// Before Initialization Mode elements cannot be read: those not set have the start values of the description, which the
+/// library's own zeros are not.
+#[test]
+fn elements_of_arrays_are_set_before_initialization() {
+    for (start, expected) in [("7", [7.0; 6]), ("1 2 3 4 5 6", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("careless.fmu");
+        let table = DESCRIPTION_3.find("name=\"table\"").unwrap();
+        let (before, after) = DESCRIPTION_3.split_at(table);
+        let after = after.replacen("start=\"0 0 0 0 0 0\"", &format!("start=\"{start}\""), 1);
+        careless::write(&path, &format!("{before}{after}"), &careless::compiled("careless3.c"));
+        let mut instance = Fmu::open(&path).unwrap().instantiate("careless").unwrap();
+        instance.set("table[1,2]", 12.0).unwrap();
+        instance.set("table[2,3]", 23.0).unwrap();
+        instance.initialize(0.0, None).unwrap();
+        let mut expected = expected;
+        (expected[1], expected[5]) = (12.0, 23.0);
+        let names = ["table[1,1]", "table[1,2]", "table[1,3]", "table[2,1]", "table[2,2]", "table[2,3]"];
+        assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits), "{start}");
+    }
+}
+
 /// The columns of a run of the FMU of FMI 3.0, with what its scenario records.
 fn recorded(record: &str, description: &str) -> Result<Vec<String>> {
     let folder = tempfile::tempdir()?;
