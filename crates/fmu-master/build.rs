@@ -1,6 +1,10 @@
-//! Compiles the logger that FMUs call: stable Rust cannot define a variadic function.
+//! Compiles what is in C: the logger that FMUs call, because stable Rust cannot define a variadic function, and what
+//! system headers define differently on each platform.
 
 fn main() {
-    println!("cargo:rerun-if-changed=src/importer/logger.c");
-    cc::Build::new().file("src/importer/logger.c").warnings_into_errors(true).compile("logger");
+    let sources = ["src/importer/logger.c", "src/importer/process.c"];
+    for source in sources {
+        println!("cargo:rerun-if-changed={source}");
+    }
+    cc::Build::new().files(sources).warnings_into_errors(true).compile("importer");
 }

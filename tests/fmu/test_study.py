@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fmu import Run
+from fmu import Run, finished
 
 SEED = "1"
 
@@ -69,9 +69,8 @@ def test_an_interrupted_study_continues_with_the_same_results(
     whole, rest = tmp_path / "whole", tmp_path / "rest"
     first = study(lab, exported, whole)
     rest.mkdir()
-    # The settings and two cases.
-    lines = (whole / "journal.jsonl").read_text().splitlines(keepends=True)
-    (rest / "journal.jsonl").write_text("".join(lines[:3]))
+    settings, cases = finished(whole / "journal.jsonl")
+    (rest / "journal.jsonl").write_text("".join([settings, *cases[:2]]))
     done = study(lab, exported, rest)
     assert (done.returncode, done.stderr) == (first.returncode, "")
     assert done.stdout.startswith("2 of 6 cases are in the journal")

@@ -17,7 +17,7 @@ import pyarrow.parquet
 import pytest
 from dask.distributed import Client, LocalCluster, Worker, WorkerPlugin
 
-from fmu import ROOT, Run, csv_lines
+from fmu import ROOT, Run, csv_lines, finished
 from fmu.broken import copy_with
 
 SCENARIO = """
@@ -62,6 +62,9 @@ GRID = """
 """
 """Four of its twelve runs fail: the volume of a tank cannot be negative."""
 
+FAILED_RUNS = 1
+"""The exit status of a sweep with failed runs."""
+
 
 def write_study(folder: Path, text: str, scenario: str = SCENARIO) -> Path:
     """A study and its scenario in a folder."""
@@ -70,6 +73,11 @@ def write_study(folder: Path, text: str, scenario: str = SCENARIO) -> Path:
     study = folder / "study.toml"
     study.write_text(f'scenario = "scenario.toml"\n{text}')
     return study
+
+
+def number(line: str) -> int:
+    """The run of a line of the journal."""
+    return json.loads(line)["finished"]["run"]
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -85,10 +93,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def results(cargo_fmu: Run, exported: Path, study: Path) -> Path:
-    """The study's results from two threads, for comparison."""
+    """The study's results from two workers, for comparison."""
     out = study.parent / "out"
-    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", out, "--threads", "2")
-    assert done.returncode == 0, done.stderr
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", out, "--workers", "2")
+    assert done.returncode == FAILED_RUNS, done.stderr
     assert "12 runs, 4 failed" in done.stdout
     return out
 
@@ -152,11 +160,11 @@ def test_parquet_holds_the_same_table(results: Path) -> None:
     assert (kinds["run"], kinds["up"], kinds["controller:structure"]) == (int, float, str)
 
 
-def test_results_do_not_depend_on_the_threads(
+def test_results_do_not_depend_on_the_workers(
     cargo_fmu: Run, exported: Path, study: Path, results: Path, tmp_path: Path
 ) -> None:
-    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path, "--threads", "1")
-    assert done.returncode == 0, done.stderr
+    done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path, "--workers", "1")
+    assert done.returncode == FAILED_RUNS, done.stderr
     for name in ["results.csv", "results.parquet", "records/0.csv", "records/11.csv"]:
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes(), name
 
@@ -168,25 +176,25 @@ def test_a_study_that_was_ended_is_resumed(
 
     That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running/main.rs.
     """
-    settings, *runs = (results / "journal.jsonl").read_text().splitlines(keepends=True)
+    settings, runs = finished(results / "journal.jsonl")
     journal = tmp_path / "journal.jsonl"
     (tmp_path / "records").mkdir()
     for line in runs[:3]:
-        record = Path("records", f"{json.loads(line)['run']}.csv")
+        record = Path("records", f"{number(line)}.csv")
         if (results / record).exists():
             shutil.copy(results / record, tmp_path / record)
     before = [settings, *runs[:3]]
-    journal.write_text("".join(before) + '{"run":11,"error":null,"meas')
+    journal.write_text("".join(before) + '{"finished":{"run":11,"error":null,"meas')
 
     arguments = ["sweep", study, "--fmus", exported, "--out", tmp_path]
     done = cargo_fmu(*arguments)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == FAILED_RUNS, done.stderr
     assert "3 of 12 runs are in the journal" in done.stdout
     for file in ["results.csv", "results.parquet", *(f"records/{run}.csv" for run in (0, 11))]:
         assert (tmp_path / file).read_bytes() == (results / file).read_bytes(), file
     lines = journal.read_text().splitlines(keepends=True)
     assert lines[: len(before)] == before
-    assert sorted(json.loads(line)["run"] for line in lines[1:]) == list(range(12))
+    assert sorted(map(number, finished(journal)[1])) == list(range(12))
 
     done = cargo_fmu(*arguments)
     assert "12 of 12 runs are in the journal" in done.stdout
@@ -295,7 +303,7 @@ def test_dask_loses_nothing_with_a_killed_worker(cargo_fmu: Run, exported: Path,
         subprocess.run([*arguments, "--scheduler", cluster.scheduler_address], check=True)
         assert marker.read_text() not in client.scheduler_info(n_workers=-1)["workers"]
     done = cargo_fmu("sweep", study, "--fmus", exported, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == FAILED_RUNS, done.stderr
     expected, found = rows(tmp_path / "out" / "results.csv"), rows(out)
     assert len(found) == len(expected) == 12
     for theirs, ours in zip(found, expected, strict=True):

@@ -12,7 +12,7 @@ from dcmReader.dcm_reader import DcmReader
 from fmpy.ssp.ssd import ns, read_ssv, validate_tree
 from lxml import etree
 
-from fmu import ROOT, Run
+from fmu import ROOT, Run, finished
 from fmu.broken import copy_with
 from fmu.conftest import Once
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, ON_TOLERANCE, Steps, couple, staircase
@@ -254,10 +254,10 @@ def test_an_interrupted_tuning_is_resumed(lab: Run, exported: Path, tuned: Path,
     both = ["--plant", exported / "BoostPlant.fmu", "--controller", exported / "BoostController.fmu"]
     line = ["tune", *both, "--out", tmp_path]
     journal = tmp_path / "journal.jsonl"
-    # The settings, 12 sweeps and some points.
-    lines = (tuned / "journal.jsonl").read_bytes().splitlines(keepends=True)
-    interrupted = b"".join(lines[: 1 + 12 + 5])
-    journal.write_bytes(interrupted + lines[1 + 12 + 5][:20])
+    settings, parts = finished(tuned / "journal.jsonl")
+    # 12 sweeps and some points.
+    interrupted = "".join([settings, *parts[: 12 + 5]])
+    journal.write_text(interrupted + parts[12 + 5][:20])
 
     done = lab(*line)
     assert (done.returncode, done.stderr) == (0, "")
@@ -266,9 +266,8 @@ def test_an_interrupted_tuning_is_resumed(lab: Run, exported: Path, tuned: Path,
     )
     assert taken == "5"
     assert (tmp_path / "schedule.ssv").read_bytes() == (tuned / "schedule.ssv").read_bytes()
-    whole = journal.read_bytes()
-    assert whole.startswith(interrupted)
-    assert whole.count(b"\n") == (tuned / "journal.jsonl").read_bytes().count(b"\n")
+    assert journal.read_text().startswith(interrupted)
+    assert sorted(finished(journal)[1]) == sorted(parts)
 
 
 def test_another_journal_is_refused(lab: Run, exported: Path, tuned: Path, tmp_path: Path) -> None:

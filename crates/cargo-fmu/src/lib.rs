@@ -3,7 +3,8 @@
 //! # As a library
 //!
 //! The commands of `cargo fmu`, which other commands may offer as well. Each is a type whose fields clap fills from the
-//! command line.
+//! command line. Those that run FMUs in other processes take the program for these, which works instead if its arguments
+//! say so.
 
 mod compile;
 mod export;
@@ -42,8 +43,8 @@ const FAILED: u8 = 2;
 /// Exit statuses, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
-  0    success; `validate`: no errors
-  1    `validate`: errors found
+  0    success; `validate`: no errors; `sweep`: no failed runs
+  1    `validate`: errors found; `sweep`: runs failed
   2    failure or wrong command line; see standard error
   130  interrupted
 
@@ -154,7 +155,13 @@ pub fn main() -> ExitCode {
         // Cargo passes the word `fmu` as the first argument.
         let arguments = env::args_os().enumerate();
         let arguments = arguments.filter(|(index, word)| *index != 1 || word != "fmu").map(|(_, word)| word);
-        match Arguments::parse_from(arguments).command {
+        let arguments: Vec<_> = arguments.collect();
+        #[cfg(feature = "simulate")]
+        let (is_worker, arguments) = run::workers::told_to_work(arguments);
+        let command = Arguments::parse_from(&arguments).command;
+        #[cfg(feature = "simulate")]
+        let worker = || run::workers::Program::this(&arguments);
+        match command {
             Command::New(new) => new.run(),
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
             Command::Merge(merge) => merge.run(),
@@ -162,13 +169,17 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) => simulate.run(),
+            Command::Simulate(simulate) if is_worker => simulate.work(),
+            #[cfg(feature = "simulate")]
+            Command::Sweep(sweep) if is_worker => sweep.work(),
+            #[cfg(feature = "simulate")]
+            Command::Simulate(simulate) => simulate.run(&worker()?),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
             #[cfg(feature = "simulate")]
             Command::Linearize(linearize) => linearize.run(),
             #[cfg(feature = "simulate")]
-            Command::Sweep(sweep) => sweep.run(),
+            Command::Sweep(sweep) => return sweep.run(&worker()?),
             Command::Completions { shell } => {
                 let mut command = Arguments::command();
                 // Shells complete the program that cargo runs.
@@ -189,7 +200,10 @@ pub fn main() -> ExitCode {
 pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
     temporary::remove_when_interrupted();
     #[cfg(feature = "simulate")]
-    fmu_master::fail_if_an_fmu_exits(FAILED.into());
+    fmu_master::when_an_fmu_exits(|culprit| {
+        terminal::complain(&format!("error: {culprit}"));
+        FAILED.into()
+    });
     match command() {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,

@@ -4,6 +4,8 @@
 //! subnormal numbers. Traps would kill a healthy process, because LLVM divides before it knows whether the quotient is
 //! needed; the other differences would change results.
 //!
+//! An importer written in Rust has the same need after each call of an FMU: [`restored_after`].
+//!
 //! Functions that only copy and compare numbers skip the switch: the environment affects only their warning about an
 //! input below zero by a subnormal number.
 
@@ -14,6 +16,18 @@ pub(crate) fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
     let is_default = control::settings(importers) == control::settings(control::DEFAULT);
     let _restored = (!is_default).then(|| Restored::after(control::DEFAULT, importers));
     body()
+}
+
+/// Runs foreign code, and restores the environment if the code changed it. Returns also whether it did.
+#[inline]
+pub fn restored_after<T>(foreign: impl FnOnce() -> T) -> (T, bool) {
+    let own = control::read();
+    let result = foreign();
+    let is_changed = control::settings(own) != control::settings(control::read());
+    if is_changed {
+        control::write(own);
+    }
+    (result, is_changed)
 }
 
 /// Restores the importer's register.

@@ -37,7 +37,7 @@ mod equations;
 mod error;
 pub mod event_loop;
 mod events;
-mod floating_point;
+pub mod floating_point;
 pub mod fmi2;
 pub mod fmi3;
 mod inputs;

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
@@ -22,6 +23,8 @@ const UNLOCKED: Duration = Duration::from_secs(60);
 
 /// Whether the user has interrupted the program.
 static IS_INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// What is done first when the user interrupts the program.
+static ACTIONS: Mutex<Vec<Box<dyn FnOnce() + Send>>> = Mutex::new(Vec::new());
 /// Everything to be removed.
 static PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -33,7 +36,11 @@ fn paths() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 /// [`INTERRUPTED`]. No effect if one of these signals is ignored, as under `nohup`.
 pub fn remove_when_interrupted() {
     let end = || {
-        IS_INTERRUPTED.store(true, Ordering::Relaxed);
+        IS_INTERRUPTED.store(true, Ordering::SeqCst);
+        let actions = mem::take(&mut *ACTIONS.lock().unwrap_or_else(PoisonError::into_inner));
+        for act in actions {
+            act();
+        }
         remove_all();
         process::exit(INTERRUPTED);
     };
@@ -41,10 +48,22 @@ pub fn remove_when_interrupted() {
     let _ = ctrlc::try_set_handler(end);
 }
 
+/// Has something done when the user interrupts the program, before temporary files are removed.
+pub fn when_interrupted(act: impl FnOnce() + Send + 'static) {
+    ACTIONS.lock().unwrap_or_else(PoisonError::into_inner).push(Box::new(act));
+}
+
 /// Whether an interruption is ending the process.
 #[must_use]
 pub fn is_interrupted() -> bool {
-    IS_INTERRUPTED.load(Ordering::Relaxed)
+    IS_INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// Waits for the end of the process if an interruption is ending it, so that what it causes is not reported as a failure.
+pub fn leave_to_interruption() {
+    while is_interrupted() {
+        thread::park();
+    }
 }
 
 /// Removes them, just before the process ends.

@@ -52,8 +52,8 @@
 //! is a [`CallFailed`]: the C function, the time, the status and the FMU's own messages. It downcasts to that, except
 //! where a scenario's [`Location`](scenario::Location) precedes it.
 //!
-//! FMUs are native code in this process, so an FMU that crashes ends the process. [`fail_if_an_fmu_exits`] makes a call
-//! of `exit` by an FMU an error.
+//! FMUs are native code in this process, so an FMU that crashes ends the process. [`when_an_fmu_exits`] reports a call
+//! of `exit` by an FMU; [`process`] has what a program needs that runs FMUs in processes of their own.
 
 mod importer;
 mod links;

@@ -70,6 +70,7 @@ pub struct Element {
 
 /// The type of a variable's values, in any FMI version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub enum ValueType {
     /// `Real`, `Float64`, `Float32`.
     Real,

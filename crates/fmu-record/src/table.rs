@@ -6,6 +6,7 @@ use crate::numbers::{self, number, quantity};
 
 /// A recorded variable.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct Column {
     /// The name in the CSV header.
     pub name: String,

@@ -34,6 +34,7 @@ pub struct BaseUnit {
 
 /// A display unit: value in it = factor · value in the unit + offset.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize))]
 pub struct DisplayUnit {
     /// The name used by variables.
     pub name: String,

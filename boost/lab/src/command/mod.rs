@@ -6,10 +6,12 @@ mod reproduce;
 mod study;
 mod tune;
 
+use std::env;
 use std::path::PathBuf;
 
 use crate::study::draw::known_plants;
 use anyhow::Result;
+use cargo_fmu::run::workers::{Program, told_to_work};
 use cargo_fmu::run::{
     FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
 };
@@ -83,11 +85,15 @@ enum Identify {
 
 /// Runs the command. Returns false if a claim of `reproduce` fails or a criterion of `study` is not met.
 pub fn run() -> Result<bool> {
-    match Arguments::parse().command {
+    let (is_worker, arguments) = told_to_work(env::args_os().collect());
+    let worker = || Program::this(&arguments);
+    match Arguments::parse_from(&arguments).command {
+        Command::Study(arguments) if is_worker => study::work(&arguments),
+        Command::Tune(arguments) if is_worker => tune::work(&arguments),
         Command::Reproduce { figures, fmus, out } => return reproduce::run(&fmus, &out, &figures),
-        Command::Study(arguments) => return study::run(&arguments),
+        Command::Study(arguments) => return study::run(&arguments, &worker()?),
         Command::Live(arguments) => live::run(&arguments),
-        Command::Tune(arguments) => tune::run(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments, &worker()?),
         Command::Identify { what: Identify::Actuator(arguments) } => identify::run(arguments),
     }
     .map(|()| true)

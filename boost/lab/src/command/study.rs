@@ -10,6 +10,7 @@ use crate::study::{Study, StudyReport, csv, outside};
 use anyhow::Result;
 use boost_interface::Role;
 use cargo_fmu::run::journal::{Journal, Settings, digest};
+use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
@@ -45,62 +46,43 @@ pub struct Arguments {
     /// Random seed; equal seeds draw equal cases
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
-    /// Number of cases in parallel [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// The folder for results.csv, report.html and report.json, and for the journal from which an interrupted study
     /// resumes
     #[arg(long, value_name = "DIR", default_value = "target/study")]
     out: PathBuf,
 }
 
-/// Runs or resumes the study. Returns whether all criteria are met.
-pub fn run(arguments: &Arguments) -> Result<bool> {
+/// Runs or resumes the study, in processes of a program. Returns whether all criteria are met.
+pub fn run(arguments: &Arguments, program: &Program) -> Result<bool> {
     let out = &arguments.out;
     let outputs = [CSV, HTML, JSON, JOURNAL].map(|name| out.join(name));
     let inputs = [&arguments.plant, &arguments.controller].into_iter().chain(&arguments.connections);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
-    let connections = connection::read_all(&arguments.connections)?;
-    let plant = open(&arguments.plant, Role::Plant, &connections)?;
-    let controller = open(&arguments.controller, Role::Controller, &connections)?;
-    let sets = super::plants(&arguments.parameters)?;
-
-    let mut settings = Settings::new();
-    for (name, file) in [("plant", &arguments.plant), ("controller", &arguments.controller)] {
-        settings.insert(format!("SHA-256 of the {name}'s file"), digest(file)?);
-    }
-    settings.insert("connections".into(), connection::in_line(&connections));
-    for (index, set) in sets.iter().enumerate() {
-        settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
-    }
-    settings.insert("cases".into(), arguments.cases.to_string());
-    settings.insert("seed".into(), arguments.seed.to_string());
-    settings.insert("strategies".into(), format!("{:?}, {:?}", arguments.strategy, arguments.beside));
-
-    let rig = Rig::new(plant, controller, arguments.seed)?;
-    let cases = Cases::draw(rig.plant.description(), &sets, arguments.cases as usize, arguments.seed)?;
-    for note in &cases.notes {
+    let (study, _) = arguments.study()?;
+    for note in &study.cases.notes {
         complain(&format!("note: {note}"));
     }
-    let strategies = [arguments.strategy.clone()].into_iter().chain(arguments.beside.clone().map(Some));
-    let study = Study { rig, cases, strategies: strategies.collect() };
+    let (workers, settings) = Workers::open(program, &arguments.workers)?;
     super::make_folder(out)?;
     let journal = Journal::open(&out.join(JOURNAL), &settings)?;
     let finished = journal.finished().len();
     if finished > 0 {
         print(&format!("{finished} of {} cases are in the journal\n", study.cases.len()))?;
     }
-    let threads = super::threads(arguments.threads, [&*study.rig.plant, &study.rig.controller])?;
     let bar =
         super::progress_bar(study.cases.len() as u64, "{pos} of {len} cases")?.with_position(finished as u64);
-    let outcomes = study.run(&journal, &threads, || bar.inc(1))?;
+    let outcomes = study.run(&journal, &workers, || bar.inc(1))?;
     bar.finish_and_clear();
+    drop(workers);
     for outcome in &outcomes {
         if let Some(error) = &outcome.runs[0].error {
             complain(&format!("case {}: {error}", outcome.case));
         }
     }
+    let threads = super::threads(arguments.workers.number, [&*study.rig.plant, &study.rig.controller])?;
     let bar = super::progress_bar(outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
     let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
@@ -111,4 +93,36 @@ pub fn run(arguments: &Arguments) -> Result<bool> {
     super::write(out, [(HTML, report.html()), (JSON, report.json()?)])?;
     print(&report.text())?;
     Ok(report.passes())
+}
+
+/// Works for [`run`] in another process.
+pub fn work(arguments: &Arguments) -> Result<()> {
+    workers::work(|| arguments.study(), |study, number| Ok(study.run_one(number)))
+}
+
+impl Arguments {
+    /// The study, and everything its results depend on.
+    fn study(&self) -> Result<(Study, Settings)> {
+        let connections = connection::read_all(&self.connections)?;
+        let plant = open(&self.plant, Role::Plant, &connections)?;
+        let controller = open(&self.controller, Role::Controller, &connections)?;
+        let sets = super::plants(&self.parameters)?;
+
+        let mut settings = Settings::new();
+        for (name, file) in [("plant", &self.plant), ("controller", &self.controller)] {
+            settings.insert(format!("SHA-256 of the {name}'s file"), digest(file)?);
+        }
+        settings.insert("connections".into(), connection::in_line(&connections));
+        for (index, set) in sets.iter().enumerate() {
+            settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
+        }
+        settings.insert("cases".into(), self.cases.to_string());
+        settings.insert("seed".into(), self.seed.to_string());
+        settings.insert("strategies".into(), format!("{:?}, {:?}", self.strategy, self.beside));
+
+        let rig = Rig::new(plant, controller, self.seed)?;
+        let cases = Cases::draw(rig.plant.description(), &sets, self.cases as usize, self.seed)?;
+        let strategies = [self.strategy.clone()].into_iter().chain(self.beside.clone().map(Some));
+        Ok((Study { rig, cases, strategies: strategies.collect() }, settings))
+    }
 }

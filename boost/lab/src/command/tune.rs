@@ -9,6 +9,7 @@ use crate::study::case::Rig;
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
 use boost_interface::Role;
+use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use cargo_fmu::run::{self, journal::digest};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
@@ -48,55 +49,41 @@ pub struct Arguments {
     /// Desired closed-loop time constant (s) [default: found with --controller, else the controller's]
     #[arg(long, value_name = "SECONDS", value_parser = super::positive())]
     lambda: Option<f64>,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// The folder for schedule.ssv, schedule.dcm, report.html and report.json, and for the journal from which an interrupted
     /// tuning resumes
     #[arg(long, value_name = "DIR", default_value = "target/tuning")]
     out: PathBuf,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+/// Tunes, in processes of a program.
+pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     let out = &arguments.out;
     let outputs = [SET_FILE, DCM_FILE, HTML, JSON, JOURNAL].map(|name| out.join(name));
     let inputs = [&arguments.plant].into_iter().chain(&arguments.connections).chain(&arguments.controller);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
-    let schedule = match &arguments.controller {
-        Some(path) => Schedule::read(run::open(path)?.description(), arguments.strategy)
-            .with_context(|| format!("{} cannot be tuned", path.display()))?,
-        None => Schedule::built_in(arguments.strategy)?,
-    };
-    let connections = connection::read_all(&arguments.connections)?;
-    let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
-        Procedure::split_range(allocation.parameters.low_pressure_open())
-    });
-    let task = Task {
-        plant_parameters: super::parameter_sets(&arguments.parameters)?,
-        schedule: schedule.with(
-            arguments.engine_speeds.clone(),
-            arguments.boost_references.clone(),
-            arguments.lambda,
-        )?,
-        plant: open(&arguments.plant, Role::Plant, &connections)?,
-        connections,
-        procedure,
-    };
+    let task = arguments.task()?;
+    let (workers, settings) = Workers::open(program, &arguments.workers)?;
     super::make_folder(out)?;
-    let settings = task.settings(digest(&arguments.plant)?);
     let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
-    let sweeps = journal.finished().filter(|part| matches!(part, TuningPart::Sweep(_))).count();
-    let points = journal.finished().len() - sweeps;
+    let finished = journal.finished();
+    let sweeps = finished.iter().filter(|part| matches!(part, TuningPart::Sweep(_))).count();
+    let points = finished.len() - sweeps;
     if sweeps + points > 0 {
         print(&format!("resuming with {sweeps} sweeps and {points} points from the journal\n"))?;
     }
 
     let bar = super::progress_bar(whole(task.duration()), "{percent} %")?;
-    let mut tuning = task.run(&journal, &|duration| bar.inc(whole(duration)))?;
+    let mut tuning = task.run(&journal, &workers, &|duration| bar.inc(whole(duration)))?;
     bar.finish_and_clear();
+    drop(workers);
     if let (Some(controller), None, Strategy::SplitRange) =
         (&arguments.controller, arguments.lambda, arguments.strategy)
     {
         let rig = Rig::new(Arc::clone(&tuning.task.plant), run::open(controller)?, 0)?;
-        let threads = super::threads(None, [&*rig.plant, &*rig.controller])?;
+        let threads = super::threads(arguments.workers.number, [&*rig.plant, &*rig.controller])?;
         if let Some(lambda) = rest::shortest_lambda(&rig, &tuning, &threads)? {
             tuning.task.schedule.find_lambda(lambda);
         } else {
@@ -113,6 +100,41 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     super::write(out, texts)?;
     let [identified, others] = tuning.counts();
     Ok(print(&format!("{identified} of {} points identified; {others}\n", tuning.cells.len()))?)
+}
+
+/// Works for [`run`] in another process.
+pub fn work(arguments: &Arguments) -> Result<()> {
+    let prepare = || {
+        let task = arguments.task()?;
+        let settings = task.settings(digest(&arguments.plant)?);
+        Ok((task, settings))
+    };
+    workers::work(prepare, Task::work)
+}
+
+impl Arguments {
+    fn task(&self) -> Result<Task> {
+        let schedule = match &self.controller {
+            Some(path) => Schedule::read(run::open(path)?.description(), self.strategy)
+                .with_context(|| format!("{} cannot be tuned", path.display()))?,
+            None => Schedule::built_in(self.strategy)?,
+        };
+        let connections = connection::read_all(&self.connections)?;
+        let procedure = schedule.allocation.as_ref().map_or_else(Procedure::default, |allocation| {
+            Procedure::split_range(allocation.parameters.low_pressure_open())
+        });
+        Ok(Task {
+            plant_parameters: super::parameter_sets(&self.parameters)?,
+            schedule: schedule.with(
+                self.engine_speeds.clone(),
+                self.boost_references.clone(),
+                self.lambda,
+            )?,
+            plant: open(&self.plant, Role::Plant, &connections)?,
+            connections,
+            procedure,
+        })
+    }
 }
 
 /// Whole seconds.

@@ -20,7 +20,7 @@ mod report;
 
 use anyhow::Result;
 use rayon::ThreadPool;
-use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use self::case::{Measures, Rig, Simulated};
@@ -28,6 +28,7 @@ use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
 use cargo_fmu::run::journal::{Journal, Part};
+use cargo_fmu::run::workers::Workers;
 
 pub use self::report::{StudyReport, csv};
 
@@ -76,24 +77,24 @@ impl Part for Outcome {
 }
 
 impl Study {
-    /// Runs the cases that are not in the journal; `progress` is called after each.
+    /// Has the cases run that are not in the journal, by workers that call [`Study::run_one`]; `progress` is called after
+    /// each.
     pub fn run(
         &self,
         journal: &Journal<Outcome>,
-        threads: &ThreadPool,
+        workers: &Workers<'_>,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Outcome>> {
-        let run = |number| {
-            journal.part(&number, || {
-                let outcome = self.run_one(number);
-                progress();
-                Ok(outcome)
-            })
+        let jobs: Vec<_> = (0..self.cases.len()).map(|number| (number, number)).collect();
+        let failed = |number: &usize, reason| {
+            let run = Run { error: Some(reason), measures: None };
+            Ok(Outcome { case: *number, runs: vec![run; self.strategies.len()] })
         };
-        threads.install(|| (0..self.cases.len()).into_par_iter().map(run).collect())
+        workers.finish(journal, &jobs, failed, |_| progress())
     }
 
-    fn run_one(&self, number: usize) -> Outcome {
+    /// Runs a case.
+    pub fn run_one(&self, number: usize) -> Outcome {
         let case = self.cases.case(number);
         let reach = Reach::of(&case, &self.rig.plant);
         let run = |strategy: &Option<String>| {

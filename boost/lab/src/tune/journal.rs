@@ -1,6 +1,5 @@
 //! The finished sweeps and points of a tuning: an interrupted tuning resumes from them.
 
-use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use super::bench::{Point, Sweep};
@@ -28,22 +27,22 @@ impl Part for TuningPart {
 
 pub type TuningJournal = Journal<TuningPart>;
 
-/// The sweep of a column.
-pub fn sweep(journal: &TuningJournal, column: usize, run: impl FnOnce() -> Result<Sweep>) -> Result<Sweep> {
-    match journal.part(&(None, column), || run().map(TuningPart::Sweep))? {
-        TuningPart::Sweep(sweep) => Ok(sweep),
-        TuningPart::Point(_) => unreachable!("a point has a row"),
-    }
+/// What a worker does for a part.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TuningJob {
+    /// Sweeps the duty in a column.
+    Sweep(usize),
+    /// Steps the duty both ways from a value (%) in a row and a column.
+    Point(usize, usize, f64),
 }
 
-/// A point of the grid.
-pub fn point(
-    journal: &TuningJournal,
-    (row, column): (usize, usize),
-    run: impl FnOnce() -> Result<Point>,
-) -> Result<Point> {
-    match journal.part(&(Some(row), column), || run().map(|point| TuningPart::Point(Box::new(point))))? {
-        TuningPart::Point(point) => Ok(*point),
-        TuningPart::Sweep(_) => unreachable!("a sweep has no row"),
+impl TuningPart {
+    pub fn sweep(self) -> Option<Sweep> {
+        if let Self::Sweep(sweep) = self { Some(sweep) } else { None }
+    }
+
+    pub fn point(self) -> Option<Point> {
+        if let Self::Point(point) = self { Some(*point) } else { None }
     }
 }

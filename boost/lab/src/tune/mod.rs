@@ -20,17 +20,16 @@ mod speed_fit;
 
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use boost_fmu::controller::feedback;
 use boost_fmu::controller::schedule::LocalModel;
 use clap::ValueEnum as _;
 use fmu_package::connection::{self, Connection};
 use fmu_package::{Parameter, ParameterSet, Value};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use cargo_fmu::run::journal::Settings;
-use cargo_fmu::run::threads;
+use cargo_fmu::run::workers::Workers;
 use fmu_master::Fmu;
 use fmu_master::measure::{greatest, least};
 
@@ -38,7 +37,7 @@ use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
 pub use self::dcm::dcm;
 pub use self::fit::{Estimate, FirstOrder};
-pub use self::journal::{TuningJournal, TuningPart};
+pub use self::journal::{TuningJob, TuningJournal, TuningPart};
 pub use self::monotone::Monotone;
 use self::procedure::Range;
 pub use self::procedure::{Procedure, Strategy};
@@ -192,49 +191,73 @@ impl Task {
         self.procedure.range(self.schedule.is_wide(column))
     }
 
-    /// Tunes. Finished parts are read from the journal, others written to it; several threads call `progress` with the
-    /// seconds of [`duration`](Self::duration) that each sweep or point took.
-    pub fn run(self, journal: &TuningJournal, progress: &(impl Fn(f64) + Sync)) -> Result<Tuning> {
-        let bench = Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
-            .context("cannot tune to this plant")?;
-        let threads = threads(None, [&*self.plant])?;
-        let columns = self.schedule.engine_speeds.len();
-        let sweep = |column: usize| {
-            let sweep = journal::sweep(journal, column, || {
-                let speed = self.schedule.engine_speeds[column];
-                bench.sweep(column).with_context(|| format!("the sweep at {speed} rpm"))
-            })?;
-            progress(self.range(column).sweep_duration());
-            Ok(sweep)
+    /// Tunes, by workers that [work](Self::work) for it. Finished parts are read from the journal, others written to it;
+    /// several threads call `progress` with the seconds of [`duration`](Self::duration) that each sweep or point took.
+    pub fn run(
+        self,
+        journal: &TuningJournal,
+        workers: &Workers<'_>,
+        progress: &(impl Fn(f64) + Sync),
+    ) -> Result<Tuning> {
+        let bench = self.bench()?;
+        let duration_of = |part: &TuningPart| match part {
+            TuningPart::Sweep(sweep) => self.range(sweep.column).sweep_duration(),
+            TuningPart::Point(_) => self.procedure.point_duration(),
         };
-        let sweeps: Vec<_> =
-            threads.install(|| (0..columns).into_par_iter().map(sweep).collect::<Result<_>>())?;
+        journal.finished().iter().for_each(|part| progress(duration_of(part)));
+        let finish = |jobs: &[_]| {
+            let failed = |key: &(Option<usize>, usize), reason| {
+                let speed = self.schedule.engine_speeds[key.1];
+                let part = if key.0.is_none() { "sweep" } else { "steps" };
+                Err(anyhow!("the {part} at {speed} rpm: {reason}"))
+            };
+            workers.finish(journal, jobs, failed, |part| progress(duration_of(part)))
+        };
+        let columns = self.schedule.engine_speeds.len();
+        let jobs: Vec<_> = (0..columns).map(|column| ((None, column), TuningJob::Sweep(column))).collect();
+        let sweeps: Vec<_> = finish(&jobs)?.into_iter().filter_map(TuningPart::sweep).collect();
         let statics: Vec<_> = sweeps.iter().map(|sweep| self.static_map(sweep)).collect::<Result<_>>()?;
 
-        let grid: Vec<_> = (0..self.schedule.boost_references.len())
-            .flat_map(|row| (0..columns).map(move |column| (row, column)))
-            .collect();
-        let point = |&(row, column): &(usize, usize)| {
-            let (basis, duty) = self.placed(&statics[column], row, column);
-            let steps = || {
-                let speed = self.schedule.engine_speeds[column];
-                bench
-                    .step_both_ways(row, column, duty)
-                    .with_context(|| format!("the steps from {duty} % at {speed} rpm"))
-            };
-            let is_identified = basis == CellOrigin::Identified;
-            let point = is_identified.then(|| journal::point(journal, (row, column), steps)).transpose()?;
-            progress(self.procedure.point_duration());
-            Ok(point)
-        };
-        let points: Vec<Option<Point>> =
-            threads.install(|| grid.par_iter().map(point).collect::<Result<_>>())?;
+        let mut jobs = vec![];
+        for row in 0..self.schedule.boost_references.len() {
+            for (column, map) in statics.iter().enumerate() {
+                match self.placed(map, row, column) {
+                    (CellOrigin::Identified, duty) => {
+                        jobs.push(((Some(row), column), TuningJob::Point(row, column, duty)));
+                    }
+                    _ => progress(self.procedure.point_duration()),
+                }
+            }
+        }
+        let points: Vec<_> = finish(&jobs)?.into_iter().filter_map(TuningPart::point).collect();
         let cells = self.cells(&statics, &points)?;
-        let points = points.into_iter().flatten().collect();
         let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
         let boost_limits = sweeps.iter().filter_map(|sweep| self.boost_limit(sweep)).collect();
         let notes = bench.notes;
         Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, notes })
+    }
+
+    /// Does a worker's job.
+    pub fn work(&self, job: TuningJob) -> Result<TuningPart> {
+        let bench = self.bench()?;
+        let speed = |column: usize| self.schedule.engine_speeds[column];
+        match job {
+            TuningJob::Sweep(column) => {
+                let sweep = bench.sweep(column);
+                sweep.map(TuningPart::Sweep).with_context(|| format!("the sweep at {} rpm", speed(column)))
+            }
+            TuningJob::Point(row, column, duty) => {
+                let point = bench.step_both_ways(row, column, duty);
+                point
+                    .map(|point| TuningPart::Point(Box::new(point)))
+                    .with_context(|| format!("the steps from {duty} % at {} rpm", speed(column)))
+            }
+        }
+    }
+
+    fn bench(&self) -> Result<Bench<'_>> {
+        Bench::new(&self.plant, &self.plant_parameters, &self.schedule, &self.procedure)
+            .context("cannot tune to this plant")
     }
 
     /// The largest duty of a sweep (%) below which boost pressure hardly rises.
@@ -280,11 +303,10 @@ impl Task {
         }
     }
 
-    /// The schedule, row by row; `points` are in the same order.
-    fn cells(&self, statics: &[Monotone], points: &[Option<Point>]) -> Result<Vec<Cell>> {
+    /// The schedule, row by row.
+    fn cells(&self, statics: &[Monotone], points: &[Point]) -> Result<Vec<Cell>> {
         let identified: Vec<_> = points
             .iter()
-            .flatten()
             .filter_map(|point| {
                 let model = point.model.as_ref().filter(|model| self.is_usable(model))?;
                 let sensitivity = match self.procedure.split_range {
@@ -333,7 +355,7 @@ impl Task {
                 feedback: Feedback::tuned(gain, time_constant, delay, self.schedule.lambda),
             })
         };
-        (0..points.len()).map(cell).collect()
+        (0..self.schedule.boost_references.len() * columns).map(cell).collect()
     }
 
     /// The effect of engine speed changes at a point: the initial drop of boost pressure times the valves' time to

@@ -1,15 +1,18 @@
-//! The journal of a long task: the finished parts, line by line, from which an interrupted task resumes.
+//! The journal of a long task: the parts that began and that are finished, line by line, from which an interrupted task
+//! resumes.
 //!
-//! The first line has the task's settings, each other line a finished part, as JSON. A truncated last line is ignored.
+//! The first line has the task's settings, each other line a part that begins or is finished, as JSON. A truncated last
+//! line is ignored.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading::{self, LARGEST_CONTENT, up_to};
+use fmu_io::temporary::{is_interrupted, leave_to_interruption, when_interrupted};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -27,15 +30,30 @@ pub fn digest(path: &Path) -> Result<String> {
         .fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
 }
 
+/// The form of journals that this program writes.
+const FORM: u32 = 2;
+
 #[derive(Serialize, Deserialize)]
 struct Header {
+    /// None before parts were noted when they begin.
+    form: Option<u32>,
     settings: Settings,
 }
 
+/// A line after the first.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Line<K, P> {
+    Begun(K),
+    Finished(P),
+    /// These neither finished nor ended the command: the user interrupted them, or the task failed.
+    Interrupted(Vec<K>),
+}
+
 /// A part of a task.
-pub trait Part: Clone + Serialize + DeserializeOwned {
+pub trait Part: Clone + Send + Sync + Serialize + DeserializeOwned + 'static {
     /// What tells it from the other parts.
-    type Key: Ord;
+    type Key: Clone + Ord + Send + Sync + Serialize + DeserializeOwned;
 
     /// Its key.
     fn key(&self) -> Self::Key;
@@ -44,8 +62,14 @@ pub trait Part: Clone + Serialize + DeserializeOwned {
 /// An open journal. Several threads may use it.
 pub struct Journal<P: Part> {
     path: PathBuf,
-    file: Mutex<File>,
-    /// The parts that were finished when it was opened.
+    state: Arc<Mutex<State<P>>>,
+    /// How often parts began that did not end, when it was opened.
+    begun: BTreeMap<P::Key, usize>,
+}
+
+struct State<P: Part> {
+    file: File,
+    running: BTreeSet<P::Key>,
     finished: BTreeMap<P::Key, P>,
 }
 
@@ -55,7 +79,17 @@ impl<P: Part> Journal<P> {
     /// # Errors
     /// When it cannot be read or written, belongs to other settings, is damaged, or another process uses it.
     pub fn open(path: &Path, settings: &Settings) -> Result<Self> {
-        Self::open_file(path, settings).with_context(|| format!("the journal {}", path.display()))
+        let journal =
+            Self::open_file(path, settings).with_context(|| format!("the journal {}", path.display()))?;
+        let state = Arc::downgrade(&journal.state);
+        when_interrupted(move || {
+            let Some(state) = state.upgrade() else { return };
+            let mut state = locked(&state);
+            let running = state.running.iter().cloned().collect();
+            // Without it they are tried once more, alone.
+            let _ = state.write(&Line::<_, P>::Interrupted(running));
+        });
+        Ok(journal)
     }
 
     fn open_file(path: &Path, settings: &Settings) -> Result<Self> {
@@ -78,55 +112,123 @@ impl<P: Part> Journal<P> {
         let header = lines.next();
         if let Some((line, _)) = header {
             let header: Header = serde_json::from_str(line).context("line 1: expected the settings")?;
+            if header.form != Some(FORM) {
+                bail!(
+                    "another version of this program wrote it, in another form; choose another folder, or remove it"
+                );
+            }
             check(&header.settings, settings)?;
         }
-        let finished = lines.map(|(line, number)| {
-            let part: P = serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))?;
-            Ok((part.key(), part))
-        });
-        let finished = finished.collect::<Result<_>>()?;
+        let (mut begun, mut finished) = (BTreeMap::<P::Key, usize>::new(), BTreeMap::new());
+        for (line, number) in lines {
+            match serde_json::from_str(line).with_context(|| format!("line {number} is damaged"))? {
+                Line::Begun(key) => *begun.entry(key).or_default() += 1,
+                Line::Finished(part) => {
+                    let part: P = part;
+                    begun.remove(&part.key());
+                    finished.insert(part.key(), part);
+                }
+                Line::Interrupted(keys) => {
+                    for key in keys {
+                        begun.entry(key).and_modify(|times| *times = times.saturating_sub(1));
+                    }
+                }
+            }
+        }
         // The truncated last line is overwritten.
         file.set_len(whole as u64)?;
         file.seek(SeekFrom::End(0))?;
-        let journal = Self { path: path.to_owned(), file: Mutex::new(file), finished };
+        let mut state = State { file, running: BTreeSet::new(), finished };
         if header.is_none() {
-            journal.write(&Header { settings: settings.clone() })?;
+            state.write(&Header { form: Some(FORM), settings: settings.clone() })?;
         }
-        Ok(journal)
+        Ok(Self { path: path.to_owned(), state: Arc::new(Mutex::new(state)), begun })
     }
 
-    /// The parts that were finished when it was opened.
-    pub fn finished(&self) -> impl ExactSizeIterator<Item = &P> {
-        self.finished.values()
+    /// The finished parts.
+    #[must_use]
+    pub fn finished(&self) -> Vec<P> {
+        self.state().finished.values().cloned().collect()
     }
 
-    /// A part that was finished when the journal was opened; any other is finished now, and written.
+    /// A finished part.
+    #[must_use]
+    pub fn part(&self, key: &P::Key) -> Option<P> {
+        self.state().finished.get(key).cloned()
+    }
+
+    /// How often a part began and did not end, when the journal was opened.
+    #[must_use]
+    pub fn times_begun(&self, key: &P::Key) -> usize {
+        self.begun.get(key).copied().unwrap_or_default()
+    }
+
+    /// Notes that a part begins.
     ///
     /// # Errors
-    /// When the part fails, or cannot be written.
-    pub fn part(&self, key: &P::Key, finish: impl FnOnce() -> Result<P>) -> Result<P> {
-        if let Some(part) = self.finished.get(key) {
-            return Ok(part.clone());
-        }
-        let part = finish()?;
-        self.write(&part)?;
-        Ok(part)
+    /// When it cannot be written.
+    pub fn begin(&self, key: &P::Key) -> Result<()> {
+        let mut state = self.state();
+        state.running.insert(key.clone());
+        self.writing(state.write(&Line::<_, P>::Begun(key)))
     }
 
-    /// Appends a line.
-    fn write(&self, line: &impl Serialize) -> Result<()> {
-        let text = serde_json::to_string(line)? + "\n";
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut write = || {
-            let whole = file.stream_position()?;
-            // In one piece, so that only the last line can be truncated.
-            file.write_all(text.as_bytes()).inspect_err(|_| {
-                // Another thread may write more; if this fails too, the next opening reports it.
-                let _ = file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole)));
-            })
-        };
-        write().with_context(|| format!("cannot write {}", self.path.display()))
+    /// Notes that a part that began will not be finished now, through no fault of its own.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn interrupt(&self, key: &P::Key) -> Result<()> {
+        let mut state = self.state();
+        state.running.remove(key);
+        self.writing(state.write(&Line::<_, P>::Interrupted(vec![key])))
     }
+
+    /// Notes that a part is finished.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(&self, part: P) -> Result<()> {
+        let mut state = self.state();
+        state.running.remove(&part.key());
+        self.writing(state.write(&Line::<P::Key, _>::Finished(&part)))?;
+        state.finished.insert(part.key(), part);
+        Ok(())
+    }
+
+    fn writing(&self, written: Result<()>) -> Result<()> {
+        written.with_context(|| format!("cannot write {}", self.path.display()))
+    }
+
+    /// Its state; an interruption leaves it to nobody.
+    fn state(&self) -> MutexGuard<'_, State<P>> {
+        loop {
+            let state = locked(&self.state);
+            if !is_interrupted() {
+                return state;
+            }
+            drop(state);
+            leave_to_interruption();
+        }
+    }
+}
+
+impl<P: Part> State<P> {
+    /// Appends a line.
+    fn write(&mut self, line: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string(line)? + "\n";
+        let file = &mut self.file;
+        let whole = file.stream_position()?;
+        // In one piece, so that only the last line can be truncated.
+        file.write_all(text.as_bytes()).inspect_err(|_| {
+            // More may be written; if this fails too, the next opening reports it.
+            let _ = file.set_len(whole).and_then(|()| file.seek(SeekFrom::Start(whole)));
+        })?;
+        Ok(())
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Rejects other settings and names the first differences.
@@ -195,17 +297,17 @@ mod tests {
         let path = folder.path().join("journal.jsonl");
         let journal = Journal::open(&path, &settings("12")).unwrap();
         assert_eq!(journal.finished().len(), 0);
-        assert_eq!(journal.part(&3, || Ok(results())).unwrap(), results());
+        journal.finish(results()).unwrap();
         drop(journal);
         let whole = fs::read_to_string(&path).unwrap();
         // An interruption cut off the next line, in the second case within a character.
-        for cut in [b"[4.2,1".as_slice(), b"[\"1 \xc2"] {
+        for cut in [b"{\"finished\":[4.2,1".as_slice(), b"{\"finished\":[\"1 \xc2"] {
             fs::write(&path, [whole.as_bytes(), cut].concat()).unwrap();
             let journal = Journal::open(&path, &settings("12")).unwrap();
-            assert_eq!(journal.part(&3, || bail!("it is finished")).unwrap(), results());
-            journal.part(&1, || Ok(vec![1.0])).unwrap();
+            assert_eq!(journal.part(&3), Some(results()));
+            journal.finish(vec![1.0]).unwrap();
             drop(journal);
-            assert_eq!(fs::read_to_string(&path).unwrap(), whole.clone() + "[1.0]\n");
+            assert_eq!(fs::read_to_string(&path).unwrap(), whole.clone() + "{\"finished\":[1.0]}\n");
         }
     }
 
@@ -223,13 +325,26 @@ mod tests {
 
     #[test]
     fn other_settings_are_refused_by_name() {
-        let message = refusal("[1.0]\n[2.", "13");
+        let message = refusal("{\"finished\":[1.0]}\n{", "13");
         assert!(message.ends_with("or remove it:\n  voltage was 12, is 13"), "{message}");
+    }
+
+    /// As before lines said that a part begins.
+    #[test]
+    fn a_journal_of_the_former_form_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, "{\"settings\":{\"plant\":\"BoostPlant\",\"voltage\":\"12\"}}\n[1.0]\n").unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &settings("12")).err().unwrap();
+        assert!(
+            format!("{error:#}").contains("wrote it, in another form; choose another folder"),
+            "{error:#}"
+        );
     }
 
     #[test]
     fn a_damaged_line_is_named() {
-        let message = refusal("[1.0]\n[2.\n[3.0]\n[4", "12");
+        let message = refusal("{\"finished\":[1.0]}\n[2.\n{\"begun\":3}\n{", "12");
         assert!(message.contains("journal.jsonl: line 3 is damaged"), "{message}");
     }
 

@@ -9,6 +9,7 @@ mod plot_format;
 mod simulate;
 mod summary;
 mod sweep;
+pub mod workers;
 
 use std::fs;
 use std::io::Write;

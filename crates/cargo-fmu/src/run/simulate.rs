@@ -6,11 +6,13 @@ use std::time::Instant;
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
 use super::summary::Summary;
+use super::workers::{Program, supervised, work_once};
 use super::{finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
+use fmu_master::process::contained;
 use fmu_master::scenario::{Location, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
@@ -66,11 +68,23 @@ pub struct Simulate {
 }
 
 impl Simulate {
-    /// Runs it.
+    /// Runs it, in a process of a program that calls [`Simulate::work`].
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
-    pub fn run(&self) -> Result<()> {
+    pub fn run(&self, program: &Program) -> Result<()> {
+        supervised(program)
+    }
+
+    /// Works for [`Simulate::run`] in another process.
+    ///
+    /// # Errors
+    /// When the other process cannot be answered.
+    pub fn work(&self) -> Result<()> {
+        work_once(|| self.simulate())
+    }
+
+    fn simulate(&self) -> Result<()> {
         let subject = self.experiment.subject()?;
         let name = subject.file_stem().unwrap_or_default().to_string_lossy();
         let out = self.out.as_ref().map(|out| {
@@ -91,7 +105,9 @@ impl Simulate {
                 scenario.panels = None;
             }
             let is_kept = out.is_some() || plot.is_some();
-            let (record, summary) = record(&scenario, loaded, is_kept)?;
+            // Files are relative to the folder that FMUs may leave.
+            let (recorded, _) = contained(|| record(&scenario, loaded, is_kept));
+            let (record, summary) = recorded?;
             match &out {
                 Some((format, path)) => {
                     let table = record.table();

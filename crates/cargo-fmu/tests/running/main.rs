@@ -668,7 +668,8 @@ fn a_study_has_a_report() {
         .replace("[1.0, 2.0]", "[1.0, 2.0, 4.0]\n\"alone:fail\" = [\"no\", \"error\"]");
     bench.write("study.toml", &format!("title = \"Some <inputs>\"\n{study}"));
     let output = bench.run(&["sweep", "study.toml", "--out", "out"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Runs have failed.
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8(output.stdout).unwrap().contains("out/report.html\n"));
     let page = bench.read("out/report.html");
     for part in [

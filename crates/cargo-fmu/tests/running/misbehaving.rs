@@ -1,6 +1,12 @@
 //! FMUs that end the process, and the messages of any.
 
 use std::fs;
+#[cfg(target_os = "linux")]
+use std::{
+    io::{BufRead, BufReader, Read},
+    path::Path,
+    process::{Child, ChildStderr, Command, ExitStatus, Stdio},
+};
 
 use crate::{Bench, careless};
 
@@ -47,10 +53,12 @@ fn an_fmu_that_ends_the_process_is_an_error() {
         (3, "exit_in_free", "alone", "fmi3FreeInstance"),
     ] {
         let bench = misbehaving(version, misdeed);
-        for command in
-            [["simulate", "scenario.toml", "--out", "out.csv"], ["sweep", "study.toml", "--out", "out"]]
-        {
-            let message = refused_with_temporary_folder(&bench, &command, misdeed);
+        let commands =
+            [["simulate", "scenario.toml", "--out", "out.csv"], ["sweep", "study.toml", "--out", "out"]];
+        // A sweep that can load its FMUs goes on.
+        let is_run = !["exit_in_load", "exit_in_instantiate", "exit_in_free"].contains(&misdeed);
+        for command in &commands[..if is_run { 1 } else { 2 }] {
+            let message = refused_with_temporary_folder(&bench, command, misdeed);
             let expected = format!("error: {of}: the FMU ended the process by `exit` in {function}");
             assert!(message.starts_with(&expected) && message.lines().count() == 1, "{misdeed}: {message}");
             assert!(!bench.path("out.csv").exists() && !bench.path("out/results.csv").exists(), "{misdeed}");
@@ -61,14 +69,239 @@ fn an_fmu_that_ends_the_process_is_an_error() {
     let expected =
         "error: an FMU ended the process by `exit` outside of a call: alone after fmi2DoStep at 0 s\n";
     assert_eq!(message, expected);
+}
 
-    // In the midst of a study, and with its own status.
+/// A folder with the FMU, and a study that keeps records of a run for each misdeed.
+fn study_of(misdeeds: &[&str]) -> Bench {
+    const MEASURES: &str = "third = { final = \"third\" }\ninstances = { final = \"instances\" }\n";
     let bench = misbehaving(2, "none");
-    bench.scenario(0.25, "values = { misdeed = \"exit_in_step\", status = 7 }");
-    let sweep = ["sweep", "study.toml", "--out", "out", "--threads", "1"];
-    let message = refused_with_temporary_folder(&bench, &sweep, "none");
-    assert_eq!(message, "error: alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s\n");
-    assert_eq!(bench.read("out/journal.jsonl").lines().count(), 2);
+    bench.write("scenario.toml", &format!("record = [\"y\"]\n{}", bench.read("scenario.toml")));
+    let rows = misdeeds.iter().map(|misdeed| format!("[[list]]\n\"alone:misdeed\" = \"{misdeed}\"\n"));
+    let rows: String = rows.collect();
+    bench.write(
+        "study.toml",
+        &format!("scenario = \"scenario.toml\"\nrecords = true\n[measures]\n{MEASURES}{rows}"),
+    );
+    bench
+}
+
+/// A column of the results, as it is written.
+fn column(bench: &Bench, name: &str) -> Vec<String> {
+    let text = bench.read("out/results.csv");
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let index = lines.next().unwrap().split(',').position(|column| column == name).unwrap();
+    // No error here has a comma or a line break.
+    lines.map(|line| line.split(',').nth(index).unwrap().to_owned()).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_ends_its_process_is_a_row_and_the_others_are_kept() {
+    let misdeeds =
+        ["none", "dereference_null", "abort", "none", "end", "exit_in_step", "quick_exit_in_step", "none"];
+    let reasons = [
+        "",
+        "the FMU ended the process: signal: 11 (SIGSEGV)",
+        "the FMU ended the process: signal: 6 (SIGABRT)",
+        "",
+        "the FMU ended the process: exit status: 0",
+        "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
+        "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
+        "",
+    ];
+    let bench = study_of(&misdeeds);
+    for workers in ["1", "3"] {
+        let temporary = tempfile::tempdir().unwrap();
+        let mut command = bench.command(&["sweep", "study.toml", "--out", "out", "--workers", workers]);
+        let output = command.env("TMPDIR", temporary.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(fs::read_dir(temporary.path()).unwrap().count(), 0);
+        assert_eq!(column(&bench, "error"), reasons);
+        assert_eq!(bench.names("out/records"), ["0.csv", "3.csv", "7.csv"]);
+        // They are finished, and not run again.
+        let again = bench.run(&["sweep", "study.toml", "--out", "out"]);
+        assert!(String::from_utf8(again.stdout).unwrap().starts_with("8 of 8 runs are in the journal\n"));
+        fs::remove_dir_all(bench.path("out")).unwrap();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_hangs_is_a_row() {
+    let bench = study_of(&["none", "hang", "none"]);
+    let output = bench.run(&["sweep", "study.toml", "--out", "out", "--time-limit", "5"]);
+    assert_eq!(output.status.code(), Some(1));
+    let reason = "\"it took longer than the time limit, 5 s\"";
+    let text = bench.read("out/results.csv");
+    assert!(text.contains(reason), "{text}");
+    assert_eq!(bench.names("out/records"), ["0.csv", "2.csv"]);
+    let message = bench.refusal(&["sweep", "study.toml", "--time-limit", "0"]);
+    assert!(message.contains("expected a time from 0.001 to 1e9 s"), "{message}");
+}
+
+/// Each run counts the instances that its process has made, beginning with that of the first look at the FMUs.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_an_fmu_changes_ends_with_its_run() {
+    let misdeeds = [
+        "none",
+        "none",
+        "round_up",
+        "none",
+        "trap",
+        "none",
+        "handle",
+        "none",
+        "leave_folder",
+        "none",
+        "print",
+        "none",
+        "close_output",
+        "none",
+    ];
+    let instances = [2, 3, 4, 2, 3, 2, 3, 2, 3, 2, 3, 4, 5, 6];
+    let bench = study_of(&misdeeds);
+    bench.succeeds(&["sweep", "study.toml", "--out", "out", "--workers", "1"]);
+    assert_eq!(column(&bench, "instances"), instances.map(|count| format!("{count}.0")));
+    assert_eq!(column(&bench, "third"), vec![(1.0 / 3.0_f64).to_string(); 14]);
+    // But for the number of instances, the records are the same.
+    let record = |run: usize| {
+        let text = bench.read(&format!("out/records/{run}.csv"));
+        text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect::<Vec<_>>()
+    };
+    assert!((1..misdeeds.len()).all(|run| record(run) == record(0)));
+}
+
+/// Neither does it overwrite what FMUs of others print, nor lose its own file.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_simulation_has_its_file_or_an_error() {
+    let bench = misbehaving(2, "none");
+    let simulate = ["simulate", "scenario.toml", "--record", "y,third", "--out", "out.csv"];
+    bench.succeeds(&simulate);
+    let record = bench.read("out.csv");
+    for misdeed in ["round_up", "trap", "handle", "leave_folder", "print"] {
+        fs::remove_file(bench.path("out.csv")).unwrap();
+        bench.scenario(0.25, &format!("values = {{ misdeed = \"{misdeed}\" }}"));
+        bench.succeeds(&simulate);
+        assert_eq!(bench.read("out.csv"), record, "{misdeed}");
+    }
+    fs::remove_file(bench.path("out.csv")).unwrap();
+    for (misdeed, end) in [
+        ("end", "exit status: 0"),
+        ("abort", "signal: 6 (SIGABRT)"),
+        ("dereference_null", "signal: 11 (SIGSEGV)"),
+    ] {
+        bench.scenario(0.25, &format!("values = {{ misdeed = \"{misdeed}\" }}"));
+        let message = refused_with_temporary_folder(&bench, &simulate, "none");
+        assert_eq!(message, format!("error: the FMU ended the process: {end}\n"));
+        assert!(!bench.path("out.csv").exists());
+    }
+}
+
+/// A sweep whose second run hangs, seen to do so.
+#[cfg(target_os = "linux")]
+struct Hanging {
+    process: Child,
+    printed: BufReader<ChildStderr>,
+}
+
+#[cfg(target_os = "linux")]
+impl Hanging {
+    fn new(bench: &Bench, workers: &str, temporary: &Path) -> Self {
+        let command = bench.command(&["sweep", "study.toml", "--out", "out", "--workers", workers]);
+        // The process that runs the tests may ignore the signals.
+        let mut process = Command::new("env")
+            .arg("--default-signal=INT,TERM,HUP")
+            .arg(command.get_program())
+            .args(command.get_args())
+            .current_dir(command.get_current_dir().unwrap())
+            .env("IN_STEP", careless::number_of("hang").to_string())
+            .env("TMPDIR", temporary)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut printed = BufReader::new(process.stderr.take().unwrap());
+        let mut line = String::new();
+        printed.read_line(&mut line).unwrap();
+        assert_eq!(line, "it hangs\n");
+        Self { process, printed }
+    }
+
+    /// Sends a signal to the command alone, and waits for the end of all that print to its standard error.
+    fn end(mut self, signal: &str) -> ExitStatus {
+        let kill = ["-s", signal, &self.process.id().to_string()].map(str::to_owned);
+        assert!(Command::new("kill").args(kill).status().unwrap().success());
+        let mut rest = String::new();
+        self.printed.read_to_string(&mut rest).unwrap();
+        assert_eq!(rest, "");
+        self.process.wait().unwrap()
+    }
+}
+
+/// What the journal says after its settings.
+fn journal(bench: &Bench) -> Vec<String> {
+    bench.read("out/journal.jsonl").lines().skip(1).map(str::to_owned).collect()
+}
+
+/// Resumes a study whose second run does what is told, and returns the exit status and the errors of its runs.
+fn resumed(bench: &Bench) -> (Option<i32>, Vec<String>) {
+    let mut command = bench.command(&["sweep", "study.toml", "--out", "out", "--workers", "2"]);
+    let status = command.env("IN_STEP", "0").output().unwrap().status;
+    (status.code(), column(bench, "error"))
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_was_cut_short_is_tried_once_more_alone() {
+    let bench = study_of(&["none", "told", "none"]);
+    let temporary = tempfile::tempdir().unwrap();
+    let killed = || Hanging::new(&bench, "1", temporary.path()).end("KILL");
+    assert_eq!(killed().code(), None);
+    let [begun_0, _, begun_1] = &journal(&bench)[..] else { panic!("{:?}", journal(&bench)) };
+    assert_eq!([begun_0.as_str(), begun_1], ["{\"begun\":0}", "{\"begun\":1}"]);
+    // With more workers than runs.
+    let once = bench.read("out/journal.jsonl");
+    Hanging::new(&bench, "3", temporary.path()).end("KILL");
+    assert_eq!(journal(&bench)[3..], ["{\"begun\":1}"]);
+    let errors = ["", "it began twice, and both times the command ended before it did", ""];
+    let quoted =
+        errors.map(|error| if error.is_empty() { String::new() } else { "\"it began twice".to_owned() });
+    assert_eq!(resumed(&bench), (Some(1), quoted.to_vec()));
+    assert!(bench.read("out/results.csv").contains(errors[1]));
+    // It has done so once.
+    bench.write("out/journal.jsonl", &once);
+    assert_eq!(resumed(&bench), (Some(0), vec![String::new(); 3]));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interruption_fails_no_run() {
+    let bench = study_of(&["none", "told", "none"]);
+    for signal in ["INT", "TERM"] {
+        let temporary = tempfile::tempdir().unwrap();
+        let status = Hanging::new(&bench, "1", temporary.path()).end(signal);
+        assert_eq!(status.code(), Some(130));
+        assert_eq!(fs::read_dir(temporary.path()).unwrap().count(), 0);
+        assert_eq!(journal(&bench).last().unwrap(), "{\"interrupted\":[1]}");
+    }
+    assert_eq!(resumed(&bench), (Some(0), vec![String::new(); 3]));
+}
+
+/// Each waits for the other.
+#[cfg(unix)]
+#[test]
+fn fmus_that_are_allowed_once_per_process_run_in_parallel() {
+    let bench = study_of(&["meet", "meet"]);
+    let description = careless::misbehaving(2, 1, "none")
+        .replace("<CoSimulation ", "<CoSimulation canBeInstantiatedOnlyOncePerProcess=\"true\" ");
+    careless::write(&bench.path("careless.fmu"), &description, careless::misbehaving_library());
+    fs::create_dir(bench.path("meeting")).unwrap();
+    let mut command =
+        bench.command(&["sweep", "study.toml", "--out", "out", "--workers", "2", "--time-limit", "60"]);
+    let output = command.env("MEETING", bench.path("meeting")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// Under the name of the instance that it is from, if that is known.
@@ -110,4 +343,25 @@ fn every_message_is_printed() {
         let message_of = misbehaving(2, misdeed).refusal(&["simulate", "scenario.toml"]);
         assert_eq!(message_of, format!("error: alone: fmi2DoStep at 0 s {message}"));
     }
+}
+
+/// It would run on by itself, and nobody would stop it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_simulation_ends_with_its_command() {
+    let bench = misbehaving(2, "none");
+    bench.scenario(0.25, "values = { misdeed = \"hang\" }");
+    let mut command = bench.command(&["simulate", "scenario.toml"]);
+    let temporary = tempfile::tempdir().unwrap();
+    command.stdout(Stdio::piped()).env("TMPDIR", temporary.path());
+    let mut process = command.spawn().unwrap();
+    let mut printed = BufReader::new(process.stdout.take().unwrap());
+    let mut line = String::new();
+    printed.read_line(&mut line).unwrap();
+    assert_eq!(line, "it hangs\n");
+    process.kill().unwrap();
+    // Until the other process closes it.
+    printed.read_to_string(&mut line).unwrap();
+    assert_eq!(line, "it hangs\n");
+    process.wait().unwrap();
 }

@@ -25,7 +25,7 @@ mod selection;
 #[cfg(test)]
 mod tests;
 
-pub use self::c_boundary::fail_if_an_fmu_exits;
+pub use self::c_boundary::{process, when_an_fmu_exits};
 pub use self::fmu::{Fmu, ONLY_ONCE};
 pub(crate) use self::folder::extract;
 pub use fmu_terms::Interface;

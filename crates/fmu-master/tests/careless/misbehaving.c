@@ -1,13 +1,18 @@
 /* An FMU that misbehaves as the parameter `misdeed` tells it, of FMI 2.0 and 3.0, for co-simulation and Model Exchange. The GUID
  * is the number of its first misdeed, which may be one of the instantiation; the variable MISDEED of the environment is that of
- * one of the loading. Its states follow one of several `system`s. */
+ * one of the loading, IN_STEP that of a step that asks for it. Its states follow one of several `system`s. */
 
 #define _GNU_SOURCE
+#include <dirent.h>
+#include <fcntl.h>
+#include <fenv.h>
 #include <math.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -27,13 +32,21 @@ enum misdeed {
     HUGE_DERIVATIVE, OPPOSITE_DERIVATIVE, NO_DERIVATIVE, NAN_DERIVATIVE,
     /* `y` is not a number from the time `from` on; half a step of FMI 3.0. */
     NAN_OUTPUT, HALF_STEP,
+    /* In a step. Another end of the process, or none. */
+    END, ABORT, DEREFERENCE_NULL, HANG,
+    /* What is left to others: the rounding mode, traps, a handler, the working folder, standard output. */
+    ROUND_UP, TRAP, HANDLE, LEAVE_FOLDER, PRINT, CLOSE_OUTPUT,
+    /* Waits for another process that does so, by files in the folder MEETING of the environment. */
+    MEET,
+    /* What the environment says. */
+    TOLD,
 };
 
 /* In the order of the enumeration `System` in mod.rs. */
 enum system { LAGS, STIFF, SCALED, ROBERTSON, VAN_DER_POL, KINK, ROUNDED, NOISY, DIODE };
 
 /* References: those of states are below those of derivatives. */
-enum { DERIVATIVES = 100, STATUS = 200, COLUMN, FROM, EVENT, MISDEED, SYSTEM, Y };
+enum { DERIVATIVES = 100, STATUS = 200, COLUMN, FROM, EVENT, MISDEED, SYSTEM, Y, THIRD, INSTANCES };
 enum { MOST_STATES = 50 };
 
 typedef void logger2(void *, const char *, int, const char *, const char *, ...);
@@ -74,8 +87,9 @@ static void *own_environment(const instance *self)
 }
 
 static instance late;
-/* The last instance made. */
+/* The last instance made, and how many there were. */
 static const instance *newest;
+static double instances;
 
 /* Once its instances are freed, when the library is unloaded. */
 __attribute__((destructor)) static void unload(void)
@@ -105,6 +119,7 @@ static void *instantiate(const char *guid, const callbacks *functions, logger3 *
 {
     instance *self = calloc(1, sizeof *self);
     newest = self;
+    instances++;
     self->misdeed = (enum misdeed)atoi(guid);
     self->functions = functions;
     self->log3 = log3;
@@ -118,8 +133,26 @@ static void *instantiate(const char *guid, const callbacks *functions, logger3 *
     return self;
 }
 
+static void meet(void)
+{
+    char file[4096];
+    snprintf(file, sizeof file, "%s/%ld", getenv("MEETING"), (long)getpid());
+    close(open(file, O_CREAT | O_WRONLY, 0600));
+    int here = 0;
+    while (here < 2) {
+        here = 0;
+        DIR *meeting = opendir(getenv("MEETING"));
+        for (struct dirent *entry = readdir(meeting); entry != NULL; entry = readdir(meeting))
+            here += entry->d_name[0] != '.';
+        closedir(meeting);
+        usleep(1000);
+    }
+}
+
 static int step(instance *self, double time, double size)
 {
+    if (self->misdeed == TOLD)
+        self->misdeed = (enum misdeed)atoi(getenv("IN_STEP"));
     void *own = own_environment(self);
     int here;
     switch (self->misdeed) {
@@ -160,6 +193,43 @@ static int step(instance *self, double time, double size)
     case LOG_UNKNOWN_STATUS:
         say(self, &here, 17, "step", "said with 17");
         return ERROR;
+    case END:
+        _exit((int)self->status);
+    case ABORT:
+        abort();
+    case DEREFERENCE_NULL:
+        *(volatile int *)NULL = 0;
+        break;
+    case HANG:
+        puts("it hangs");
+        fflush(stdout);
+        for (;;)
+            pause();
+    case ROUND_UP:
+        fesetround(FE_UPWARD);
+        break;
+    case TRAP:
+#ifdef __GLIBC__
+        feenableexcept(FE_DIVBYZERO | FE_INEXACT);
+#endif
+        break;
+    case HANDLE:
+        signal(SIGUSR1, SIG_IGN);
+        break;
+    case LEAVE_FOLDER:
+        if (chdir("/") != 0)
+            return ERROR;
+        break;
+    case PRINT:
+        puts("{\"Done\":{\"result\":{\"run\":0,\"error\":null,\"measures\":[7,7],\"warnings\":[]},\"is_clean\":true}}");
+        fflush(stdout);
+        break;
+    case CLOSE_OUTPUT:
+        fclose(stdout);
+        break;
+    case MEET:
+        meet();
+        break;
     }
     self->time = time + size;
     return OK;
@@ -290,7 +360,8 @@ static void direct(const instance *self, const double *seed, double *out)
 
 static double *real(instance *self, unsigned reference)
 {
-    static double derivatives[MOST_STATES];
+    static double derivatives[MOST_STATES], third;
+    volatile double one = 1;
     switch (reference) {
     case STATUS:
         return &self->status;
@@ -302,6 +373,11 @@ static double *real(instance *self, unsigned reference)
         return &self->event;
     case Y:
         return &self->time;
+    case THIRD:
+        third = one / 3;
+        return &third;
+    case INSTANCES:
+        return &instances;
     }
     if (reference < DERIVATIVES)
         return &self->states[reference];

@@ -1,17 +1,22 @@
 //! `sweep`: runs a parameter study, and writes report.html, results.csv and results.parquet.
 
-use std::path::PathBuf;
+use std::path::{self, PathBuf};
 
-use super::{JOURNAL, Study, report, results};
+use super::outcome::Outcome;
+use super::{JOURNAL, Opening, RECORDS, Study, report, results};
 use crate::run::journal::Journal;
-use crate::run::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, threads, write};
+use crate::run::workers::{Program, WorkerArguments, Workers, work};
+use crate::run::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, write};
 use anyhow::Result;
 use clap::Args;
+use fmu_io::temporary::remove_unfinished;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 use fmu_record::TableFormat;
 
 /// Run a scenario for many parameter values, on all cores; resumes if interrupted
+///
+/// Exits with 0 if all runs succeed, and 1 if not.
 #[derive(Args, Debug)]
 #[group(skip)]
 pub struct Sweep {
@@ -23,49 +28,86 @@ pub struct Sweep {
     /// The folder for report.html, results.csv, results.parquet, the journal and the records
     #[arg(long, value_name = "DIR", default_value = "target/sweep")]
     out: PathBuf,
-    /// Number of runs in parallel [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    workers: WorkerArguments,
 }
 
 impl Sweep {
-    /// Runs or resumes a parameter study.
+    /// Runs or resumes a parameter study, in processes of a program that calls [`Sweep::work`]. Returns whether all runs
+    /// succeeded; a failed one is a row of the results.
     ///
     /// # Errors
-    /// When it cannot be run, or a file cannot be read or written; a failed run is a row of the results.
-    pub fn run(&self) -> Result<()> {
-        let Self { study, fmus, out, threads: wanted } = self;
-        let mut study = Study::read(study, &fmus.folder)?;
-        fmus.give(&mut study.scenario)?;
+    /// When it cannot be run, or a file cannot be read or written.
+    pub fn run(&self, program: &Program) -> Result<bool> {
+        let out = &self.out;
+        let study = self.read()?;
         refuse_overlap(out, &study.outputs(out), &inputs(&study.scenario))?;
-        let study = study.load()?;
-        for note in &study.notes {
+        let (workers, opening) = Workers::open::<Opening>(program, &self.workers)?;
+        for note in &opening.notes {
             complain(&format!("note: {note}"));
         }
         make_folder(out)?;
-        let journal = Journal::open(&out.join(JOURNAL), &study.settings()?)?;
-        let taken_up = journal.finished().len();
-        if taken_up > 0 {
-            print(&format!("{taken_up} of {} runs are in the journal\n", study.runs()))?;
+        let journal = Journal::open(&out.join(JOURNAL), &opening.settings)?;
+        let records = out.join(RECORDS);
+        if study.keeps_records {
+            // The journal's lock keeps others from writing there.
+            make_folder(&records)?;
+            remove_unfinished(&records)?;
         }
-        let threads = threads(*wanted, study.fmus.iter())?;
-        let bar = progress_bar(study.runs() as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
-        let outcomes = study.run(out, &journal, &threads, |outcome| {
+        let taken_up = journal.finished().len();
+        let runs = study.points.len();
+        if taken_up > 0 {
+            print(&format!("{taken_up} of {runs} runs are in the journal\n"))?;
+        }
+        let bar = progress_bar(runs as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
+        let jobs: Vec<_> = (0..runs).map(|run| (run, run)).collect();
+        let failed = |run: &usize, reason| {
+            Ok(Outcome { error: Some(reason), ..Outcome::new(*run, study.measures.len()) })
+        };
+        let outcomes = workers.finish(&journal, &jobs, failed, |outcome| {
             if let Some(error) = &outcome.error {
                 bar.suspend(|| complain(&format!("run {}: {error}", outcome.run)));
             }
             bar.inc(1);
         })?;
         bar.finish_and_clear();
+        drop(workers);
+        if study.keeps_records {
+            remove_unfinished(&records)?;
+        }
 
-        let table = results::table(&study, &outcomes);
+        let table = results::table(&study, &opening, &outcomes);
         for (name, format) in [(results::CSV, TableFormat::Csv), (results::PARQUET, TableFormat::Parquet)] {
             let file = out.join(name);
             writing::write(&file, |writer| table.write(format, writer))?;
             print(&format!("{}\n", file.display()))?;
         }
-        write(out, [(report::HTML, report::html(&study, &outcomes))])?;
+        write(out, [(report::HTML, report::html((&study, &opening), &outcomes))])?;
         let failed = outcomes.iter().filter(|outcome| outcome.error.is_some()).count();
-        Ok(print(&format!("{} runs, {failed} failed\n", outcomes.len()))?)
+        print(&format!("{} runs, {failed} failed\n", outcomes.len()))?;
+        Ok(failed == 0)
+    }
+
+    /// Works for [`Sweep::run`] in another process.
+    ///
+    /// # Errors
+    /// When the other process cannot be answered.
+    pub fn work(&self) -> Result<()> {
+        work(
+            || {
+                // FMUs may change the working folder.
+                let records = path::absolute(self.out.join(RECORDS))?;
+                let study = self.read()?;
+                let (fmus, opening) = study.open()?;
+                Ok(((study, fmus, records), opening))
+            },
+            |(study, fmus, records), run| study.run_one(fmus, run, records),
+        )
+    }
+
+    fn read(&self) -> Result<Study> {
+        let mut study = Study::read(&self.study, &self.fmus.folder)?;
+        self.fmus.give(&mut study.scenario)?;
+        Ok(study)
     }
 }

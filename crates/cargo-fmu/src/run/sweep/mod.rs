@@ -1,8 +1,9 @@
 //! Parameter studies: a scenario, run for many values of its FMUs' parameters, on all cores.
 //!
-//! A study is a TOML file ([`Study::read`]; docs/simulate.md describes every key). Each run has its own instances, so
-//! runs are independent. Each finished run is written to the [journal](super::journal) at once; an interrupted study
-//! resumes from it. A failed run is a row of the results with the FMU's message.
+//! A study is a TOML file ([`Study::read`]; docs/simulate.md describes every key). [Workers](super::workers) load the
+//! FMUs and run it. Each run has its own instances, so runs are independent. Each finished run is written to the
+//! [journal](super::journal) at once; an interrupted study resumes from it. A failed run is a row of the results with the
+//! FMU's message, or with what ended its worker.
 
 mod command;
 pub mod design;
@@ -12,22 +13,18 @@ pub mod report;
 pub mod results;
 
 pub use self::command::Sweep;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use fmu_io::document::Document;
-use fmu_io::temporary::remove_unfinished;
 use fmu_io::{reading, writing};
-use fmu_package::{FmuVariable, Value, connection};
-use rayon::ThreadPool;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use fmu_package::{Value, ValueType, connection};
+use serde::{Deserialize, Serialize};
 
 use self::design::Design;
 use self::measures::Measure;
 use self::outcome::Outcome;
-use crate::run::journal::{Journal, digest};
-use crate::run::make_folder;
+use crate::run::journal::{Settings, digest};
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master, column_of};
 use fmu_record::{Column, TableFormat};
@@ -63,17 +60,17 @@ impl Parameter {
     }
 }
 
-/// A study with its FMUs loaded, after all checks that need no run.
-pub struct Loaded {
-    study: Study,
-    fmus: LoadedFmus,
-    /// The variable of each parameter.
-    variables: Vec<FmuVariable>,
-    /// The name and units of each parameter, and of each measure.
-    parameter_columns: Vec<Column>,
-    measure_columns: Vec<Column>,
+/// What a worker finds in a study's FMUs, before any run.
+#[derive(Deserialize, Serialize)]
+pub struct Opening {
+    /// Everything the results depend on, by name.
+    settings: Settings,
+    /// The name, units and type of each parameter.
+    parameters: Vec<(Column, ValueType)>,
+    /// The name and units of each measure.
+    measures: Vec<Column>,
     /// Notes on names in the scenario that the FMUs do not have.
-    pub notes: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl Study {
@@ -118,20 +115,20 @@ impl Study {
     }
 
     /// Loads the FMUs, and checks the study's names against them.
-    pub fn load(self) -> Result<Loaded> {
+    fn open(&self) -> Result<(LoadedFmus, Opening)> {
         let mut fmus = LoadedFmus::default();
         let master = Master::new(&self.scenario, &mut fmus)?;
-        let mut measure_columns = vec![];
+        let mut measures = vec![];
         for measure in &self.measures {
             let Some(column) = master.recorded().find(|column| column.name == measure.variable) else {
                 let message = format!("the scenario does not record {}", measure.variable);
                 return Err(measure.location.error(message));
             };
-            measure_columns.push(measure.column(column));
+            measures.push(measure.column(column));
         }
         let notes = master.notes().to_vec();
         drop(master);
-        let (mut variables, mut parameter_columns) = (vec![], vec![]);
+        let mut parameters = vec![];
         for (index, parameter) in self.parameters.iter().enumerate() {
             let (member, name) = parameter.parts()?;
             let Some(member) = self.scenario.fmus.iter().find(|known| known.name == member) else {
@@ -149,53 +146,17 @@ impl Study {
                 let fitted = value.fit(variable, &[], fmu.description());
                 parameter.location.locate(fitted.map_err(anyhow::Error::from))?;
             }
-            variables.push(variable.clone());
-            parameter_columns.push(column_of(&parameter.name, variable, fmu.description()));
+            let column = column_of(&parameter.name, variable, fmu.description());
+            parameters.push((column, variable.value_type()));
         }
-        Ok(Loaded { study: self, fmus, variables, parameter_columns, measure_columns, notes })
-    }
-}
-
-/// Limits a scenario's records to the measured variables, unless records are kept; nothing is drawn.
-fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
-    scenario.panels = None;
-    let mut record = match scenario.record.take() {
-        Some(record) if keeps_records => record,
-        // The default is all driven inputs and all outputs.
-        None if keeps_records => return,
-        _ => vec![],
-    };
-    for measure in measures {
-        if !record.iter().any(|recorded| recorded.name == measure.variable) {
-            record.push(Recorded { name: measure.variable.clone(), location: measure.location.clone() });
-        }
-    }
-    let is_recorded = |noise: &Noise| record.iter().any(|recorded| recorded.name == noise.name);
-    if !keeps_records {
-        scenario.measurement_noise.retain(is_recorded);
-    }
-    scenario.record = Some(record);
-}
-
-/// A value for results and messages; a number reads back as the same double.
-pub fn written(value: &Value) -> String {
-    match value {
-        Value::Real(value, _) => format!("{value:?}"),
-        Value::Integer(value) => value.to_string(),
-        Value::Boolean(value) => value.to_string(),
-        Value::String(text) | Value::Enumeration(text) => text.clone(),
-    }
-}
-
-impl Loaded {
-    pub fn runs(&self) -> usize {
-        self.study.points.len()
+        let settings = self.settings()?;
+        Ok((fmus, Opening { settings, parameters, measures, notes }))
     }
 
     /// Everything the results depend on, by name.
-    pub fn settings(&self) -> Result<BTreeMap<String, String>> {
-        let Study { title: _, scenario, parameters, points, measures, keeps_records } = &self.study;
-        let mut settings = BTreeMap::new();
+    fn settings(&self) -> Result<Settings> {
+        let Self { title: _, scenario, parameters, points, measures, keeps_records } = self;
+        let mut settings = Settings::new();
         let mut set = |name: String, value: String| settings.insert(name, value);
         set("records".into(), keeps_records.to_string());
         set("runs".into(), points.len().to_string());
@@ -256,34 +217,11 @@ impl Loaded {
         Ok(settings)
     }
 
-    /// Runs what is not in the journal of a folder; `progress` is called for each finished run.
-    pub fn run(
-        &self,
-        folder: &Path,
-        journal: &Journal<Outcome>,
-        threads: &ThreadPool,
-        progress: impl Fn(&Outcome) + Sync,
-    ) -> Result<Vec<Outcome>> {
-        let records = folder.join(RECORDS);
-        if self.study.keeps_records {
-            // The journal's lock keeps others from writing there.
-            make_folder(&records)?;
-            remove_unfinished(&records)?;
-        }
-        let run = |run| {
-            journal.part(&run, || {
-                let outcome = self.run_one(run, &records)?;
-                progress(&outcome);
-                Ok(outcome)
-            })
-        };
-        threads.install(|| (0..self.runs()).into_par_iter().map(run).collect())
-    }
-
-    fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {
-        let mut outcome = Outcome::new(run, self.study.measures.len());
+    /// Runs a point; its record, if it is kept, goes to a folder.
+    fn run_one(&self, fmus: &LoadedFmus, run: usize, records: &Path) -> Result<Outcome> {
+        let mut outcome = Outcome::new(run, self.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
-            let run = Master::new(&scenario, &mut self.fmus.clone())?.run(|_, _| ())?;
+            let run = Master::new(&scenario, &mut fmus.clone())?.run(|_, _| ())?;
             Ok((run, scenario))
         });
         let (finished, scenario) = match simulated {
@@ -295,14 +233,13 @@ impl Loaded {
         };
         outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
         outcome.measures = self
-            .study
             .measures
             .iter()
             .map(|measure| {
                 measure.of(&finished.record, &scenario).map(|value| value.is_finite().then_some(value))
             })
             .collect::<Result<_>>()?;
-        if self.study.keeps_records {
+        if self.keeps_records {
             let path = records.join(format!("{run}.csv"));
             writing::write(&path, |writer| finished.record.table().write(TableFormat::Csv, writer))?;
         }
@@ -310,8 +247,8 @@ impl Loaded {
     }
 
     fn point(&self, run: usize) -> Result<Scenario> {
-        let mut scenario = self.study.scenario.clone();
-        for (parameter, value) in self.study.parameters.iter().zip(&self.study.points[run]) {
+        let mut scenario = self.scenario.clone();
+        for (parameter, value) in self.parameters.iter().zip(&self.points[run]) {
             if let Some(value) = value {
                 let (member, name) = parameter.parts()?;
                 let member = scenario.fmus.iter_mut().find(|known| known.name == member);
@@ -322,5 +259,36 @@ impl Loaded {
             }
         }
         Ok(scenario)
+    }
+}
+
+/// Limits a scenario's records to the measured variables, unless records are kept; nothing is drawn.
+fn record_measured(scenario: &mut Scenario, measures: &[Measure], keeps_records: bool) {
+    scenario.panels = None;
+    let mut record = match scenario.record.take() {
+        Some(record) if keeps_records => record,
+        // The default is all driven inputs and all outputs.
+        None if keeps_records => return,
+        _ => vec![],
+    };
+    for measure in measures {
+        if !record.iter().any(|recorded| recorded.name == measure.variable) {
+            record.push(Recorded { name: measure.variable.clone(), location: measure.location.clone() });
+        }
+    }
+    let is_recorded = |noise: &Noise| record.iter().any(|recorded| recorded.name == noise.name);
+    if !keeps_records {
+        scenario.measurement_noise.retain(is_recorded);
+    }
+    scenario.record = Some(record);
+}
+
+/// A value for results and messages; a number reads back as the same double.
+pub fn written(value: &Value) -> String {
+    match value {
+        Value::Real(value, _) => format!("{value:?}"),
+        Value::Integer(value) => value.to_string(),
+        Value::Boolean(value) => value.to_string(),
+        Value::String(text) | Value::Enumeration(text) => text.clone(),
     }
 }

@@ -7,7 +7,7 @@ use crate::run::journal::Part;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     pub run: usize,
-    /// The FMU's message, if the run failed.
+    /// The FMU's message, if the run failed, or what ended the worker.
     pub error: Option<String>,
     /// The measures; none for an undefined one.
     pub measures: Vec<Option<f64>>,

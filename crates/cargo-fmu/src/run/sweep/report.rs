@@ -4,7 +4,7 @@
 use std::cmp::Ordering;
 
 use super::outcome::Outcome;
-use super::{Loaded, written};
+use super::{Opening, Study, written};
 use fmu_package::Value;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, labelled};
 use fmu_record::Column;
@@ -16,8 +16,7 @@ const MOST_IN_ROW: usize = 3;
 /// Failed runs listed at most; results.csv has all.
 const MOST_FAILURES: usize = 20;
 
-pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
-    let study = &loaded.study;
+pub fn html((study, opening): (&Study, &Opening), outcomes: &[Outcome]) -> String {
     let title = study.title.as_deref().unwrap_or("Parameter study");
     let failed: Vec<_> = outcomes.iter().filter(|outcome| outcome.error.is_some()).collect();
     let warned = outcomes.iter().filter(|outcome| !outcome.warnings.is_empty()).count();
@@ -30,7 +29,7 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
         scenario.map_or_else(String::new, |title| format!(" of the scenario “{title}”")),
         failed.len(),
     ));
-    let measures = || loaded.measure_columns.iter().enumerate();
+    let measures = || opening.measures.iter().enumerate();
     report.section("Measures");
     let mut table = Table::new(["Measure", "Minimum", "Median", "Maximum", "Undefined"]);
     for (index, measure) in measures() {
@@ -39,7 +38,7 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     report.table(&table);
     report.section("Parameters");
     let mut table = Table::new(["Parameter", "Values"]);
-    for (index, parameter) in loaded.parameter_columns.iter().enumerate() {
+    for (index, (parameter, _)) in opening.parameters.iter().enumerate() {
         let values: Vec<_> = study.points.iter().filter_map(|point| point[index].as_ref()).collect();
         table.row([parameter.name.as_str().into(), range(&values, parameter).into()]);
     }
@@ -47,7 +46,7 @@ pub fn html(loaded: &Loaded, outcomes: &[Outcome]) -> String {
     for (index, measure) in measures() {
         report.section(&measure.name);
         let caption = format!("{} over each parameter; one dot per run.", measure.name);
-        report.figure(&drawing(loaded, outcomes, index), &caption);
+        report.figure(&drawing((study, opening), outcomes, index), &caption);
     }
     if !failed.is_empty() {
         report.section("Failed runs");
@@ -83,15 +82,14 @@ fn summary(measure: &Column, index: usize, outcomes: &[Outcome]) -> [Cell; 5] {
 }
 
 /// A measure over each numeric parameter. If there are two parameters, colours show the values of the other one.
-fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize) -> Figure {
-    let study = &loaded.study;
+fn drawing((study, opening): (&Study, &Opening), outcomes: &[Outcome], measure: usize) -> Figure {
     let size =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most, value: f64| value.abs().max(most));
     let most = size(&mut outcomes.iter().filter_map(|outcome| outcome.measures[measure]));
-    let (unit, y) = loaded.measure_columns[measure].scale(most);
-    let y_label = labelled(&loaded.measure_columns[measure].name, &unit);
+    let (unit, y) = opening.measures[measure].scale(most);
+    let y_label = labelled(&opening.measures[measure].name, &unit);
     let mut panels = vec![];
-    for (index, parameter) in loaded.parameter_columns.iter().enumerate() {
+    for (index, (parameter, _)) in opening.parameters.iter().enumerate() {
         let value = |outcome: &Outcome| study.points[outcome.run][index].as_ref().and_then(Value::number);
         let drawn = outcomes.iter().filter(|outcome| outcome.measures[measure].is_some());
         let drawn: Vec<_> = drawn.filter(|outcome| value(outcome).is_some()).collect();
@@ -105,7 +103,7 @@ fn drawing(loaded: &Loaded, outcomes: &[Outcome], measure: usize) -> Figure {
             2 => {
                 let other = 1 - index;
                 let title = format!("by {}", study.parameters[other].name);
-                (panel.title(&title), groups(loaded, &drawn, other))
+                (panel.title(&title), groups((study, opening), &drawn, other))
             }
             _ => (panel, vec![(None, drawn)]),
         };
@@ -134,13 +132,12 @@ type GroupLabel = Option<(String, bool)>;
 
 /// The runs by a parameter's values, or in thirds if there are more than colours.
 fn groups<'a>(
-    loaded: &Loaded,
+    (study, opening): (&Study, &Opening),
     drawn: &[&'a Outcome],
     parameter: usize,
 ) -> Vec<(GroupLabel, Vec<&'a Outcome>)> {
-    let study = &loaded.study;
     let value = |outcome: &Outcome| study.points[outcome.run][parameter].as_ref();
-    let column = &loaded.parameter_columns[parameter];
+    let column = &opening.parameters[parameter].0;
     let name = |outcome: &Outcome| match value(outcome) {
         None => "default".to_owned(),
         Some(value) => value.number().map_or_else(|| written(value), |value| column.text(value)),

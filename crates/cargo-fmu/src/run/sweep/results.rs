@@ -5,7 +5,7 @@ use fmu_package::{Value, ValueType};
 
 use super::measures::Measure;
 use super::outcome::Outcome;
-use super::{Loaded, Parameter, written};
+use super::{Opening, Parameter, Study, written};
 use fmu_record::{Cells, Table, TableColumn};
 
 /// The table's files in the folder of the results.
@@ -32,15 +32,14 @@ pub(super) fn refuse_names(parameters: &[Parameter], measures: &[Measure]) -> Re
 }
 
 /// The results of a study; `outcomes` are those of all runs, in their order.
-pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
+pub fn table<'a>(study: &Study, opening: &Opening, outcomes: &[Outcome]) -> Table<'a> {
     let plain = |name, cells| TableColumn::new(&(name, "").into(), cells);
-    let study = &loaded.study;
     let whole = |value| i32::try_from(value).ok();
     let runs = outcomes.iter().map(|outcome| whole(outcome.run)).collect();
     let mut columns = vec![plain(RUN, Cells::Whole(runs))];
-    for (index, (heading, variable)) in loaded.parameter_columns.iter().zip(&loaded.variables).enumerate() {
+    for (index, (heading, value_type)) in opening.parameters.iter().enumerate() {
         let values = study.points.iter().map(|point| point[index].as_ref());
-        let cells = match variable.value_type() {
+        let cells = match value_type {
             ValueType::Real => Cells::Number(values.map(|value| value?.number()).collect()),
             ValueType::Integer => Cells::Whole(
                 values
@@ -56,7 +55,7 @@ pub fn table<'a>(loaded: &Loaded, outcomes: &[Outcome]) -> Table<'a> {
         };
         columns.push(TableColumn::new(heading, cells));
     }
-    for (index, heading) in loaded.measure_columns.iter().enumerate() {
+    for (index, heading) in opening.measures.iter().enumerate() {
         let values = outcomes.iter().map(|outcome| outcome.measures[index]).collect();
         columns.push(TableColumn::new(heading, Cells::Number(values)));
     }

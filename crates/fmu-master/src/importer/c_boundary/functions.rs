@@ -14,6 +14,7 @@ use super::super::messages::Function;
 use super::super::numbers::{Memory, NUMBERS_OF_FMI2, NUMBERS_OF_FMI3, Numbers};
 use super::live::{Call, Environment, Live};
 use super::logger::CallbackFunctions;
+use super::process::contained;
 
 /// Why a library was not loaded. One from `PythonFMU` expects Python in the process.
 fn not_loaded(error: libloading::Error) -> anyhow::Error {
@@ -248,7 +249,8 @@ impl Functions {
     ) -> Result<Self> {
         let live = Live::new(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
         // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
-        let library = live.call(Call::Load, || unsafe { Library::new(path) }).map_err(not_loaded)?;
+        let (library, _) = contained(|| live.call(Call::Load, || unsafe { Library::new(path) }));
+        let library = library.map_err(not_loaded)?;
         let symbols = Symbols { library, prefix: if is_fmi3 { "fmi3" } else { "fmi2" } };
         let it = &symbols;
         // SAFETY: the standard declares these types for these names.

@@ -8,12 +8,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ffi::c_int;
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fmu_export::display::Seconds;
 use fmu_io::{temporary, terminal};
 
 use super::super::messages::{Function, Message, Status};
+use super::process::with_own_modes;
 
 /// The number of messages kept for an instance; the last ones are kept.
 const KEPT_MESSAGES: usize = 1000;
@@ -28,8 +29,11 @@ static NEXT: AtomicUsize = AtomicUsize::new(1 << (usize::BITS - 1));
 /// The living FMUs, by their environments.
 static LIVE: Mutex<BTreeMap<Environment, Arc<Life>>> = Mutex::new(BTreeMap::new());
 
-/// The exit status of a process that an FMU ends, once exits are watched.
-static STATUS_OF_EXIT: OnceLock<c_int> = OnceLock::new();
+/// Reports an FMU that ends the process, and returns the exit status.
+type Report = Box<dyn FnMut(&str) -> c_int + Send>;
+
+/// What is done when an FMU ends the process, once exits are watched.
+static REPORT: Mutex<Option<Report>> = Mutex::new(None);
 
 thread_local! {
     /// The environment of the FMU that this thread is calling.
@@ -106,11 +110,11 @@ impl Live {
             .for_each(|message| print(&self.life.name, &message));
     }
 
-    /// Calls it.
+    /// Calls it; its changes of floating-point modes are undone.
     pub fn call<T>(&self, call: Call, function: impl FnOnce() -> T) -> T {
         *locked(&self.life.call) = call;
         CALLED.set(Some(self.environment));
-        let result = function();
+        let result = with_own_modes(function);
         CALLED.set(None);
         result
     }
@@ -155,19 +159,19 @@ fn print(name: &str, message: &Message) {
     terminal::complain(&format!("{kind}: {}", message.of(name)));
 }
 
-/// From now on, if an FMU ends the process by `exit` or `quick_exit`, the process ends with this status, prints which
-/// FMU did so, and removes its temporary files. Call this before FMUs are loaded.
+/// From now on, if an FMU ends the process by `exit` or `quick_exit`, `report` gets a text that says which FMU did so,
+/// and returns the process's exit status; temporary files are removed. A later call replaces it. Call this before FMUs
+/// are loaded.
 ///
-/// An FMU that ends the process by `_exit`, or by its own C library, is not noticed.
-pub fn fail_if_an_fmu_exits(status: i32) {
-    // A second call keeps the first one's status.
-    let _ = STATUS_OF_EXIT.set(status);
+/// An FMU that ends the process by `_exit`, or by its own C library, is noticed only by the parent of the process.
+pub fn when_an_fmu_exits(report: impl FnMut(&str) -> i32 + Send + 'static) {
+    *locked(&REPORT) = Some(Box::new(report));
 }
 
 /// Notices if this thread ends the process. The handler serves one thread: while it runs, a second that ends the
 /// process would find none and end it with its own status.
 fn watch() {
-    if STATUS_OF_EXIT.get().is_some() && !IS_WATCHED.replace(true) {
+    if locked(&REPORT).is_some() && !IS_WATCHED.replace(true) {
         // SAFETY: the handler is a function of this program, which does not unwind.
         unsafe {
             atexit(end);
@@ -180,13 +184,14 @@ fn watch() {
 /// Ends the process if an FMU is doing so.
 extern "C" fn end() {
     let culprit = if temporary::is_interrupted() { None } else { culprit() };
-    let (Some(culprit), Some(status)) = (culprit, STATUS_OF_EXIT.get()) else { return };
     // A second thread waits here.
+    let mut report = locked(&REPORT);
+    let (Some(culprit), Some(report)) = (culprit, report.as_mut()) else { return };
     temporary::remove_all();
-    terminal::complain(&format!("error: {culprit}"));
+    let status = report(&culprit);
     // SAFETY: it ends the process at once. To return would end it with the FMU's status, and `exit` must not be called
     // within itself.
-    unsafe { _exit(*status) }
+    unsafe { _exit(status) }
 }
 
 /// The FMU that ends the process; none if no FMU lives, as when the program ends normally.

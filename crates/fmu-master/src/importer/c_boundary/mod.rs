@@ -9,6 +9,7 @@
 mod functions;
 mod live;
 mod logger;
+pub mod process;
 
 use std::cell::Cell;
 use std::ffi::{CStr, CString, c_int};
@@ -23,7 +24,7 @@ use fmu_export::fmi3::c_types as fmi3;
 
 pub use self::functions::{Functions, NumberType};
 use self::functions::{Instantiate, OfVersion};
-pub use self::live::fail_if_an_fmu_exits;
+pub use self::live::when_an_fmu_exits;
 use self::live::{Call, Live};
 use self::logger::{CallbackFunctions, log_message};
 use super::messages::{Called, Function, Message, Status};

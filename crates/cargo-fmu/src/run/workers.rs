@@ -1,0 +1,477 @@
+//! Workers: other processes of this program that run FMUs, so that an FMU that crashes or hangs ends its own run only.
+//!
+//! A worker is started with this process's own arguments, after a hidden subcommand, and prepares the same task from them.
+//! It takes jobs, a JSON line each, from its standard input, and answers by its standard output; its FMUs get neither.
+//! A process that ends without its answer has failed, whatever its status. The parent alone writes the journal and
+//! shows the progress.
+
+use std::collections::VecDeque;
+use std::env;
+use std::ffi::OsString;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Error, Result, anyhow, bail};
+use clap::Args;
+use fmu_io::temporary::{self, Folder};
+use fmu_io::terminal::number;
+use fmu_master::process::{Group, contained, end_own_group, take_standard_streams};
+use fmu_master::when_an_fmu_exits;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::journal::{Journal, Part};
+use super::number_in;
+
+/// The hidden subcommand, which no help or completion shows.
+const WORKER: &str = "worker";
+/// The temporary folders of workers.
+const PREFIX: &str = ".worker-of-cargo-fmu-";
+/// The answer of a process that answers once, in its temporary folder.
+const ANSWER: &str = "answer";
+/// A worker without a job ends within this time; it only unloads its FMUs.
+const ENDS_WITHIN: Duration = Duration::from_secs(10);
+/// Between looks at a process that has closed its output and is about to end.
+const LOOKS: Duration = Duration::from_millis(1);
+
+/// The program that works: this one, or that of a library's caller.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The program.
+    pub path: PathBuf,
+    /// The arguments with which it works, instead of running the command.
+    pub arguments: Vec<OsString>,
+}
+
+impl Program {
+    /// This program, told to work by arguments that [`told_to_work`] recognizes; `arguments` begin with its name.
+    ///
+    /// # Errors
+    /// When the system does not tell which program this is.
+    pub fn this(arguments: &[OsString]) -> Result<Self> {
+        let path = env::current_exe().context("cannot find this program")?;
+        let arguments = [&[WORKER.into()], arguments.get(1..).unwrap_or_default()].concat();
+        Ok(Self { path, arguments })
+    }
+}
+
+/// Whether the arguments of a program, which begin with its name, tell it to work; and those that say what.
+#[must_use]
+pub fn told_to_work(mut arguments: Vec<OsString>) -> (bool, Vec<OsString>) {
+    let is_told = arguments.get(1).is_some_and(|word| word == WORKER);
+    if is_told {
+        arguments.remove(1);
+    }
+    (is_told, arguments)
+}
+
+/// How many workers there are, and how long they may take.
+#[derive(Args, Debug)]
+#[group(skip)]
+pub struct WorkerArguments {
+    /// Number of processes that run FMUs [default: one per core]
+    #[arg(long = "workers", value_name = "NUMBER", alias = "threads", value_parser = clap::value_parser!(u16).range(1..))]
+    pub number: Option<u16>,
+    /// Longest time of a run on the clock (s); one that takes longer has failed
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600.0, value_parser = number_in(1e-3..=1e9, "a time from 0.001 to 1e9 s"))]
+    pub time_limit: f64,
+}
+
+/// An answer. The last line of a process that is ending by an FMU's wish is an error.
+#[derive(Serialize, Deserialize)]
+enum Answer<T> {
+    Done {
+        result: T,
+        /// Whether the process is as it was before.
+        is_clean: bool,
+    },
+    Failed(String),
+    /// An FMU ends the process.
+    Ends(String),
+}
+
+/// Where a worker answers. FMUs that end the process answer there, too.
+#[derive(Clone)]
+struct Answers(Arc<Mutex<File>>);
+
+impl Answers {
+    fn new(file: File) -> Self {
+        let answers = Self(Arc::new(Mutex::new(file)));
+        let last = answers.clone();
+        when_an_fmu_exits(move |culprit| {
+            // The parent notices a missing answer.
+            let _ = last.send(&Answer::<()>::Ends(culprit.to_owned()));
+            crate::FAILED.into()
+        });
+        answers
+    }
+
+    fn send<T: Serialize>(&self, answer: &Answer<T>) -> Result<()> {
+        let text = serde_json::to_string(answer)? + "\n";
+        locked(&self.0).write_all(text.as_bytes()).context("cannot answer")
+    }
+
+    /// Does something with FMUs and answers with its result. Returns whether the process is as it was before.
+    fn answer<T: Serialize>(&self, act: impl FnOnce() -> Result<T>) -> Result<bool> {
+        let (result, is_changed) = contained(act);
+        self.send(&match result {
+            Ok(result) => Answer::Done { result, is_clean: !is_changed },
+            Err(error) => Answer::Failed(format!("{error:#}")),
+        })?;
+        Ok(!is_changed)
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Works: prepares a task, answers with what `prepare` returns beside it, and runs jobs. Ends when the parent ends.
+///
+/// # Errors
+/// When the parent cannot be answered.
+pub fn work<T, O: Serialize, J: DeserializeOwned, R: Serialize>(
+    prepare: impl FnOnce() -> Result<(T, O)>,
+    run: impl Fn(&T, J) -> Result<R>,
+) -> Result<()> {
+    let (input, output) = take_standard_streams()?;
+    let answers = Answers::new(output);
+    let (sender, jobs) = mpsc::channel();
+    thread::spawn(move || {
+        for job in BufReader::new(input).lines().map_while(Result::ok) {
+            // Sending fails once the worker is about to end.
+            let _ = sender.send(job);
+        }
+        end_own_group();
+    });
+    let mut task = None;
+    answers.answer(|| {
+        let (prepared, opening) = prepare()?;
+        task = Some(prepared);
+        Ok(opening)
+    })?;
+    let Some(task) = task else { return Ok(()) };
+    for job in jobs {
+        let Some(job) = serde_json::from_str(&job)? else { break };
+        answers.answer(|| run(&task, job))?;
+    }
+    Ok(())
+}
+
+/// Works for a parent that [waits for a single answer](supervised).
+///
+/// # Errors
+/// When the parent cannot be answered.
+pub fn work_once(run: impl FnOnce() -> Result<()>) -> Result<()> {
+    let folder = env::temp_dir();
+    if !folder.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)) {
+        bail!("only another process of this program starts a worker");
+    }
+    let answers = Answers::new(File::create(folder.join(ANSWER))?);
+    // On Windows the job ends with the parent, and a folder cannot be opened.
+    if let Ok(parents) = File::open(&folder) {
+        thread::spawn(move || {
+            // The parent holds the lock as long as it lives.
+            if parents.lock().is_ok() {
+                end_own_group();
+            }
+        });
+    }
+    answers.answer(run).map(|_| ())
+}
+
+/// Runs a program that [works once](work_once), with this one's standard streams.
+///
+/// # Errors
+/// Its own, or that it ended without an answer.
+pub fn supervised(program: &Program) -> Result<()> {
+    let processes = Processes::new();
+    let (group, folder) = processes.start(program, |_| ())?;
+    let status = group.wait()?;
+    temporary::leave_to_interruption();
+    let answer = fs::read_to_string(folder.path().join(ANSWER)).unwrap_or_default();
+    match answer.lines().last().map(serde_json::from_str) {
+        Some(Ok(Answer::Done { result: (), .. })) => Ok(()),
+        Some(Ok(Answer::Failed(error) | Answer::Ends(error))) => bail!(error),
+        _ => bail!(ended(status)),
+    }
+}
+
+/// What an FMU did to end its process. Whether a core was dumped is a setting of the machine.
+fn ended(status: ExitStatus) -> String {
+    format!("the FMU ended the process: {}", status.to_string().trim_end_matches(" (core dumped)"))
+}
+
+/// Why a job has no result.
+enum Lost {
+    /// Its worker ended.
+    WithWorker(String),
+    /// It took longer than the limit.
+    InTime(Duration),
+}
+
+impl fmt::Display for Lost {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WithWorker(reason) => formatter.write_str(reason),
+            Self::InTime(limit) => {
+                write!(formatter, "it took longer than the time limit, {} s", number(limit.as_secs_f64()))
+            }
+        }
+    }
+}
+
+/// The living processes, which an interruption ends before it removes their folders.
+struct Processes(Arc<Mutex<Vec<Weak<Group>>>>);
+
+impl Processes {
+    fn new() -> Self {
+        let processes = Self(Arc::default());
+        let living = Arc::downgrade(&processes.0);
+        temporary::when_interrupted(move || {
+            if let Some(living) = living.upgrade() {
+                locked(&living).iter().filter_map(Weak::upgrade).for_each(|group| group.end());
+            }
+        });
+        processes
+    }
+
+    /// Starts a program with a temporary folder of its own, which also remains this process's to remove.
+    fn start(&self, program: &Program, adapt: impl FnOnce(&mut Command)) -> Result<(Arc<Group>, Folder)> {
+        let folder = Folder::filled(PREFIX, |_| Ok::<_, io::Error>(())).context("no temporary folder")?;
+        let mut command = Command::new(&program.path);
+        command.args(&program.arguments);
+        for variable in ["TMPDIR", "TMP", "TEMP"] {
+            command.env(variable, folder.path());
+        }
+        adapt(&mut command);
+        let mut living = locked(&self.0);
+        if temporary::is_interrupted() {
+            drop(living);
+            temporary::leave_to_interruption();
+            bail!("interrupted");
+        }
+        let group = Group::spawn(command).with_context(|| format!("cannot start {}", program.path.display()));
+        let group = Arc::new(group?);
+        living.retain(|group| group.strong_count() > 0);
+        living.push(Arc::downgrade(&group));
+        Ok((group, folder))
+    }
+}
+
+/// The processes that work for this one.
+pub struct Workers<'a> {
+    program: &'a Program,
+    number: usize,
+    limit: Duration,
+    processes: Processes,
+    idle: Mutex<Vec<Worker>>,
+    /// How each worker must begin.
+    opening: String,
+}
+
+/// One of them.
+struct Worker {
+    group: Arc<Group>,
+    jobs: ChildStdin,
+    answers: Receiver<String>,
+    _folder: Folder,
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.group.end();
+    }
+}
+
+impl<'a> Workers<'a> {
+    /// Starts the first worker; returns also how it opened.
+    ///
+    /// # Errors
+    /// When the program cannot be started, or cannot prepare its task.
+    pub fn open<O: DeserializeOwned>(program: &'a Program, arguments: &WorkerArguments) -> Result<(Self, O)> {
+        let cores = || thread::available_parallelism().map_or(1, usize::from);
+        let number = arguments.number.map_or_else(cores, usize::from);
+        let limit = Duration::from_secs_f64(arguments.time_limit);
+        let mut workers = Self {
+            program,
+            number,
+            limit,
+            processes: Processes::new(),
+            idle: Mutex::default(),
+            opening: String::new(),
+        };
+        let (worker, opening) = workers.start()?.map_err(|lost| anyhow!("cannot load the FMUs: {lost}"))?;
+        let opened = match serde_json::from_str(&opening)? {
+            Answer::Done { result, .. } => result,
+            Answer::Failed(error) | Answer::Ends(error) => bail!(error),
+        };
+        workers.opening = opening;
+        locked(&workers.idle).push(worker);
+        Ok((workers, opened))
+    }
+
+    /// Starts a worker; returns also how it opened.
+    fn start(&self) -> Result<Result<(Worker, String), Lost>> {
+        let (group, folder) = self.processes.start(self.program, |command| {
+            command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        })?;
+        let (jobs, output) = group.child(|child| (child.stdin.take(), child.stdout.take()));
+        let (jobs, output) = jobs.zip(output).context("no pipes")?;
+        let (sender, answers) = mpsc::channel();
+        thread::spawn(move || {
+            for answer in BufReader::new(output).lines().map_while(Result::ok) {
+                if sender.send(answer).is_err() {
+                    break;
+                }
+            }
+        });
+        let mut worker = Worker { group, jobs, answers, _folder: folder };
+        Ok(self.await_answer(&mut worker).map(|opening| (worker, opening)))
+    }
+
+    /// The next answer; else why there is none.
+    fn await_answer(&self, worker: &mut Worker) -> Result<String, Lost> {
+        let begin = Instant::now();
+        let answer = worker.answers.recv_timeout(self.limit);
+        // Its output is closed just before it ends.
+        let status = || loop {
+            match worker.group.status() {
+                Ok(None) if begin.elapsed() < self.limit => thread::sleep(LOOKS),
+                status => break status.ok().flatten(),
+            }
+        };
+        let status = match answer {
+            Ok(answer) => return Ok(answer),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => status(),
+        };
+        worker.group.end();
+        // An interruption ends workers, too.
+        temporary::leave_to_interruption();
+        Err(status.map_or(Lost::InTime(self.limit), |status| Lost::WithWorker(ended(status))))
+    }
+
+    /// Has a job done.
+    fn run<J: Serialize, R: DeserializeOwned>(&self, job: &J) -> Result<Result<R, Lost>> {
+        let used = locked(&self.idle).pop();
+        if let Some(worker) = used {
+            let result = self.run_in(worker, job)?;
+            // Otherwise the cause may be what an earlier job left, such as a thread.
+            if !matches!(result, Err(Lost::WithWorker(_))) {
+                return Ok(result);
+            }
+        }
+        let (worker, opening) = match self.start()? {
+            Ok(started) => started,
+            Err(lost) => return Ok(Err(lost)),
+        };
+        if opening == self.opening {
+            return self.run_in(worker, job);
+        }
+        match serde_json::from_str::<Answer<serde_json::Value>>(&opening)? {
+            Answer::Done { .. } => bail!("the task's files have changed while it ran"),
+            Answer::Failed(error) | Answer::Ends(error) => Ok(Err(Lost::WithWorker(error))),
+        }
+    }
+
+    fn run_in<J: Serialize, R: DeserializeOwned>(
+        &self,
+        mut worker: Worker,
+        job: &J,
+    ) -> Result<Result<R, Lost>> {
+        let line = serde_json::to_string(job)? + "\n";
+        // A worker that is gone does not answer either.
+        let _ = worker.jobs.write_all(line.as_bytes());
+        let answer = match self.await_answer(&mut worker) {
+            Ok(answer) => answer,
+            Err(lost) => return Ok(Err(lost)),
+        };
+        match serde_json::from_str(&answer).context("a worker's answer")? {
+            Answer::Done { result, is_clean } => {
+                if is_clean {
+                    locked(&self.idle).push(worker);
+                } else {
+                    Self::dismiss(worker);
+                }
+                Ok(Ok(result))
+            }
+            Answer::Failed(error) => bail!(error),
+            Answer::Ends(reason) => Ok(Err(Lost::WithWorker(reason))),
+        }
+    }
+
+    /// Lets a worker unload its FMUs and end.
+    fn dismiss(mut worker: Worker) {
+        if worker.jobs.write_all(b"null\n").is_ok() {
+            let _ = worker.answers.recv_timeout(ENDS_WITHIN);
+        }
+    }
+
+    /// Runs the parts of a task that its journal lacks, and returns all in their order. `failed` makes a part of the
+    /// reason for which its worker ended; `progress` is called for each part that ends.
+    ///
+    /// A part that began before, but did not end as its process did, is tried once more, alone.
+    ///
+    /// # Errors
+    /// When a part cannot be run or written, or `failed` fails.
+    pub fn finish<P: Part, J: Serialize + Sync>(
+        &self,
+        journal: &Journal<P>,
+        jobs: &[(P::Key, J)],
+        failed: impl Fn(&P::Key, String) -> Result<P> + Sync,
+        progress: impl Fn(&P) + Sync,
+    ) -> Result<Vec<P>> {
+        let attempt = |(key, job): &(P::Key, J)| {
+            let result = if journal.times_begun(key) > 1 {
+                Err("it began twice, and both times the command ended before it did".to_owned())
+            } else {
+                journal.begin(key)?;
+                self.run(job)?.map_err(|lost| lost.to_string())
+            };
+            result.or_else(|reason| failed(key, reason))
+        };
+        let part = |job: &(P::Key, J)| {
+            let part = attempt(job).or_else(|error| journal.interrupt(&job.0).and(Err(error)))?;
+            journal.finish(part.clone())?;
+            progress(&part);
+            Ok::<_, Error>(())
+        };
+        let missing = jobs.iter().filter(|(key, _)| journal.part(key).is_none());
+        let (suspected, others): (VecDeque<_>, VecDeque<_>) =
+            missing.partition(|(key, _)| journal.times_begun(key) > 0);
+        suspected.into_iter().try_for_each(part)?;
+        let threads = self.number.min(others.len());
+        let others = Mutex::new(others);
+        let next = || locked(&others).pop_front();
+        let work = || {
+            while let Some(job) = next() {
+                if let Err(error) = part(job) {
+                    locked(&others).clear();
+                    return Err(error);
+                }
+            }
+            Ok(())
+        };
+        thread::scope(|scope| {
+            let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+            threads
+                .into_iter()
+                .try_for_each(|thread| thread.join().map_err(|_| anyhow!("a thread panicked"))?)
+        })?;
+        jobs.iter().map(|(key, _)| journal.part(key).context("a part is missing")).collect()
+    }
+}
+
+impl Drop for Workers<'_> {
+    fn drop(&mut self) {
+        locked(&self.idle).drain(..).for_each(Self::dismiss);
+    }
+}
