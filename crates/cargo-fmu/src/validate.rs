@@ -106,7 +106,7 @@ const MOST_SHOWN: usize = 3;
 
 fn text(file: &Path, report: &Report) -> String {
     let mut text = String::new();
-    for (rule, messages) in by_rule(report) {
+    for OfRule { rule, messages } in by_rule(report) {
         let others = messages.len().saturating_sub(MOST_SHOWN);
         for (position, (message, places)) in messages.iter().take(MOST_SHOWN).enumerate() {
             let (at, variables) = (lines(places), variables(places));
@@ -137,16 +137,22 @@ fn text(file: &Path, report: &Report) -> String {
     text + &format!("{}: {version}{errors}, {warnings}{notes}\n", file.display())
 }
 
+/// The findings of a rule, by their messages.
+struct OfRule<'a> {
+    rule: &'static Rule,
+    messages: Vec<(&'a str, Vec<&'a Place>)>,
+}
+
 /// The findings by their rules and messages, in the order in which each is found first.
-fn by_rule(report: &Report) -> Vec<(&'static Rule, Vec<(&str, Vec<&Place>)>)> {
-    let mut rules: Vec<(&Rule, Vec<(&str, Vec<&Place>)>)> = vec![];
+fn by_rule(report: &Report) -> Vec<OfRule<'_>> {
+    let mut rules: Vec<OfRule<'_>> = vec![];
     let mut known = BTreeMap::new();
     for Finding { rule, place, message } in &report.findings {
         let index = *known.entry((rule.id, None)).or_insert_with(|| {
-            rules.push((rule, vec![]));
+            rules.push(OfRule { rule, messages: vec![] });
             rules.len() - 1
         });
-        let messages = &mut rules[index].1;
+        let messages = &mut rules[index].messages;
         let index = *known.entry((rule.id, Some(message.as_str()))).or_insert_with(|| {
             messages.push((message, vec![]));
             messages.len() - 1

@@ -294,7 +294,9 @@ fn values_of_array(count: usize, text: &str) -> Result<Vec<String>> {
     let is_unit = |text: &String| text.parse::<f64>().is_err() && text.parse::<bool>().is_err();
     if values.len() > 1 && values.last().is_some_and(is_unit) && !values.iter().rev().skip(1).any(is_unit) {
         let unit = values.pop().unwrap_or_default();
-        values.iter_mut().for_each(|value| *value += &format!(" {unit}"));
+        for value in &mut values {
+            *value += &format!(" {unit}");
+        }
     }
     match &values[..] {
         [one] => Ok(vec![one.clone(); count]),
