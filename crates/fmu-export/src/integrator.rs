@@ -254,10 +254,17 @@ impl Integrator {
             let is_cut = is_accepted && length < steps.next;
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
-                if !last.took_explicit::<S>() && jacobian.is_fresh() && error.largest > SMALL_ERROR {
-                    let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
-                    let is_nonstiff = length * jacobian.radius(scale, &mut work.moved) < NONSTIFF;
-                    work.for_other = u32::from(is_nonstiff);
+                if last.took_explicit::<S>() {
+                    // Solving its equations may take longer than evaluations, even with factors that are kept.
+                    work.for_other = work.for_other.max(u32::from(work.would_keep && switch.price == 1));
+                } else {
+                    switch.price = work.price();
+                    if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
+                        let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
+                        let is_nonstiff = length * jacobian.radius(scale, &mut work.moved)
+                            < NONSTIFF + f64::from(switch.price - 1) * explicit::STABILITY;
+                        work.for_other = u32::from(is_nonstiff);
+                    }
                 }
                 switch.count(work.for_other)
             };

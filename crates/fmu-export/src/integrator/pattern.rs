@@ -13,9 +13,11 @@ pub struct Pattern {
     starts: Vec<u32>,
     /// The columns of the elements, ascending within each row.
     columns: Vec<u32>,
+    /// The operations by which the derivatives are evaluated, as far as known.
+    operations: u32,
 }
 
-crate::persistent!(<> Pattern { starts, columns });
+crate::persistent!(<> Pattern { starts, columns, operations });
 
 impl Pattern {
     /// That of a matrix without zeros.
@@ -27,7 +29,7 @@ impl Pattern {
     /// The pattern with these columns in each row, or the full one if there are too many for it to be of use.
     #[must_use]
     pub fn of_rows(size: usize, mut row: impl FnMut(usize, &mut Vec<usize>)) -> Self {
-        let (mut pattern, mut found) = (Self { starts: vec![0], columns: vec![] }, vec![]);
+        let (mut pattern, mut found) = (Self { starts: vec![0], ..Self::default() }, vec![]);
         for index in 0..size {
             found.clear();
             found.push(index);
@@ -43,6 +45,17 @@ impl Pattern {
         pattern
     }
 
+    /// The pattern of derivatives that take so many operations.
+    #[must_use]
+    pub fn with_operations(self, operations: usize) -> Self {
+        Self { operations: number(operations), ..self }
+    }
+
+    /// The operations by which the derivatives are evaluated: at least one for each element.
+    pub(super) fn operations(&self) -> usize {
+        self.columns.len().max(self.operations as usize)
+    }
+
     /// The pattern of a sum.
     pub(super) fn with(&self, other: &Self) -> Self {
         if self.is_full() || other.is_full() {
@@ -51,6 +64,7 @@ impl Pattern {
         Self::of_rows(self.size(), |row, columns| {
             columns.extend(self.row(row).iter().chain(other.row(row)).map(|&column| column as usize));
         })
+        .with_operations(self.operations.max(other.operations) as usize)
     }
 
     /// Whether every element may differ from zero.

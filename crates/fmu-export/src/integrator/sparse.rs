@@ -102,6 +102,13 @@ impl Factors {
             || self.eliminate(pattern, Some((diagonal, elements)))
     }
 
+    /// The multiplications of a factorization and of solutions with it, while all pivots are on the diagonal.
+    pub(super) fn multiplications(&self, solutions: usize) -> usize {
+        let above = |&step: &u32| self.upper.range(step as usize).len();
+        let factorization: usize = self.lower.columns.iter().map(above).sum();
+        factorization + solutions * (self.lower.columns.len() + self.upper.columns.len())
+    }
+
     fn find_elements(&mut self, pattern: &Pattern) {
         self.eliminate(pattern, None);
     }

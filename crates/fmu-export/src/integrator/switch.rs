@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs at first, and at most, …
+/// How many votes the linearly implicit method needs at first, and at most, times its price, …
 const PATIENCE: u32 = 4;
 const MOST_PATIENCE: u32 = 32;
 /// … and the explicit one. If it has them within this many trials, the change was in vain.
@@ -20,18 +20,21 @@ pub(super) struct Switch {
     patience: u32,
     /// The trials since the last change.
     trials: u32,
+    /// How many steps of the explicit method one of the linearly implicit one costs, as far as known.
+    pub(super) price: u32,
 }
 
 impl Switch {
     pub(super) const fn new() -> Self {
-        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0 }
+        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 1 }
     }
 
     /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
-        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.patience };
+        let needed = if self.is_implicit { TO_EXPLICIT } else { self.patience.saturating_mul(self.price) };
+        let takes_over = self.votes >= needed;
         if takes_over {
             self.take_over();
         }
@@ -51,12 +54,14 @@ impl Switch {
 
 impl Persistent for Switch {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { is_implicit, votes, patience, trials } = self;
+        let Self { is_implicit, votes, patience, trials, price } = self;
         is_implicit.persist(archive)?;
         votes.persist(archive)?;
         patience.persist(archive)?;
         trials.persist(archive)?;
-        if (PATIENCE..=MOST_PATIENCE).contains(patience) && *votes < *patience {
+        price.persist(archive)?;
+        let is_priced = *price >= 1 && *votes < patience.saturating_mul(*price);
+        if (PATIENCE..=MOST_PATIENCE).contains(patience) && is_priced {
             Ok(())
         } else {
             Err(Error::new("the choice of the integrator's method in the serialized state is not one"))

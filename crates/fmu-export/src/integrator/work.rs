@@ -36,6 +36,8 @@ pub(super) struct Work {
     pub(super) has_stages: bool,
     /// How much the last trial speaks for the other method.
     pub(super) for_other: u32,
+    /// Whether the error of the last trial was so small that the linearly implicit method would keep its Jacobian.
+    pub(super) would_keep: bool,
     /// The position of the state with the largest error in the last trial.
     pub(super) decisive: usize,
 }
@@ -51,6 +53,7 @@ impl Work {
             moved: vector(),
             has_stages: false,
             for_other: 0,
+            would_keep: false,
             decisive: 0,
         }
     }
@@ -59,6 +62,11 @@ impl Work {
     pub(super) fn forget(&mut self) {
         self.matrix.forget();
         self.has_stages = false;
+    }
+
+    /// How many steps of the explicit method one of the linearly implicit one costs.
+    pub(super) fn price(&self) -> u32 {
+        self.matrix.price
     }
 
     /// Prepares trials of a step. For the linearly implicit method: renews the Jacobian, unless it still serves, and the
@@ -168,7 +176,7 @@ impl Work {
         jacobian: &mut Jacobian,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        self.for_other = 0;
+        (self.for_other, self.would_keep) = (0, false);
         if last.took_explicit::<S>() {
             self.explicit_trial(last, system, tolerance)
         } else {
@@ -222,8 +230,7 @@ impl Work {
             }
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
             let too_long = (last.length * rates_differ / (STIFF * states_differ)) as u32;
-            // The linearly implicit method would keep its Jacobian.
-            self.for_other = too_long.max(u32::from(fifth.largest <= SMALL_ERROR));
+            (self.for_other, self.would_keep) = (too_long, fifth.largest <= SMALL_ERROR);
         }
         self.moved = before;
         LargestError { largest, state: fifth.state }
