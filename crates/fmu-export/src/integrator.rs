@@ -50,12 +50,13 @@ pub use method::{AUTOMATIC, DOP853, Method, RODAS5P, ROS34PW2};
 pub use multirate::TwoRates;
 pub use pattern::Pattern;
 use step_size::StepSize;
-use switch::Switch;
+use switch::{Switch, votes};
 pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, TwoParts};
 use work::Work;
 
 /// The explicit method is for steps of the linearly implicit one whose length times the bound of the magnitudes of the
-/// eigenvalues is less.
+/// eigenvalues is less, if both cost as much. For each step that one of the linearly implicit one costs more, this may be
+/// larger by the stability limit.
 const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
 
 /// The integrator with its last step.
@@ -261,9 +262,10 @@ impl Integrator {
                     switch.price = work.price();
                     if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
                         let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
-                        let is_nonstiff = length * jacobian.radius(scale, &mut work.moved)
-                            < NONSTIFF + f64::from(switch.price - 1) * explicit::STABILITY;
-                        work.for_other = u32::from(is_nonstiff);
+                        // How long it would be for its error, unless the limit cut it short.
+                        let length = if to < limit { length * factor.max(1.0) } else { length };
+                        let longest = NONSTIFF + f64::from(switch.price - 1) * explicit::STABILITY;
+                        work.for_other = votes(longest / (length * jacobian.radius(scale, &mut work.moved)));
                     }
                 }
                 switch.count(work.for_other)

@@ -347,7 +347,14 @@ impl Factors {
 
 impl Matrix {
     pub(super) fn new() -> Self {
-        Self { groups: None, products: vec![], factors: Factors::NONE, is_factored: false, scale: 1.0, price: 1 }
+        Self {
+            groups: None,
+            products: vec![],
+            factors: Factors::NONE,
+            is_factored: false,
+            scale: 1.0,
+            price: 1,
+        }
     }
 
     /// Forgets the factors, as those of another Jacobian.
@@ -369,7 +376,8 @@ impl Matrix {
             self.groups = Some(Groups::new(pattern));
             let factors = sparse::Factors::new(pattern);
             let multiplications = INDEXED * factors.multiplications(S::METHOD.stages.len());
-            self.price = 1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
+            self.price =
+                1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
             self.factors = Factors::Sparse(Box::new(factors));
         }
     }

@@ -24,6 +24,12 @@ pub(super) struct Switch {
     pub(super) price: u32,
 }
 
+/// The votes of a trial: one for each multiple of what would be enough.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+pub(super) fn votes(multiples: f64) -> u32 {
+    multiples as u32
+}
+
 impl Switch {
     pub(super) const fn new() -> Self {
         Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 1 }

@@ -7,6 +7,7 @@ use super::explicit;
 use super::jacobian::{Jacobian, Matrix, SMALL_ERROR};
 use super::last_step::LastStep;
 use super::method::Method;
+use super::switch::votes;
 use super::system::{System, Tolerance};
 
 /// The most stages of a method.
@@ -228,9 +229,8 @@ impl Work {
                 states_differ = states_differ.max(((to[i] - before[i]) / scale(i)).abs());
                 rates_differ = rates_differ.max(((rates[i] - rates_before[i]) / scale(i)).abs());
             }
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-            let too_long = (last.length * rates_differ / (STIFF * states_differ)) as u32;
-            (self.for_other, self.would_keep) = (too_long, fifth.largest <= SMALL_ERROR);
+            self.for_other = votes(last.length * rates_differ / (STIFF * states_differ));
+            self.would_keep = fifth.largest <= SMALL_ERROR;
         }
         self.moved = before;
         LargestError { largest, state: fifth.state }
