@@ -256,8 +256,9 @@ impl Integrator {
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
                 if last.took_explicit::<S>() {
-                    // Solving its equations may take longer than evaluations, even with factors that are kept.
-                    work.for_other = work.for_other.max(u32::from(work.would_keep && switch.price == 1));
+                    // For more states, solutions with kept factors take longer than the evaluations that they save.
+                    let saves = work.would_keep && *size <= MOST_DENSE;
+                    work.for_other = work.for_other.max(u32::from(saves));
                 } else {
                     switch.price = work.price();
                     if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
