@@ -42,8 +42,9 @@ def main(path):
         if solver not in [BUILT_IN, *solvers[problem]]:
             solvers[problem].append(solver)
     columns = [(steps, way) for steps in (10, 1000) for way in WAYS]
-    print("\n| | CVODE |", *(f"{way.lower()}, {steps:,} |" for steps, way in columns))
-    print("|---" * (2 + len(columns)) + "|")
+    heads = [f"{way.lower()}, {steps:,}" for steps, way in columns]
+    print("\n| |", " | ".join(["CVODE", *heads, "a hundredth"]), "|")
+    print("|---" * (3 + len(columns)) + "|")
     for problem, of_cvode in solvers.items():
         cells = []
         for steps, way in columns:
@@ -54,7 +55,10 @@ def main(path):
             ratios = own / np.fmin.reduce([seconds for seconds, _ in others])
             ratios = ratios[~np.isnan(ratios) & (ERRORS <= largest)]
             cells.append(f"{median(ratios):.2g} ({max(ratios):.2g})" if len(ratios) else "–")
-        print(f"| {problem} | {', '.join(of_cvode)} |", " | ".join(cells), "|")
+        # Tolerances are a tenth apart.
+        seconds = [seconds for _, seconds in curves[problem, 10, "Free", BUILT_IN]]
+        growth = max(later / earlier for earlier, later in zip(seconds, seconds[2:], strict=False))
+        print(f"| {problem} | {', '.join(of_cvode)} |", " | ".join([*cells, f"{growth:.2g}"]), "|")
 
 
 if __name__ == "__main__":

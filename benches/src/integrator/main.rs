@@ -133,7 +133,7 @@ impl Contender<'_> {
 
 /// The solvers of CVODE that suit a problem: the fastest of BDF, and Adams unless it is much slower.
 fn solvers<P: Problem>(sundials: &Sundials, elements: &Elements) -> Vec<Solver> {
-    let mut candidates = vec![Solver::Iteration];
+    let mut candidates = vec![Solver::Adams];
     let size = P::Variables::STATE_NOMINALS.len();
     if size < 1000 {
         candidates.extend([Solver::Dense, Solver::LapackDense]);

@@ -118,8 +118,8 @@ const ROUNDING: f64 = 1e-12;
 /// What solves the equations of an implicit step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solver {
-    /// None: the Adams methods, whose equations are solved by iteration. All others are of BDF.
-    Iteration,
+    /// Functional iteration, for the Adams methods; all others are for BDF.
+    Adams,
     Dense,
     LapackDense,
     Band,
@@ -192,7 +192,7 @@ unsafe extern "C" fn jacobian<P: Problem>(
                 fill((sundials.SUNSparseMatrix_IndexValues)(matrix), &elements.rows);
                 (sundials.SUNSparseMatrix_Data)(matrix)
             }
-            Solver::Iteration => unreachable!("it has no matrix"),
+            Solver::Adams => unreachable!("it has no matrix"),
         }
     };
     let (lower, stored) = (elements.lower, elements.stored_upper());
@@ -264,7 +264,7 @@ impl<'a, P: Problem> Cvode<'a, P> {
             states.fill(0.0);
             P::start(states);
             let mut memory =
-                (sundials.CVodeCreate)(if self.solver == Solver::Iteration { ADAMS } else { BDF }, context);
+                (sundials.CVodeCreate)(if self.solver == Solver::Adams { ADAMS } else { BDF }, context);
             check((sundials.CVodeInit)(memory, rates::<P>, 0.0, vector));
             let nominal = P::Variables::STATE_NOMINALS[0];
             check((sundials.CVodeSStolerances)(memory, tolerance, tolerance * nominal));
@@ -274,7 +274,7 @@ impl<'a, P: Problem> Cvode<'a, P> {
             check((sundials.CVodeSetUserData)(memory, ptr::from_mut(self).cast()));
             let elements = self.elements;
             let matrix = match self.solver {
-                Solver::Iteration => ptr::null_mut(),
+                Solver::Adams => ptr::null_mut(),
                 Solver::Dense | Solver::LapackDense => (sundials.SUNDenseMatrix)(size, size, context),
                 Solver::Band | Solver::LapackBand => {
                     let [upper, lower] = [elements.upper, elements.lower].map(count);
@@ -286,14 +286,14 @@ impl<'a, P: Problem> Cvode<'a, P> {
                 }
             };
             let solver = match self.solver {
-                Solver::Iteration => (sundials.SUNNonlinSol_FixedPoint)(vector, 0, context),
+                Solver::Adams => (sundials.SUNNonlinSol_FixedPoint)(vector, 0, context),
                 Solver::Dense => (sundials.SUNLinSol_Dense)(vector, matrix, context),
                 Solver::LapackDense => (sundials.SUNLinSol_LapackDense)(vector, matrix, context),
                 Solver::Band => (sundials.SUNLinSol_Band)(vector, matrix, context),
                 Solver::LapackBand => (sundials.SUNLinSol_LapackBand)(vector, matrix, context),
                 Solver::SuperLuMt => (sundials.SUNLinSol_SuperLUMT)(vector, matrix, 1, context),
             };
-            if self.solver == Solver::Iteration {
+            if self.solver == Solver::Adams {
                 check((sundials.CVodeSetNonlinearSolver)(memory, solver));
             } else {
                 check((sundials.CVodeSetLinearSolver)(memory, solver, matrix));
@@ -304,7 +304,7 @@ impl<'a, P: Problem> Cvode<'a, P> {
             let seconds = crate::processor_time() - begin;
             let states = sundials.array::<P>(vector).to_vec();
             (sundials.CVodeFree)(&raw mut memory);
-            if self.solver == Solver::Iteration {
+            if self.solver == Solver::Adams {
                 check((sundials.SUNNonlinSolFree)(solver));
             } else {
                 check((sundials.SUNLinSolFree)(solver));

@@ -194,8 +194,10 @@ impl Factors {
             for &earlier in &*eliminated {
                 let value = row[pivots[earlier as usize] as usize];
                 lower.push(earlier, value * reciprocals[earlier as usize]);
-                for (column, above) in upper.row(earlier as usize) {
-                    row[column] -= value * above;
+                if values.is_some() {
+                    for (column, above) in upper.row(earlier as usize) {
+                        row[column] -= value * above;
+                    }
                 }
             }
             lower.end_row();

@@ -206,10 +206,20 @@ impl Work {
         let before = mem::replace(&mut last.to, mem::take(moved));
         let to = &last.to;
         let scale = |i: usize| tolerance.scale::<S>(i, last.from[i].abs().max(to[i].abs()));
-        let relative = |weights: &[f64]| {
+        // Those of the dense output are not evaluated yet.
+        let (stages, [errors, ..]) = stages.split_at_mut(explicit::AT_END.end) else { unreachable!() };
+        let mut relative = |weights: &[f64]| {
+            // Stage by stage is fast for long vectors.
+            if S::MAY_BE_SPARSE {
+                errors.fill(-0.0);
+                add(errors, weights, stages);
+            }
             LargestError::of(to.iter().enumerate().map(|(i, to)| {
-                let error =
-                    weights.iter().zip(&*stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>();
+                let error = if S::MAY_BE_SPARSE {
+                    errors[i]
+                } else {
+                    weights.iter().zip(&*stages).map(|(weight, stage)| weight * stage[i]).sum()
+                };
                 if to.is_finite() { last.length * error / scale(i) } else { f64::NAN }
             }))
         };
