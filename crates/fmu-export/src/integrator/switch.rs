@@ -20,7 +20,7 @@ pub(super) struct Switch {
     patience: u32,
     /// The trials since the last change.
     trials: u32,
-    /// How many steps of the explicit method one of the linearly implicit one costs, as far as known.
+    /// How many steps of the explicit method one of the linearly implicit one costs; 0 until known.
     pub(super) price: u32,
 }
 
@@ -32,19 +32,35 @@ pub(super) fn votes(multiples: f64) -> u32 {
 
 impl Switch {
     pub(super) const fn new() -> Self {
-        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 1 }
+        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 0 }
     }
 
     /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
-        let needed = if self.is_implicit { TO_EXPLICIT } else { self.patience.saturating_mul(self.price) };
-        let takes_over = self.votes >= needed;
+        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.needed() };
         if takes_over {
             self.take_over();
         }
         takes_over
+    }
+
+    /// How many votes the linearly implicit method needs.
+    fn needed(&self) -> u32 {
+        self.patience.saturating_mul(self.price.max(1))
+    }
+
+    /// Learns the price from the first linear equations. Returns whether their method had too few votes for it, and the
+    /// explicit one goes on.
+    pub(super) fn learn(&mut self, price: u32) -> bool {
+        let was_known = self.price > 0;
+        self.price = price;
+        if was_known || price == 1 {
+            return false;
+        }
+        (self.is_implicit, self.votes) = (false, self.patience);
+        true
     }
 
     /// Has the other method take over.
@@ -66,8 +82,8 @@ impl Persistent for Switch {
         patience.persist(archive)?;
         trials.persist(archive)?;
         price.persist(archive)?;
-        let is_priced = *price >= 1 && *votes < patience.saturating_mul(*price);
-        if (PATIENCE..=MOST_PATIENCE).contains(patience) && is_priced {
+        let needed = self.needed();
+        if (PATIENCE..=MOST_PATIENCE).contains(&self.patience) && self.votes < needed {
             Ok(())
         } else {
             Err(Error::new("the choice of the integrator's method in the serialized state is not one"))

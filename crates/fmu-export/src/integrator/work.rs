@@ -7,7 +7,7 @@ use super::explicit;
 use super::jacobian::{Jacobian, Matrix, SMALL_ERROR};
 use super::last_step::LastStep;
 use super::method::Method;
-use super::switch::votes;
+use super::switch::{Switch, votes};
 use super::system::{System, Tolerance};
 
 /// The most stages of a method.
@@ -65,15 +65,17 @@ impl Work {
         self.has_stages = false;
     }
 
-    /// How many steps of the explicit method one of the linearly implicit one costs.
-    pub(super) fn price(&self) -> u32 {
-        self.matrix.price
-    }
-
     /// Prepares trials of a step. For the linearly implicit method: renews the Jacobian, unless it still serves, and the
     /// derivatives with respect to time.
-    pub(super) fn prepare<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
+    pub(super) fn prepare<S: System>(
+        &mut self,
+        last: &mut LastStep,
+        switch: &mut Switch,
+        system: &mut S,
+        jacobian: &mut Jacobian,
+    ) {
         let Self { by_time, matrix, .. } = self;
+        last.is_explicit = S::METHOD.is_explicit(switch.is_implicit);
         if last.took_explicit::<S>() {
             return self.stages[0].copy_from_slice(&self.slopes);
         }
@@ -83,6 +85,11 @@ impl Work {
         } else {
             matrix.forget();
             jacobian.renew(matrix, system, at, by_time);
+        }
+        if S::METHOD.switches() && switch.learn(matrix.price) {
+            jacobian.discard();
+            last.is_explicit = true;
+            self.stages[0].copy_from_slice(&self.slopes);
         }
     }
 
