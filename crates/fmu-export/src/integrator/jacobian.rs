@@ -374,11 +374,11 @@ impl Matrix {
         (self.groups, self.factors, self.price) = (None, Factors::NONE, 1);
         if !pattern.is_full() {
             self.groups = Some(Groups::new(pattern));
-            let factors = sparse::Factors::new(pattern);
-            let multiplications = INDEXED * factors.multiplications(S::METHOD.stages.len());
+            let elimination = pattern.elimination();
+            let multiplications = INDEXED * elimination.multiplications(S::METHOD.stages.len());
             self.price =
                 1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
-            self.factors = Factors::Sparse(Box::new(factors));
+            self.factors = Factors::Sparse(Box::new(sparse::Factors::new(elimination.order)));
         }
     }
 
