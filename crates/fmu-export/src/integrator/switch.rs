@@ -48,7 +48,8 @@ impl Switch {
 
     /// How many votes the linearly implicit method needs.
     fn needed(&self) -> u32 {
-        self.patience.saturating_mul(self.price.max(1))
+        // At first, as many as explicit steps that cost as much as a trial.
+        self.patience.max((self.patience / PATIENCE).saturating_mul(self.price))
     }
 
     /// Learns the price from the first linear equations. Returns whether their method had too few votes for it, and the
