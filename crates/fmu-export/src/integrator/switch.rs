@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs at first, and at most, times its price, …
+/// How many votes the linearly implicit method needs at first, and at most, while it costs little, …
 const PATIENCE: u32 = 4;
 const MOST_PATIENCE: u32 = 32;
 /// … and the explicit one. If it has them within this many trials, the change was in vain.
