@@ -35,7 +35,7 @@ impl Compatibility<'_> {
             |unit: &&Unit| units.iter().any(|known| known.name == unit.name && known.base != unit.base);
         let foreign: Vec<_> = self.fmu.units.iter().filter(foreign).map(|unit| &unit.name).collect();
 
-        description.variables.clear();
+        let mut variables = vec![];
         for variable in &self.fmu.variables {
             let connected = self.matches.iter().filter_map(|(port, found)| match found {
                 Match::Found { variable: own, to_interface, .. } if own.name == variable.name => {
@@ -43,12 +43,12 @@ impl Compatibility<'_> {
                 }
                 _ => None,
             });
-            let before = description.variables.len();
+            let before = variables.len();
             for (port, function) in connected {
-                description.variables.push(translated(variable, port, function));
+                variables.push(translated(variable, port, function));
                 to_interface.insert(port.name().to_owned(), function);
             }
-            if description.variables.len() > before {
+            if variables.len() > before {
                 continue;
             }
             let namesake = self.matches.iter().find(|(port, _)| port.name() == variable.name);
@@ -57,14 +57,15 @@ impl Compatibility<'_> {
                 variable.unit.clear();
             }
             match namesake {
-                None => description.variables.push(variable),
+                None => variables.push(variable),
                 Some((_, Match::Unconnected)) => {
                     variable.causality = Causality::Local.into();
-                    description.variables.push(variable);
+                    variables.push(variable);
                 }
                 Some(_) => {}
             }
         }
+        description.variables = variables.into();
         Translation { description, conversions: to_interface }
     }
 }

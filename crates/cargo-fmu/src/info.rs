@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use fmu_io::reading;
-use fmu_io::terminal::{in_line, print};
-use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive};
+use fmu_io::terminal::{complain, in_line, print};
+use fmu_package::{FmuDescription, FmuVariable, Library, Unit, archive, refuse_no_identifier};
 use fmu_terms::Word;
 use serde::Serialize;
 
@@ -40,6 +40,11 @@ impl Info {
     /// When the file cannot be read, or is not an FMU.
     pub fn run(&self) -> Result<()> {
         let description = FmuDescription::read(&self.file)?;
+        for identifier in description.interfaces.iter().filter_map(|(of, _)| description.identifier(*of)) {
+            if let Err(error) = refuse_no_identifier(identifier) {
+                complain(&format!("warning: {}: {error}", self.file.display()));
+            }
+        }
         Ok(print(&match self.format {
             Format::Text => table(&description),
             Format::Json => json(&self.file, &description)?,

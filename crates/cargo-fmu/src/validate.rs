@@ -1,6 +1,6 @@
 //! `validate`: violations of the published rules in FMUs from any tool.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
@@ -8,8 +8,8 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use fmu_io::terminal::{complain, in_line, print};
 use fmu_package::validation::importers::{self, Importer};
-use fmu_package::validation::rules::{self, Severity};
-use fmu_package::validation::{self, Report};
+use fmu_package::validation::rules::{self, Rule, Severity};
+use fmu_package::validation::{self, Finding, Place, Report};
 use serde::Serialize;
 
 use super::info::Format;
@@ -101,21 +101,23 @@ pub fn check(file: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The most messages of a rule, and the most places of a message.
+const MOST_SHOWN: usize = 3;
+
 fn text(file: &Path, report: &Report) -> String {
     let mut text = String::new();
-    let mut remedied = BTreeSet::new();
-    for finding in &report.findings {
-        let place = &finding.place;
-        if let Some(file) = &place.file {
-            text += &in_line(file);
-            text += &place.line.map_or(String::new(), |line| format!(":{line}"));
-            text += ": ";
+    for (rule, messages) in by_rule(report) {
+        let others = messages.len().saturating_sub(MOST_SHOWN);
+        for (position, (message, places)) in messages.iter().take(MOST_SHOWN).enumerate() {
+            let (at, variables) = (lines(places), variables(places));
+            text += &format!("{at}{}: {variables}{} [{}]\n", rule.severity.name(), in_line(message), rule.id);
+            if position == 0 {
+                text += &format!("    {}\n", rule.remedy);
+            }
         }
-        let variable = place.variable.as_ref().map_or(String::new(), |name| format!("{name}: "));
-        let message = in_line(&format!("{variable}{}", finding.message));
-        text += &format!("{}: {message} [{}]\n", finding.rule.severity.name(), finding.rule.id);
-        if remedied.insert(finding.rule.id) {
-            text += &format!("    {}\n", finding.rule.remedy);
+        if others > 0 {
+            let further: usize = messages[MOST_SHOWN..].iter().map(|(_, places)| places.len()).sum();
+            text += &format!("    and {further} more of this rule; --format json has all\n");
         }
     }
     if report.omitted > 0 {
@@ -133,6 +135,50 @@ fn text(file: &Path, report: &Report) -> String {
         _ => format!(", {}", count(Severity::Note)),
     };
     text + &format!("{}: {version}{errors}, {warnings}{notes}\n", file.display())
+}
+
+/// The findings by their rules and messages, in the order in which each is found first.
+fn by_rule(report: &Report) -> Vec<(&'static Rule, Vec<(&str, Vec<&Place>)>)> {
+    let mut rules: Vec<(&Rule, Vec<(&str, Vec<&Place>)>)> = vec![];
+    let mut known = BTreeMap::new();
+    for Finding { rule, place, message } in &report.findings {
+        let index = *known.entry((rule.id, None)).or_insert_with(|| {
+            rules.push((rule, vec![]));
+            rules.len() - 1
+        });
+        let messages = &mut rules[index].1;
+        let index = *known.entry((rule.id, Some(message.as_str()))).or_insert_with(|| {
+            messages.push((message, vec![]));
+            messages.len() - 1
+        });
+        messages[index].1.push(place);
+    }
+    rules
+}
+
+/// The file and the first lines of places, if they have any.
+fn lines(places: &[&Place]) -> String {
+    let Some(file) = &places[0].file else { return String::new() };
+    let lines = places.iter().filter(|place| place.file.as_ref() == Some(file));
+    let lines = first(lines.filter_map(|place| place.line).map(|line| line.to_string()));
+    let lines = if lines.is_empty() { lines } else { format!(":{lines}") };
+    format!("{}{lines}: ", in_line(file))
+}
+
+/// The first variables of places, if they have any.
+fn variables(places: &[&Place]) -> String {
+    let names = first(places.iter().filter_map(|place| place.variable.as_deref().map(in_line)));
+    if names.is_empty() { names } else { format!("{names}: ") }
+}
+
+/// The first of several texts, and how many follow.
+fn first(texts: impl Iterator<Item = String>) -> String {
+    let texts: Vec<_> = texts.collect();
+    let shown = texts.iter().take(MOST_SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match texts.len().saturating_sub(MOST_SHOWN) {
+        0 => shown,
+        others => format!("{shown} and {others} more"),
+    }
 }
 
 /// The report on one FMU, or a list of several.

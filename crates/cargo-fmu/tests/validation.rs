@@ -104,6 +104,57 @@ fn findings_are_told_with_place_rule_and_remedy() {
     assert_described(&report, &[], &page());
 }
 
+/// `info` says it and goes on, as what runs FMUs does.
+#[test]
+fn a_hyphen_in_the_model_identifier_is_told() {
+    let description = DESCRIPTION.replace("modelIdentifier=\"tank\"", "modelIdentifier=\"two-tanks\"");
+    assert!(description.contains("two-tanks"));
+    let path = fmu("hyphen.fmu", &description);
+    let sentence = "the modelIdentifier 'two-tanks' is not a C identifier";
+    let info = cargo_fmu(&["info", &path]);
+    assert_eq!(String::from_utf8(info.stderr).unwrap(), format!("warning: {path}: {sentence}\n"));
+    assert_eq!(info.status.code(), Some(0));
+    let validated = cargo_fmu(&["validate", &path]);
+    assert_eq!(validated.status.code(), Some(1));
+    let validated = String::from_utf8(validated.stdout).unwrap();
+    assert!(validated.contains(&format!("error: {sentence} [model-identifier]")), "{validated}");
+}
+
+/// Of each rule three messages, and of each message three places; as JSON all.
+#[test]
+fn findings_of_one_kind_are_one_line() {
+    let variable = |name: &str, initial: &str| {
+        format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"9\" initial=\"{initial}\"><Real/></ScalarVariable>\n"
+        )
+    };
+    let mut variables: String = (0..5).map(|number| variable(&format!("a{number}"), "never")).collect();
+    variables.extend(["once", "twice", "thrice"].map(|initial| variable(initial, initial)));
+    let description = DESCRIPTION.replace("</ModelVariables>", &format!("\n{variables}</ModelVariables>"));
+    let path = fmu("kinds.fmu", &description);
+    let output = String::from_utf8(cargo_fmu(&["validate", &path]).stdout).unwrap();
+    let of_schema: Vec<_> = output.lines().skip_while(|line| !line.contains("never")).take(5).collect();
+    let first = description.lines().position(|line| line.contains("a0")).unwrap() + 1;
+    let told = |at: String, initial: &str| {
+        let wanted = "one of exact, approx, calculated";
+        format!(
+            "modelDescription.xml:{at}: error: the attribute initial of ScalarVariable is '{initial}', not {wanted} \
+             [schema-value]"
+        )
+    };
+    let expected = [
+        told(format!("{first}, {}, {} and 2 more", first + 1, first + 2), "never"),
+        of_schema[1].to_owned(),
+        told((first + 5).to_string(), "once"),
+        told((first + 6).to_string(), "twice"),
+        "    and 1 more of this rule; --format json has all".to_owned(),
+    ];
+    assert_eq!(of_schema, expected);
+    let report = json(&["validate", &path, "--format", "json"]);
+    let findings = report["findings"].as_array().unwrap();
+    assert_eq!(findings.iter().filter(|finding| finding["rule"] == "schema-value").count(), 8);
+}
+
 #[test]
 fn an_fmu_of_fmi_1_is_refused_and_another_tool_named() {
     let path = fmu("one.fmu", &DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""));

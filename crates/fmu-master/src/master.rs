@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
+use fmu_io::terminal::number;
 use fmu_package::Linear;
 use fmu_terms::{Causality, like};
 
@@ -20,6 +21,9 @@ use fmu_record::{Column, Record};
 /// Exchanges of outputs and inputs during initialization: the outputs of one FMU, once it has its inputs, may change
 /// those of another, as a measured voltage changes a controller's duty.
 const INITIAL_EXCHANGES: usize = 2;
+
+/// The flag of FMUs for co-simulation whose steps may differ in size.
+const VARIABLE_STEP: &str = "canHandleVariableCommunicationStepSize";
 
 /// The FMUs of experiments, each loaded once, by their paths and interfaces. Clones share them.
 #[derive(Clone, Default)]
@@ -59,7 +63,11 @@ pub struct Master<'a> {
     noise: Vec<NoiseOn>,
     recorder: Recorder,
     notes: Vec<String>,
+    /// From where steps are counted (s), and those done since.
+    origin: f64,
     steps_done: u32,
+    /// The length of the last step, which is shorter than the others (s), if there is one.
+    rest: Option<f64>,
     /// The time whose values the signals keep (s).
     signals_held_at: Option<f64>,
     tap: Option<Tap>,
@@ -179,13 +187,16 @@ impl<'a> Master<'a> {
         }
         let noise = noise(scenario, &members)?;
         let recorder = Recorder::new(scenario, &loaded, &links, &mut notes)?;
+        let rest = rest(scenario, &loaded, &mut notes)?;
         Ok(Self {
             scenario,
             members,
             noise,
             recorder,
             notes,
+            origin: scenario.start_time,
             steps_done: 0,
+            rest,
             signals_held_at: None,
             tap: None,
         })
@@ -267,7 +278,7 @@ impl<'a> Master<'a> {
     /// The current communication point (s).
     #[must_use]
     pub fn time(&self) -> f64 {
-        self.scenario.start_time + f64::from(self.steps_done) * self.scenario.step
+        self.origin + f64::from(self.steps_done) * self.scenario.step
     }
 
     /// Initializes all instances at the scenario's start.
@@ -313,7 +324,13 @@ impl<'a> Master<'a> {
     /// # Errors
     /// When a call fails.
     pub fn step(&mut self) -> Result<()> {
-        let (time, size) = (self.time(), self.scenario.step);
+        self.step_by(self.scenario.step)?;
+        self.steps_done += 1;
+        self.record_at(self.time())
+    }
+
+    fn step_by(&mut self, size: f64) -> Result<()> {
+        let time = self.time();
         for coupled in &mut self.members {
             coupled.drive(self.signals_held_at.unwrap_or(time))?;
         }
@@ -333,27 +350,39 @@ impl<'a> Master<'a> {
                 }
             }
         }
-        self.steps_done += 1;
-        let time = self.time();
-        self.record_at(time)
+        Ok(())
     }
 
-    /// Runs a scenario from its start to its end, or until an FMU requests the end. Before each step, `progress` gets
-    /// the number of steps done.
+    /// Makes all steps from the start to the scenario's end, the last of which may be shorter. Before each, `progress`
+    /// gets the number of steps done, and what is recorded, which it may take.
+    ///
+    /// # Errors
+    /// When a call fails, or an FMU requests the end of the simulation ([`Ended`]).
+    pub fn step_to_end(&mut self, mut progress: impl FnMut(u32, &mut Record)) -> Result<()> {
+        for index in 0..self.scenario.steps {
+            progress(index, &mut self.recorder.record);
+            self.step()?;
+        }
+        if let Some(rest) = self.rest {
+            self.step_by(rest)?;
+            (self.origin, self.steps_done) = (self.scenario.stop_time, 0);
+            self.record_at(self.origin)?;
+        }
+        Ok(())
+    }
+
+    /// Runs a scenario from its start to its end, or until an FMU requests the end. Calls `progress` as
+    /// [`Master::step_to_end`] does.
     ///
     /// # Errors
     /// Those of [`Master::initialize`] and [`Master::step`].
-    pub fn run(mut self, mut progress: impl FnMut(u32)) -> Result<Run> {
+    pub fn run(mut self, progress: impl FnMut(u32, &mut Record)) -> Result<Run> {
         self.initialize()?;
         let mut ended = None;
-        for index in 0..self.scenario.steps {
-            progress(index);
-            if let Err(error) = self.step() {
-                let end: Ended = error.downcast()?;
-                self.record_at(end.time)?;
-                ended = Some(end);
-                break;
-            }
+        if let Err(error) = self.step_to_end(progress) {
+            let end: Ended = error.downcast()?;
+            self.record_at(end.time)?;
+            ended = Some(end);
         }
         let warnings = self.members.iter_mut().flat_map(|coupled| {
             let name = coupled.instance.name().to_owned();
@@ -492,6 +521,28 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
         }
     }
     Ok(all)
+}
+
+/// The last, shorter step of a scenario (s), if it has one and its FMUs can make it.
+fn rest(scenario: &Scenario, fmus: &[Arc<Fmu>], notes: &mut Vec<String>) -> Result<Option<f64>> {
+    if scenario.rest == 0.0 {
+        return Ok(None);
+    }
+    let can = |fmu: &Fmu| fmu.interface() == Interface::ModelExchange || fmu.has_capability(VARIABLE_STEP);
+    let Some(rigid) = fmus.iter().position(|fmu| !can(fmu)) else { return Ok(Some(scenario.rest)) };
+    let Scenario { start_time, stop_time, step, steps, .. } = scenario;
+    let name = &scenario.fmus[rigid].name;
+    let reason = format!(
+        "{} s after the start is not a multiple of the communication step, {} s, and {name} makes only steps of one size \
+         ({VARIABLE_STEP} is false)",
+        number(stop_time - start_time),
+        number(*step)
+    );
+    if *steps == 0 {
+        bail!("{reason}");
+    }
+    notes.push(format!("{reason}: the run ends at {} s", number(start_time + f64::from(*steps) * step)));
+    Ok(None)
 }
 
 /// The noise of a scenario, on every connection of the name.

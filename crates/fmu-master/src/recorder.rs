@@ -55,16 +55,28 @@ impl Recorder {
         };
         let mut missing = vec![];
         if let Some(record) = &scenario.record {
-            let mut seen = BTreeSet::new();
+            let (mut seen, mut columns) = (BTreeSet::new(), BTreeSet::new());
             for recorded in record {
-                if !seen.insert(&recorded.name) {
-                    return Err(recorded.location.error(format!("{} is already recorded", recorded.name)));
+                let name = &recorded.name;
+                if !seen.insert(name) {
+                    return Err(recorded.location.error(format!("{name} is already recorded")));
                 }
-                match recorded.location.locate(find(&recorded.name, scenario, fmus, links)) {
-                    Ok(found) => add(&recorded.name, found),
+                let one = recorded.location.locate(find(name, scenario, fmus, links));
+                let found = one.map(|found| vec![(name.clone(), found)]).or_else(|error| {
+                    let several = several(name, scenario, fmus);
+                    if several.is_empty() { Err(error) } else { Ok(several) }
+                });
+                match found {
+                    Ok(found) => {
+                        for (name, found) in found {
+                            if columns.insert(name.clone()) {
+                                add(&name, found);
+                            }
+                        }
+                    }
                     Err(error) if scenario.has_replaced_fmus => {
                         notes.push(format!("{error:#}"));
-                        missing.push(&recorded.name);
+                        missing.push(name);
                     }
                     Err(error) => return Err(error),
                 }
@@ -75,11 +87,18 @@ impl Recorder {
             }
             let signals = scenario.inputs.iter().map(|input| input.name.as_str());
             let mut counts: BTreeMap<&str, usize> = signals.map(|name| (name, 1)).collect();
-            for variable in fmus.iter().flat_map(|fmu| number_outputs(fmu)) {
+            let mut recorded = Causality::Output;
+            if fmus.iter().all(|fmu| numbers(fmu, recorded).next().is_none()) {
+                recorded = Causality::Local;
+                if fmus.iter().any(|fmu| numbers(fmu, recorded).next().is_some()) {
+                    notes.push("there are no outputs: local variables are recorded instead".to_owned());
+                }
+            }
+            for variable in fmus.iter().flat_map(|fmu| numbers(fmu, recorded)) {
                 *counts.entry(&variable.name).or_default() += 1;
             }
             for (member, fmu) in fmus.iter().enumerate() {
-                for FmuVariable { name, .. } in number_outputs(fmu) {
+                for FmuVariable { name, .. } in numbers(fmu, recorded) {
                     let column = match counts.get(name.as_str()) {
                         Some(2..) => format!("{}:{name}", scenario.fmus[member].name),
                         _ => name.clone(),
@@ -132,11 +151,54 @@ impl Recorder {
     }
 }
 
-/// An FMU's recordable outputs: the numeric ones.
-fn number_outputs(fmu: &Fmu) -> impl Iterator<Item = &FmuVariable> {
-    let is_number =
-        |variable: &&FmuVariable| !matches!(variable.value_type(), ValueType::String | ValueType::Other);
-    fmu.description().of_causality(Causality::Output).filter(is_number)
+/// An FMU's recordable variables of a causality: the numeric ones.
+fn numbers(fmu: &Fmu, causality: Causality) -> impl Iterator<Item = &FmuVariable> {
+    fmu.description().of_causality(causality).filter(|variable| is_number(variable))
+}
+
+fn is_number(variable: &FmuVariable) -> bool {
+    !matches!(variable.value_type(), ValueType::String | ValueType::Other)
+}
+
+/// Resolves what `record` names if it is no variable: the elements of an array, or the numeric variables whose names fit a
+/// pattern, in which `*` stands for any text. Each is of the first FMU that has it.
+fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, Found)> {
+    let (only, wanted) = match name.split_once(':') {
+        Some((member, name)) if scenario.fmus.iter().any(|known| known.name == member) => {
+            (Some(member), name)
+        }
+        _ => (None, name),
+    };
+    let is_wanted = |variable: &&FmuVariable| {
+        is_number(variable)
+            && (variable.array() == Some(wanted) || wanted.contains('*') && fits(&variable.name, wanted))
+    };
+    let mut found = vec![];
+    for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {
+        if only.is_none_or(|only| only == member.name) {
+            found.extend(fmu.description().variables.iter().filter(is_wanted).map(|variable| {
+                let column =
+                    only.map_or_else(|| variable.name.clone(), |only| format!("{only}:{}", variable.name));
+                (column, Found::Variable { member: index, name: variable.name.clone() })
+            }));
+        }
+    }
+    found
+}
+
+/// Whether a name fits a pattern, in which `*` stands for any text.
+fn fits(name: &str, pattern: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let Some(mut rest) = parts.next().and_then(|begin| name.strip_prefix(begin)) else { return false };
+    let mut parts = parts.peekable();
+    while let Some(part) = parts.next() {
+        if parts.peek().is_none() {
+            return rest.ends_with(part);
+        }
+        let Some(place) = rest.find(part) else { return false };
+        rest = &rest[place + part.len()..];
+    }
+    rest.is_empty()
 }
 
 enum Found {

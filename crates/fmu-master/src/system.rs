@@ -51,7 +51,9 @@ impl Times {
             complain(&format!("note: {title} defines no stop time: it runs to {} s", number(stop)));
             stop
         });
-        // A whole number of steps.
+        if stop <= start {
+            bail!("the stop time, {} s, is not after the start time, {} s", number(stop), number(start));
+        }
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {
             bail!("the communication step is {} s", number(step));
@@ -71,7 +73,7 @@ impl Times {
 /// One FMU on its own. Times that are not given are those of its default experiment. Its outputs are recorded.
 ///
 /// # Errors
-/// When its modelDescription.xml cannot be read, or the run is not a whole number of steps.
+/// When its modelDescription.xml cannot be read, or the run does not end after it starts.
 pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     let description = FmuDescription::read(path)?;
     let time = |name: &str| {
@@ -90,7 +92,7 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
 ///
 /// # Errors
 /// When the package or an FMU in it cannot be read, connected units do not convert, a parameter set of
-/// the system sets something other than its inputs, or the run is not a whole number of steps.
+/// the system sets something other than its inputs, or the run does not end after it starts.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
     let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
     let scenario =

@@ -21,12 +21,13 @@ mod system_structure;
 mod units;
 pub mod validation;
 mod variable;
+mod variables;
 mod xml;
 
 pub use declared::Declared;
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
-pub use identifier::is_identifier;
+pub use identifier::{is_identifier, refuse_no_identifier};
 pub use library::Library;
 pub use merge::{Merged, Part};
 pub use model_description::{Enumeration, FmuDescription};
@@ -41,3 +42,4 @@ pub use system_structure::{
 };
 pub use units::unit_conversion;
 pub use variable::{Dimension, Element, FmuVariable, ValueType};
+pub use variables::Variables;

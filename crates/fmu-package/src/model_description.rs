@@ -14,15 +14,16 @@ use roxmltree::Node;
 
 use crate::archive;
 use crate::declared::Declared;
-use crate::identifier::{IDENTIFIER, refuse_no_identifier};
+use crate::identifier::{IDENTIFIER, refuse_no_file_name};
 use crate::units;
-use crate::variable::{Dimension, Element, FmuVariable, Types};
+use crate::variable::{Dimension, FmuVariable, Types};
+use crate::variables::Variables;
 use crate::xml::{self, attributes, children, listed, named, text};
 
 /// The path in the archive.
 pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
-/// The most array elements as variables.
+/// The most array elements as variables, and the most event indicators.
 const MOST_SCALARS: usize = 2_000_000;
 
 /// An FMU's modelDescription.xml.
@@ -39,7 +40,7 @@ pub struct FmuDescription {
     /// The declared enumerations.
     pub enumerations: Vec<Enumeration>,
     /// The variables, in file order.
-    pub variables: Vec<FmuVariable>,
+    pub variables: Variables,
     /// The derivatives of the continuous states.
     pub derivatives: Vec<Derivative>,
     /// The value references of the event indicators (FMI 3.0).
@@ -121,14 +122,14 @@ impl FmuDescription {
             default_experiment: named(root, "DefaultExperiment").next().map(attributes).unwrap_or_default(),
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
-            variables: variables.collect::<io::Result<_>>()?,
+            variables: variables.collect::<io::Result<Vec<_>>>()?.into(),
             derivatives: of_fmi2.chain(of_fmi3).collect(),
             event_indicators: indicators.collect(),
         };
         description
             .interfaces
             .iter()
-            .try_for_each(|(_, attributes)| refuse_no_identifier(text_of(attributes, IDENTIFIER)))?;
+            .try_for_each(|(_, attributes)| refuse_no_file_name(text_of(attributes, IDENTIFIER)))?;
         Ok(description)
     }
 
@@ -152,12 +153,11 @@ impl FmuDescription {
                 if sizes.is_empty() {
                     scalars.push(named);
                 } else {
-                    scalars
-                        .extend((0..size).map(|position| named.element(&sizes, Element { position, size })));
+                    scalars.extend(named.elements(&sizes, size));
                 }
             }
         }
-        self.variables = scalars;
+        self.variables = scalars.into();
         Ok(self)
     }
 
@@ -271,17 +271,24 @@ impl FmuDescription {
     /// The number of event indicators.
     ///
     /// # Errors
-    /// When it is not a number.
+    /// When it is not a number, or above two million.
     pub fn number_of_event_indicators(&self) -> io::Result<usize> {
         if self.is_fmi3() {
             return Ok(self.event_indicators.iter().map(|reference| self.referred(reference).len()).sum());
         }
         match self.attribute("numberOfEventIndicators") {
             "" => Ok(0),
-            number => number
-                .trim()
-                .parse()
-                .map_err(|_| broken(format!("its numberOfEventIndicators is '{number}', not a number"))),
+            text => {
+                let number = text.trim().parse();
+                let number = number
+                    .map_err(|_| broken(format!("its numberOfEventIndicators is '{text}', not a number")))?;
+                if number > MOST_SCALARS {
+                    return Err(broken(format!(
+                        "its numberOfEventIndicators is {number}; at most {MOST_SCALARS} are supported"
+                    )));
+                }
+                Ok(number)
+            }
         }
     }
 
@@ -299,16 +306,13 @@ impl FmuDescription {
 
     /// The variables with a value reference.
     fn with_reference(&self, reference: &Declared<u32>) -> impl Iterator<Item = &FmuVariable> {
-        let reference = reference.meaning();
-        self.variables
-            .iter()
-            .filter(move |variable| reference.is_some_and(|reference| variable.value_reference == reference))
+        reference.meaning().into_iter().flat_map(|reference| self.variables.with_reference(reference))
     }
 
     /// A variable by name.
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<&FmuVariable> {
-        self.variables.iter().find(|variable| variable.name == name)
+        self.variables.named(name)
     }
 
     /// The variables of a causality.

@@ -182,32 +182,32 @@ impl FmuVariable {
         }
     }
 
-    /// An element of this array with the given sizes.
-    pub(crate) fn element(&self, sizes: &[usize], element: Element) -> Self {
-        let mut rest = element.position;
-        let mut indices: Vec<_> = sizes
-            .iter()
-            .rev()
-            .map(|size| {
-                let index = rest % size + 1;
-                rest /= size;
-                index.to_string()
-            })
-            .collect();
-        indices.reverse();
+    /// The name of the array of which it is an element.
+    #[must_use]
+    pub fn array(&self) -> Option<&str> {
+        let (array, _) = self.name.rsplit_once('[')?;
+        self.element.map(|_| array)
+    }
+
+    /// The elements of this array with the given sizes, whose product is `size`.
+    pub(crate) fn elements(self, sizes: &[usize], size: usize) -> Vec<Self> {
         // One start value for all, or one each.
         let starts: Vec<_> = match self.value_type() {
             ValueType::String => self.start.split('\n').collect(),
             _ => self.start.split_whitespace().collect(),
         };
-        let start = if starts.len() == 1 { starts.first() } else { starts.get(element.position) };
-        Self {
-            name: format!("{}[{}]", self.name, indices.join(",")),
-            start: start.copied().unwrap_or_default().to_owned(),
-            dimensions: vec![],
-            element: Some(element),
-            ..self.clone()
-        }
+        let start = |position: usize| {
+            let start = if starts.len() == 1 { starts.first() } else { starts.get(position) };
+            start.copied().unwrap_or_default().to_owned()
+        };
+        let array = Self { start: String::new(), dimensions: vec![], ..self.clone() };
+        let element = |position: usize| Self {
+            name: format!("{}[{}]", self.name, indices(position, sizes)),
+            start: start(position),
+            element: Some(Element { position, size }),
+            ..array.clone()
+        };
+        (0..size).map(element).collect()
     }
 
     /// Smallest and largest value as numbers; infinite if undeclared.
@@ -234,4 +234,17 @@ impl FmuVariable {
             && self.causality != Causality::Independent
             && (is_set_by_default || matches!(self.initial.meaning(), Some(Initial::Exact | Initial::Approx)))
     }
+}
+
+/// The indices of an element of an array with these sizes, by its position in row-major order.
+fn indices(position: usize, sizes: &[usize]) -> String {
+    let mut rest = position;
+    let index = |size: &usize| {
+        let index = rest % size + 1;
+        rest /= size;
+        index.to_string()
+    };
+    let mut indices: Vec<_> = sizes.iter().rev().map(index).collect();
+    indices.reverse();
+    indices.join(",")
 }

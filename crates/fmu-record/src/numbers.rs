@@ -15,8 +15,8 @@ const MOST_DIGITS: i32 = 7;
 /// The units with SI prefixes, and the largest usual exponent.
 const PREFIXED: [(&str, i32); 9] =
     [("Pa", 9), ("V", 3), ("A", 3), ("N", 6), ("W", 9), ("J", 9), ("Hz", 9), ("m", 0), ("s", 0)];
-const PREFIXES: [(&str, i32); 7] =
-    [("n", -9), ("\u{b5}", -6), ("m", -3), ("", 0), ("k", 3), ("M", 6), ("G", 9)];
+const PREFIXES: [(&str, i32); 9] =
+    [("f", -15), ("p", -12), ("n", -9), ("\u{b5}", -6), ("m", -3), ("", 0), ("k", 3), ("M", 6), ("G", 9)];
 /// Numbers in this range need no prefix.
 const HANDY: std::ops::Range<f64> = 0.01..1e4;
 
@@ -46,7 +46,7 @@ pub fn shown(unit: &str, value: f64) -> (String, f64) {
         return (unit.to_owned(), 1.0);
     }
     let exponent = 3 * ((magnitude(value) + scale).div_euclid(3));
-    let exponent = exponent.clamp(-9, most);
+    let exponent = exponent.clamp(-15, most);
     let prefix = PREFIXES.iter().find(|(_, known)| *known == exponent).map_or("", |(prefix, _)| prefix);
     (format!("{prefix}{base}"), 10_f64.powi(scale - exponent))
 }
@@ -170,6 +170,8 @@ mod tests {
             (0.02, "kg/s", "0.02\u{202f}kg/s"),
             (2e-5, "%", "2.0\u{b7}10\u{207b}\u{2075}\u{202f}%"),
             (3.0, "1", "3"),
+            (-3e-13, "A", "\u{2212}300\u{202f}fA"),
+            (2e-20, "A", "2.0\u{b7}10\u{207b}\u{2075}\u{202f}fA"),
             (0.0, "Pa", "0\u{202f}Pa"),
             (f64::NAN, "Pa", "NaN\u{202f}Pa"),
         ];

@@ -36,6 +36,12 @@ impl Record {
         }
     }
 
+    /// Removes all rows.
+    pub fn clear(&mut self) {
+        self.time.clear();
+        self.columns.iter_mut().for_each(|column| column.values.clear());
+    }
+
     /// The communication points (s).
     #[must_use]
     pub fn time(&self) -> &[f64] {

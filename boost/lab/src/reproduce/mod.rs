@@ -298,7 +298,7 @@ impl Laboratory {
     }
 
     fn run(&mut self, scenario: &Scenario) -> Result<Record> {
-        let record = Master::new(scenario, &mut self.fmus)?.run(|_| ())?.record;
+        let record = Master::new(scenario, &mut self.fmus)?.run(|_, _| ())?.record;
         self.runs.push(Run::new(scenario, &record));
         Ok(record)
     }
@@ -312,7 +312,7 @@ impl Laboratory {
         let scenario = Scenario::parse(name, text, Path::new(""), &self.folder)?;
         let mut begin = scenario.clone();
         begin.end_at(scenario.start_time + seconds)?;
-        let record = Master::new(&begin, &mut self.fmus)?.run(|_| ())?.record;
+        let record = Master::new(&begin, &mut self.fmus)?.run(|_, _| ())?.record;
         let title = scenario.title.as_deref().unwrap_or_default();
         let plot = panels::template(&record, title, scenario.panel_names().as_deref());
         Ok((Run::new(&scenario, &record), plot))

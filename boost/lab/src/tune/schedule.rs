@@ -371,7 +371,9 @@ mod tests {
     fn missing_parameters_of_a_controller_are_named() {
         let refusal_of = |strategy, name: &str, change: fn(&mut FmuVariable)| {
             let mut controller = INTERFACE.description(Role::Controller).clone();
-            change(controller.variables.iter_mut().find(|variable| variable.name == name).unwrap());
+            let mut variables = controller.variables.to_vec();
+            change(variables.iter_mut().find(|variable| variable.name == name).unwrap());
+            controller.variables = variables.into();
             Schedule::read(&controller, strategy).unwrap_err().to_string()
         };
         let refusal = |name: &str, change| refusal_of(Strategy::BySpeed, name, change);

@@ -230,7 +230,15 @@ fn set(
         found.push((index, variable.clone(), value, driven.map(|link| link.conversion)));
     }
     let [(index, variable, value, conversion), others @ ..] = &found[..] else {
-        return Err(location.error(not_found(scenario, fmus, name)));
+        let elements = elements(scenario, fmus, name);
+        if elements.is_empty() {
+            return Err(location.error(not_found(scenario, fmus, name)));
+        }
+        let values = location.locate(values_of_array(elements.len(), text))?;
+        return elements
+            .iter()
+            .zip(values)
+            .try_for_each(|(element, value)| set(scenario, fmus, links, element, &value, location));
     };
     let number = value.number();
     if let (Some(conversion), Some(number)) = (conversion, number) {
@@ -260,6 +268,39 @@ fn set(
     let (name, value) = (variable.name.clone(), value.clone());
     member.values.push(Assignment { name, value, location: location.clone() });
     Ok(())
+}
+
+/// The elements of an array, each with the name of its FMU, which is the first that has the array.
+fn elements(scenario: &Scenario, fmus: &[Arc<Fmu>], name: &str) -> Vec<String> {
+    for (member, fmu) in scenario.fmus.iter().zip(fmus) {
+        let own = name.strip_prefix(&format!("{}:", member.name)).unwrap_or(name);
+        let elements = fmu
+            .description()
+            .variables
+            .iter()
+            .filter(|variable| variable.is_settable() && variable.array() == Some(own));
+        let elements: Vec<_> =
+            elements.map(|variable| format!("{}:{}", member.name, variable.name)).collect();
+        if !elements.is_empty() {
+            return elements;
+        }
+    }
+    vec![]
+}
+
+/// The values of an array's elements, separated by blanks: one each, or one for all. A unit may follow.
+fn values_of_array(count: usize, text: &str) -> Result<Vec<String>> {
+    let mut values: Vec<_> = text.split_whitespace().map(str::to_owned).collect();
+    let is_unit = |text: &String| text.parse::<f64>().is_err() && text.parse::<bool>().is_err();
+    if values.len() > 1 && values.last().is_some_and(is_unit) && !values.iter().rev().skip(1).any(is_unit) {
+        let unit = values.pop().unwrap_or_default();
+        values.iter_mut().for_each(|value| *value += &format!(" {unit}"));
+    }
+    match &values[..] {
+        [one] => Ok(vec![one.clone(); count]),
+        several if several.len() == count => Ok(values),
+        several => bail!("expected one value or {count}, found {}", several.len()),
+    }
 }
 
 /// Gives an input a course, which replaces its present one.
@@ -328,4 +369,25 @@ fn owner<'a>(
         );
     };
     Ok(&mut scenario.fmus[index])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_an_array_are_one_each_or_one_for_all() {
+        for (text, expected) in [
+            ("7", ["7", "7", "7"]),
+            ("7 kPa", ["7 kPa", "7 kPa", "7 kPa"]),
+            ("1 2  -3e2", ["1", "2", "-3e2"]),
+            ("1 2 3 kPa", ["1 kPa", "2 kPa", "3 kPa"]),
+            ("true false true", ["true", "false", "true"]),
+            ("on off on", ["on", "off", "on"]),
+        ] {
+            assert_eq!(values_of_array(3, text).unwrap(), expected, "{text}");
+        }
+        let refused = values_of_array(3, "1 2 kPa").unwrap_err().to_string();
+        assert_eq!(refused, "expected one value or 3, found 2");
+    }
 }

@@ -7,6 +7,7 @@ pub mod journal;
 mod linearize;
 mod plot_format;
 mod simulate;
+mod summary;
 mod sweep;
 
 use std::fs;

@@ -1,11 +1,11 @@
 //! `simulate`: runs an experiment, and writes a summary, a record and a plot.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
+use super::summary::Summary;
 use super::{finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
@@ -15,6 +15,29 @@ use fmu_master::scenario::{Location, Recorded, Scenario};
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
+
+/// Names from the command line.
+#[derive(Clone, Debug)]
+struct Names(Vec<String>);
+
+/// Splits names at commas that are not between brackets.
+fn names(text: &str) -> Result<Names, String> {
+    let mut names = vec![String::new()];
+    let mut depth = 0_u32;
+    for letter in text.chars() {
+        match letter {
+            '[' => depth += 1,
+            ']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        match (letter, names.last_mut()) {
+            (',', _) if depth == 0 => names.push(String::new()),
+            (_, Some(name)) => name.push(letter),
+            (_, None) => {}
+        }
+    }
+    if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
+}
 
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
@@ -28,9 +51,9 @@ pub struct Simulate {
     /// Override the stop time (s)
     #[arg(long, value_name = "SECONDS", value_parser = finite())]
     stop_time: Option<f64>,
-    /// Override what is recorded, as in a scenario
-    #[arg(long, value_name = "[FMU:]NAME,...", value_delimiter = ',')]
-    record: Option<Vec<String>>,
+    /// Override what is recorded, as in a scenario: variables, whole arrays, and patterns such as "T[3,*]"
+    #[arg(long, value_name = "[FMU:]NAME,...", value_parser = names)]
+    record: Option<Names>,
     /// The record to write, or its folder [default: none, but a summary]
     #[arg(long, value_name = "FILE.csv|parquet|DIR")]
     out: Option<PathBuf>,
@@ -61,13 +84,14 @@ impl Simulate {
             out.iter().map(|(_, file)| file).chain(plot.iter().map(|(_, file)| file)).cloned().collect();
         let end = End { time: self.stop_time, option: "stop-time" };
         self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
-            if let Some(names) = &self.record {
+            if let Some(Names(names)) = &self.record {
                 let location = Location::argument("--record");
                 let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
                 scenario.record = Some(names.iter().map(recorded).collect());
                 scenario.panels = None;
             }
-            let (record, taken) = record(&scenario, loaded)?;
+            let is_kept = out.is_some() || plot.is_some();
+            let (record, summary) = record(&scenario, loaded, is_kept)?;
             match &out {
                 Some((format, path)) => {
                     let table = record.table();
@@ -75,7 +99,7 @@ impl Simulate {
                     writing::write(path, |writer| table.write(*format, writer))?;
                     print(&format!("{}  {} rows\n", path.display(), record.time().len()))?;
                 }
-                None => print(&summary(&name, &scenario, &record, taken))?,
+                None => print(&format!("{name}: {summary}"))?,
             }
             if let Some((format, path)) = &plot {
                 let title = scenario.title.as_deref().unwrap_or(&name);
@@ -87,17 +111,24 @@ impl Simulate {
     }
 }
 
-/// Runs a scenario to its end; prints notes and warnings.
-fn record(scenario: &Scenario, loaded: &mut LoadedFmus) -> Result<(Record, Duration)> {
+/// Runs a scenario to its end; prints notes and warnings. Returns the record, if it is kept, and what ran, how long, and
+/// the course of each variable.
+fn record(scenario: &Scenario, loaded: &mut LoadedFmus, is_kept: bool) -> Result<(Record, String)> {
     let master = Master::new(scenario, loaded)?;
     for note in master.notes() {
         complain(&format!("note: {note}"));
     }
     let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
+    let mut summary = Summary::new(master.recorded());
     let begin = Instant::now();
-    let run = master.run(|step| {
+    let run = master.run(|step, record| {
         if step % STEPS_PER_LOOK == 0 {
             bar.set_position(u64::from(step));
+            // A long run needs no more memory than a short one.
+            if !is_kept {
+                summary.add(record);
+                record.clear();
+            }
         }
     });
     bar.finish_and_clear();
@@ -107,26 +138,16 @@ fn record(scenario: &Scenario, loaded: &mut LoadedFmus) -> Result<(Record, Durat
         complain(&format!("note: {ended}"));
     }
     for (name, message) in &run.warnings {
-        complain(&format!("warning: {name}: {}", message.text));
+        complain(&format!("warning: {}", message.of(name)));
     }
-    Ok((run.record, taken))
-}
-
-/// What ran, how long, and where each variable began and ended.
-fn summary(name: &str, scenario: &Scenario, record: &Record, taken: Duration) -> String {
-    let mut text = format!(
-        "{name}: {} steps of {} s to {} s, in {} ms\n",
+    summary.add(&run.record);
+    let text = format!(
+        "{} steps of {} s to {} s, in {} ms\n{}",
         scenario.steps,
         number(scenario.step),
         number(scenario.stop_time),
-        taken.as_millis()
+        taken.as_millis(),
+        summary.text()
     );
-    let width = record.columns().iter().map(|column| column.name.len()).max().unwrap_or_default();
-    for column in record.columns() {
-        let values = &column.values;
-        let [first, last] =
-            [values.first(), values.last()].map(|value| column.text(*value.unwrap_or(&f64::NAN)));
-        let _ = writeln!(text, "  {:width$}  {first} to {last}", column.name);
-    }
-    text
+    Ok((run.record, text))
 }

@@ -74,30 +74,34 @@ fn an_fmu_that_ends_the_process_is_an_error() {
 /// Under the name of the instance that it is from, if that is known.
 #[test]
 fn every_message_is_printed() {
-    for (version, misdeed, message) in [
-        (2, "log_one", "alone: said with 1"),
-        (3, "log_one", "alone: said with 1"),
-        (2, "log_null", "alone: said with null"),
-        (3, "log_null", "alone: said with null"),
-        (2, "log_own", "alone: said with its own"),
-        (2, "log_in_instantiate", "alone: said at the start"),
-        (3, "log_in_instantiate", "alone: said at the start"),
-        (2, "log_in_thread", "misbehaving: said in a thread"),
-        (3, "log_in_thread", "an FMU: said in a thread"),
-        (2, "log_in_free", "alone: said at the end"),
-        (2, "log_after_free", "misbehaving: said after the end"),
-        (3, "log_after_free", "an FMU: said after the end"),
-        (2, "log_nothing", "alone: a message without a text"),
-        (3, "log_nothing", "alone: a message without a text"),
-        (2, "log_latin", "alone: d\u{fffd}j\u{fffd} vu"),
+    // Of both steps at their begin, at the end, or without a time.
+    let steps = [" at 0 s", " at 0.125 s"].as_slice();
+    let (end, none) = ([" at 0.25 s"].as_slice(), [""].as_slice());
+    for (version, misdeed, name, text, times) in [
+        (2, "log_one", "alone", "said with 1", steps),
+        (3, "log_one", "alone", "said with 1", steps),
+        (2, "log_null", "alone", "said with null", steps),
+        (3, "log_null", "alone", "said with null", steps),
+        (2, "log_own", "alone", "said with its own", steps),
+        (2, "log_in_instantiate", "alone", "said at the start", none),
+        (3, "log_in_instantiate", "alone", "said at the start", none),
+        (2, "log_in_thread", "misbehaving", "said in a thread", none),
+        (3, "log_in_thread", "an FMU", "said in a thread", none),
+        (2, "log_in_free", "alone", "said at the end", end),
+        (2, "log_after_free", "misbehaving", "said after the end", none),
+        (3, "log_after_free", "an FMU", "said after the end", none),
+        (2, "log_nothing", "alone", "a message without a text", steps),
+        (3, "log_nothing", "alone", "a message without a text", steps),
+        (2, "log_latin", "alone", "d\u{fffd}j\u{fffd} vu", steps),
     ] {
         let bench = misbehaving(version, misdeed);
         let output = bench.run(&["simulate", "scenario.toml"]);
         let printed = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{misdeed}: {printed}");
-        let expected = format!("warning: {message}");
-        let lines: Vec<_> = printed.lines().collect();
-        assert!(!lines.is_empty() && lines.iter().all(|line| *line == expected), "{misdeed}: {printed}");
+        let mut lines: Vec<_> = printed.lines().collect();
+        lines.dedup();
+        let expected: Vec<_> = times.iter().map(|time| format!("warning: {name}{time}: {text}")).collect();
+        assert_eq!(lines, expected, "{misdeed}");
     }
     for (misdeed, message) in [
         ("fail_in_step", "gave fmi2Error\n  it cannot go on\n"),

@@ -1,9 +1,11 @@
 //! Calls to an instance; their statuses become results.
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
+use fmu_export::display::Seconds;
 
 use super::c_boundary::{Handle, Vector};
 use super::fmu::Fmu;
@@ -17,6 +19,10 @@ pub struct Calls {
     /// Whether the FMU has directional derivatives that were not found wrong.
     pub has_directional_derivatives: bool,
     warnings: Vec<Message>,
+    /// Whether it was said that a step returned early.
+    has_returned_early: bool,
+    /// The variables of which it was said that they are not numbers.
+    not_numbers: BTreeSet<String>,
 }
 
 impl Calls {
@@ -28,6 +34,8 @@ impl Calls {
             handle: Rc::new(handle),
             has_directional_derivatives,
             warnings: vec![],
+            has_returned_early: false,
+            not_numbers: BTreeSet::new(),
         }
     }
 
@@ -40,7 +48,16 @@ impl Calls {
     /// Warns of the FMU.
     pub fn warn(&mut self, text: String) {
         self.collect();
-        self.warnings.push(Message { status: Status::WARNING, text });
+        self.warnings.push(Message { status: Status::WARNING, text, time: self.handle.time.get() });
+    }
+
+    /// Warns of values that are not numbers, once for each variable.
+    pub fn warn_of_no_numbers(&mut self, names: &[String], values: &[f64]) {
+        for (name, _) in names.iter().zip(values).filter(|(_, value)| value.is_nan()) {
+            if self.not_numbers.insert(name.clone()) {
+                self.warn(format!("{name} is not a number (NaN)"));
+            }
+        }
     }
 
     /// Keeps the warnings among messages.
@@ -81,8 +98,30 @@ impl Calls {
         bail!(Ended { instance: self.name.clone(), time });
     }
 
-    /// Lets an FMU for co-simulation step, from a time (s) by a size (s).
+    /// Lets an FMU for co-simulation step, from a time (s) by a size (s). One that returns early, which nothing allowed it
+    /// to do, steps on.
     pub fn do_step(&mut self, time: f64, size: f64) -> Result<()> {
+        let (mut from, end) = (time, time + size);
+        self.do_part(from, size)?;
+        while let Some(reached) = self.handle.returned_early().filter(|reached| *reached < end) {
+            if reached <= from {
+                bail!("{}: the step from {} s returned early, and has not moved", self.name, Seconds(from));
+            }
+            if !self.has_returned_early {
+                self.has_returned_early = true;
+                self.warn(format!(
+                    "fmi3DoStep returned early at {} s, though earlyReturnAllowed is false; it is called again",
+                    Seconds(reached)
+                ));
+            }
+            from = reached;
+            self.do_part(from, end - from)?;
+        }
+        self.handle.time.set(Some(end));
+        Ok(())
+    }
+
+    fn do_part(&mut self, time: f64, size: f64) -> Result<()> {
         let called = self.handle.do_step(time, size);
         // In FMI 2.0 the step is then discarded; in FMI 3.0 it succeeds.
         let may_end = if self.fmu.description().is_fmi3() {
@@ -93,9 +132,7 @@ impl Calls {
         if may_end && self.handle.terminates() {
             return self.end(self.handle.last_successful_time().unwrap_or(time + size));
         }
-        self.check(&[], called)?;
-        self.handle.time.set(Some(time + size));
-        Ok(())
+        self.check(&[], called)
     }
 
     /// Sets time (s) and continuous states.

@@ -37,6 +37,7 @@ enum Phase {
 /// them.
 #[derive(Clone)]
 struct InputClock {
+    name: String,
     reference: ValueReference,
     timing: Timing,
     /// The time from which ticks are counted (s), and the ticks since.
@@ -71,7 +72,16 @@ impl EventMode {
                 _ => continue,
             };
             let reference = reference(clock)?;
-            clocks.push(InputClock { reference, timing, origin: 0.0, ticks: 0.0, interval: 0.0, next: None });
+            let name = clock.name.clone();
+            clocks.push(InputClock {
+                name,
+                reference,
+                timing,
+                origin: 0.0,
+                ticks: 0.0,
+                interval: 0.0,
+                next: None,
+            });
         }
         Ok(Self { phase: Phase::Initialization, announced: None, clocks })
     }
@@ -83,9 +93,9 @@ impl EventMode {
             calls.check(&[], called)?;
             let (called, shift) = calls.handle.shift(clock.reference);
             calls.check(&[], called)?;
-            let is_positive = interval > 0.0 && interval.is_finite();
-            if clock.timing == Timing::Periodic && !is_positive {
-                bail!("{}: a periodic clock has the interval {} s", calls.name, number(interval));
+            clock.check(calls, interval)?;
+            if !(shift >= 0.0 && shift.is_finite()) {
+                bail!("{}: the clock {} has the shift {} s", calls.name, clock.name, number(shift));
             }
             (clock.origin, clock.interval, clock.next) = (time + shift, interval, Some(time + shift));
         }
@@ -137,6 +147,7 @@ impl EventMode {
                 let (called, interval, qualifier) = calls.handle.interval(clock.reference);
                 calls.check(&[], called)?;
                 if qualifier == CHANGED {
+                    clock.check(calls, interval)?;
                     clock.interval = interval;
                     clock.next = match clock.timing {
                         Timing::Countdown => Some(time + interval),
@@ -181,6 +192,15 @@ impl EventMode {
 }
 
 impl InputClock {
+    /// Refuses an interval (s) that is not above 0, of a countdown not 0 or above, or not finite (FMI 3.0.2, table 16).
+    fn check(&self, calls: &Calls, interval: f64) -> Result<()> {
+        let is_possible = interval > 0.0 || interval == 0.0 && self.timing != Timing::Periodic;
+        if !(is_possible && interval.is_finite()) {
+            bail!("{}: the clock {} has the interval {} s", calls.name, self.name, number(interval));
+        }
+        Ok(())
+    }
+
     fn is_due(&self, time: f64) -> bool {
         self.next.is_some_and(|next| next <= time)
     }

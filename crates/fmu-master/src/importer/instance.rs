@@ -1,12 +1,13 @@
 //! Instances: initialization, steps, values and saved states.
 
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::MAIN_SEPARATOR;
 use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_export::fmi2::c_types::FmuState;
+use fmu_export::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::{FmuVariable, ParameterSet, Value};
 
 use super::Interface;
@@ -39,7 +40,7 @@ impl Fmu {
             Ok(handle) => {
                 let calls = Calls::new(Arc::clone(self), name, handle);
                 let events = self.has_event_mode.then(|| EventMode::new(&calls)).transpose()?;
-                Ok(Instance { calls, events, integration: None })
+                Ok(Instance { calls, events, integration: None, arrays: Some(BTreeMap::new()) })
             }
             Err((function, messages)) => bail!(CallFailed {
                 instance: name.to_owned(),
@@ -68,6 +69,8 @@ pub struct Instance {
     pub(super) events: Option<EventMode>,
     /// In Model Exchange, once initialized.
     integration: Option<Integration>,
+    /// The arrays that were set before Initialization Mode, when they cannot be read; none after.
+    arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
 }
 
 /// A saved state, which the instance can restore any number of times.
@@ -129,7 +132,9 @@ impl Instance {
     /// When the call fails.
     pub fn enter_initialization(&mut self) -> Result<()> {
         let called = self.calls.handle.enter_initialization_mode();
-        self.calls.check(&[], called)
+        self.calls.check(&[], called)?;
+        self.arrays = None;
+        Ok(())
     }
 
     /// Ends the initialization; steps follow.
@@ -137,7 +142,7 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn exit_initialization(&mut self) -> Result<()> {
-        let Self { calls, events, integration } = self;
+        let Self { calls, events, integration, .. } = self;
         let time = calls.handle.time.get().unwrap_or(0.0);
         if let Some(events) = &mut *events {
             events.initialize(calls, time)?;
@@ -172,7 +177,7 @@ impl Instance {
     /// [`Ended`](super::Ended) when the FMU requests the end of the simulation; its values are then those at the end.
     /// Otherwise when a call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
-        let Self { calls, events, integration } = self;
+        let Self { calls, events, integration, .. } = self;
         match (events, integration) {
             (Some(events), Some(integration)) => integration.step(calls, events, time, size),
             (Some(events), None) => events.co_simulate(calls, time, size),
@@ -209,6 +214,7 @@ impl Instance {
             self.read_group(group, &selection.names)?;
             group.scatter(values);
         }
+        self.calls.warn_of_no_numbers(&selection.names, values);
         Ok(())
     }
 
@@ -228,17 +234,23 @@ impl Instance {
     pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         self.refuse_other(selection)?;
         self.prepare_to_set()?;
+        self.calls.warn_of_no_numbers(&selection.names, values);
         self.write_groups(selection, values)
     }
 
     /// The same between events, for continuous inputs.
     pub(super) fn write_groups(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         for group in &mut selection.groups {
-            // Elements not selected keep their values.
-            if !group.arrays.is_empty() {
-                self.read_group(group, &selection.names)?;
+            // Elements not selected keep their values, which are those of the description or set before.
+            match &self.arrays {
+                _ if group.arrays.is_empty() => {}
+                Some(arrays) => group.begin_with(arrays, &self.calls.fmu),
+                None => self.read_group(group, &selection.names)?,
             }
             group.gather(values);
+            if let Some(arrays) = &mut self.arrays {
+                arrays.extend(group.values_of_arrays());
+            }
             let called = self.calls.handle.set(group.number_type, &group.references, &group.values);
             self.calls.check(&selection.names, called)?;
         }

@@ -98,7 +98,7 @@ impl Equations {
     }
 
     /// Warns if the FMU's dependencies of a derivative, which were doubted, lack a state: its full Jacobian tells.
-    fn confirm_doubt(&mut self, calls: &mut Calls, row: usize, jacobian: &[f64], time: f64) {
+    fn confirm_doubt(&mut self, calls: &mut Calls, row: usize, jacobian: &[f64]) {
         let fmu = Arc::clone(&calls.fmu);
         let listed = fmu.pattern.row(row);
         let row_of = jacobian.chunks_exact(self.here.len()).nth(row).unwrap_or_default();
@@ -109,12 +109,11 @@ impl Equations {
             lacking.max_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()))
         {
             calls.warn(format!(
-                "the FMU's ModelStructure does not list {} among the dependencies of {}, whose derivative by it is {} at {} s; \
+                "the FMU's ModelStructure does not list {} among the dependencies of {}, whose derivative by it is {}; \
                  from here on, all derivatives are taken to depend on all states",
                 fmu.states[column].name,
                 fmu.states[row].derivative_name,
-                number(*element),
-                Seconds(time)
+                number(*element)
             ));
         }
     }
@@ -338,7 +337,7 @@ impl Solved<'_> {
         if columns.is_full()
             && let Some(row) = self.equations.doubted.take()
         {
-            self.equations.confirm_doubt(calls, row, products, time);
+            self.equations.confirm_doubt(calls, row, products);
         }
         let mut is_complete = true;
         if calls.has_directional_derivatives || !columns.is_full() {
@@ -355,12 +354,11 @@ impl Solved<'_> {
                 Some(Wrong { row, column: Some(column), quotient }) if columns.is_full() => {
                     let [of, by] = [row, column].map(|state| &calls.fmu.states[state]);
                     let warning = format!(
-                        "the FMU's derivative of {} by {} is {} at {} s, but differences give {quotient:.3e}; from here on, \
+                        "the FMU's derivative of {} by {} is {}, but differences give {quotient:.3e}; from here on, \
                          differences replace the FMU's derivatives",
                         of.derivative_name,
                         by.name,
                         number(products[columns.element(row, column)]),
-                        Seconds(time),
                     );
                     calls.warn(warning);
                     calls.has_directional_derivatives = false;

@@ -69,6 +69,19 @@ pub struct Message {
     pub status: Status,
     /// The text, as the FMU formatted it.
     pub text: String,
+    /// The time that the FMU had reached before the call that logged it (s), if any.
+    pub time: Option<f64>,
+}
+
+impl Message {
+    /// The message of an FMU or instance, with its time.
+    #[must_use]
+    pub fn of(&self, name: &str) -> String {
+        match self.time {
+            Some(time) => format!("{name} at {} s: {}", Seconds(time), self.text),
+            None => format!("{name}: {}", self.text),
+        }
+    }
 }
 
 /// The messages that explain a failed call: warnings and errors, else the last messages.
@@ -108,10 +121,7 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
             types.iter().any(|data_type| variable.data_type == *data_type) && reference.get(1..) == Some(own)
         });
         // The reference of an element is the array's.
-        let array = |variable: &FmuVariable| match (variable.element, variable.name.rfind('[')) {
-            (Some(_), Some(end)) => variable.name[..end].to_owned(),
-            _ => variable.name.clone(),
-        };
+        let array = |variable: &FmuVariable| variable.array().unwrap_or(&variable.name).to_owned();
         match (named.map(array), parts.next()) {
             (Some(name), Some(rest)) => text += &format!("{name}{rest}"),
             (None, Some(rest)) if reference.is_empty() => text += &format!("#{rest}"),

@@ -1,10 +1,12 @@
 //! Variables resolved by their names, to be read and written together.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_package::{Element, Linear};
+use fmu_package::{Element, FmuVariable, Linear};
 
 use super::c_boundary::{Functions, NumberType};
 use super::fmu::{Fmu, reference};
@@ -60,8 +62,8 @@ pub struct Group {
     /// Of all references, arrays as a whole.
     pub values: Numbers,
     slots: Vec<Slot>,
-    /// The arrays among the references, each with its first value.
-    pub arrays: Vec<(ValueReference, usize)>,
+    /// The arrays among the references, each with the places of its values.
+    pub arrays: BTreeMap<ValueReference, Range<usize>>,
 }
 
 /// One of a group's variables.
@@ -77,7 +79,7 @@ struct Slot {
 impl Group {
     fn new(functions: &Functions, number_type: NumberType, values: Numbers) -> Self {
         let function = functions.name(number_type);
-        Self { number_type, function, references: vec![], values, slots: vec![], arrays: vec![] }
+        Self { number_type, function, references: vec![], values, slots: vec![], arrays: BTreeMap::new() }
     }
 
     fn push(
@@ -87,13 +89,13 @@ impl Group {
         position: usize,
         conversion: Option<(Linear, Linear)>,
     ) {
-        let known = self.arrays.iter().find(|(array, _)| *array == reference).map(|(_, first)| *first);
+        let known = self.arrays.get(&reference).map(|places| places.start);
         let first = known.unwrap_or_else(|| {
             let first = self.values.len();
             self.references.push(reference);
             self.values.extend(element.map_or(1, |element| element.size));
             if element.is_some() {
-                self.arrays.push((reference, first));
+                self.arrays.insert(reference, first..self.values.len());
             }
             first
         });
@@ -116,6 +118,30 @@ impl Group {
         }
     }
 
+    /// Gives its arrays the values that they were set to, or else those that their FMU starts with.
+    pub fn begin_with(&mut self, arrays: &BTreeMap<ValueReference, Vec<f64>>, fmu: &Fmu) {
+        for (reference, places) in &self.arrays {
+            if let Some(values) = arrays.get(reference) {
+                places.clone().zip(values).for_each(|(place, value)| self.values.set(place, *value));
+                continue;
+            }
+            for variable in fmu.description().variables.with_reference(*reference) {
+                if let Some(element) = variable.element {
+                    let start = start(variable);
+                    let to_seen = fmu.conversions.get(&variable.name);
+                    let own = to_seen.map_or(start, |to_seen| to_seen.inverse().apply(start));
+                    self.values.set(places.start + element.position, own);
+                }
+            }
+        }
+    }
+
+    /// The values of its arrays.
+    pub fn values_of_arrays(&self) -> impl Iterator<Item = (ValueReference, Vec<f64>)> {
+        let values = |places: &Range<usize>| places.clone().map(|place| self.values.get(place)).collect();
+        self.arrays.iter().map(move |(reference, places)| (*reference, values(places)))
+    }
+
     pub fn scatter(&self, values: &mut [f64]) {
         for Slot { value, position, conversion } in &self.slots {
             let own = self.values.get(*value);
@@ -133,6 +159,14 @@ impl Group {
         for Slot { value, position, .. } in &self.slots {
             values[*position] = derivatives[*value];
         }
+    }
+}
+
+/// The number that a variable starts with; 0 if its FMU declares none.
+fn start(variable: &FmuVariable) -> f64 {
+    match variable.start.trim() {
+        "true" => 1.0,
+        text => text.parse().unwrap_or(0.0),
     }
 }
 

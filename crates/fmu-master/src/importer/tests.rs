@@ -335,6 +335,70 @@ fn elements_of_arrays_are_variables() {
     assert!(instance.calls.fmu.variable("table[2,4]").is_err());
 }
 
+/// Before Initialization Mode elements cannot be read: those not set have the start values of the description, which the
+/// library's own zeros are not.
+#[test]
+fn elements_of_arrays_are_set_before_initialization() {
+    for (start, expected) in [("7", [7.0; 6]), ("1 2 3 4 5 6", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("careless.fmu");
+        let table = DESCRIPTION_3.find("name=\"table\"").unwrap();
+        let (before, after) = DESCRIPTION_3.split_at(table);
+        let after = after.replacen("start=\"0 0 0 0 0 0\"", &format!("start=\"{start}\""), 1);
+        careless::write(&path, &format!("{before}{after}"), &careless::compiled("careless3.c"));
+        let mut instance = Fmu::open(&path).unwrap().instantiate("careless").unwrap();
+        instance.set("table[1,2]", 12.0).unwrap();
+        instance.set("table[2,3]", 23.0).unwrap();
+        instance.initialize(0.0, None).unwrap();
+        let mut expected = expected;
+        (expected[1], expected[5]) = (12.0, 23.0);
+        let names = ["table[1,1]", "table[1,2]", "table[1,3]", "table[2,1]", "table[2,2]", "table[2,3]"];
+        assert_eq!(bits(&mut instance, &names), expected.map(f64::to_bits), "{start}");
+    }
+}
+
+/// The columns of a run of the FMU of FMI 3.0, with what its scenario records.
+fn recorded(record: &str, description: &str) -> Result<Vec<String>> {
+    let folder = tempfile::tempdir()?;
+    careless::write(&folder.path().join("it.fmu"), description, &careless::compiled("careless3.c"));
+    let text = format!("step = 0.5\nstop_time = 1\n{record}\n[[fmu]]\nname = \"it\"\nfile = \"it.fmu\"");
+    let scenario = Scenario::parse("it.toml", &text, folder.path(), folder.path())?;
+    let run = Master::new(&scenario, &mut LoadedFmus::default())?.run(|_, _| ())?;
+    Ok(run.record.columns().iter().map(|column| column.name.clone()).collect())
+}
+
+#[test]
+fn arrays_and_patterns_are_recorded() {
+    let all = ["table[1,1]", "table[1,2]", "table[1,3]", "table[2,1]", "table[2,2]", "table[2,3]"];
+    for (record, columns) in [
+        ("table", &all[..]),
+        ("table[2,*]", &all[3..]),
+        ("t*e[*,3]", &[all[2], all[5]]),
+        ("it:table[1,*]", &["it:table[1,1]", "it:table[1,2]", "it:table[1,3]"]),
+        ("level\", \"l*l", &["level"]),
+    ] {
+        assert_eq!(
+            recorded(&format!("record = [\"{record}\"]"), DESCRIPTION_3).unwrap(),
+            columns,
+            "{record}"
+        );
+    }
+    for record in ["tabl", "table[3,*]", "no*", "other:table"] {
+        let refused = recorded(&format!("record = [\"{record}\"]"), DESCRIPTION_3).unwrap_err().to_string();
+        assert!(refused.starts_with("it.toml, line 3, record[1]: no FMU "), "{refused}");
+    }
+}
+
+#[test]
+fn without_outputs_local_variables_are_recorded() {
+    let without = DESCRIPTION_3.replace("causality=\"output\"", "causality=\"local\"");
+    let locals = recorded("", &without).unwrap();
+    assert!(
+        locals.iter().any(|name| name == "level") && locals.iter().all(|name| name != "input"),
+        "{locals:?}"
+    );
+}
+
 #[test]
 fn a_state_of_fmi_3_is_saved_restored_and_freed() {
     let mut instance = started(&opened_3().unwrap()).unwrap();
@@ -569,7 +633,7 @@ fn members_of_model_exchange_are_coupled() {
         file = "follower.fmu"
     "#;
     let mut scenario = Scenario::parse("balls.toml", text, folder.path(), folder.path()).unwrap();
-    let run = Master::new(&scenario, &mut LoadedFmus::default()).unwrap().run(|_| ()).unwrap();
+    let run = Master::new(&scenario, &mut LoadedFmus::default()).unwrap().run(|_, _| ()).unwrap();
     let [v, w] = ["v", "w"].map(|name| run.record.get(name).unwrap());
     let mut expected = 0.0;
     for (row, (v, w)) in v.iter().zip(w).enumerate() {
@@ -614,7 +678,7 @@ fn integrated_with(description: &str, values: &[(&str, Value)]) -> Instance {
 /// Steps of 0.125 s to 2 s. Returns the warnings.
 fn warnings_of(instance: &mut Instance) -> Vec<String> {
     (0..16).for_each(|step| instance.step(0.125 * f64::from(step), 0.125).unwrap());
-    instance.take_warnings().into_iter().map(|message| message.text).collect()
+    instance.take_warnings().into_iter().map(|message| message.of("it")).collect()
 }
 
 fn item(name: &str) -> Value {
@@ -635,7 +699,7 @@ fn a_wrong_derivative_is_found_and_replaced() {
         let mut instance = integrated(version, 1, &[("misdeed", item(misdeed))]);
         let warnings = warnings_of(&mut instance);
         let expected = format!(
-            "the FMU's derivative of der(x1) by x1 is {claimed} at 0 s, but differences give -1.000e0; from here on, \
+            "it at 0 s: the FMU's derivative of der(x1) by x1 is {claimed}, but differences give -1.000e0; from here on, \
              differences replace the FMU's derivatives"
         );
         assert_eq!(warnings, [expected], "{misdeed}");
@@ -701,7 +765,11 @@ fn the_jacobian_has_elements_where_the_model_structure_says() {
                 let warnings = warnings_of(&mut instance);
                 let is_right = match misdeed {
                     "none" => warnings.is_empty(),
-                    _ => warnings.len() == 1 && warnings[0].contains("by x17 is 0 at 0 s"),
+                    _ => {
+                        warnings.len() == 1
+                            && warnings[0].starts_with("it at 0 s: ")
+                            && warnings[0].contains("by x17 is 0")
+                    }
                 };
                 assert!(is_right, "{version}, {more}, {misdeed}: {warnings:?}");
                 assert_followed(&mut instance, misdeed);
@@ -723,8 +791,8 @@ fn dependencies_that_the_model_structure_leaves_out_are_found() {
             });
             let mut instance = integrated_with(&description, &[]);
             let expected = format!(
-                "the FMU's ModelStructure does not list x{} among the dependencies of der(x{found}), whose derivative by it is 1 \
-                 at 0 s; from here on, all derivatives are taken to depend on all states",
+                "it at 0 s: the FMU's ModelStructure does not list x{} among the dependencies of der(x{found}), whose \
+                 derivative by it is 1; from here on, all derivatives are taken to depend on all states",
                 found - 1
             );
             assert_eq!(warnings_of(&mut instance), [expected]);
@@ -832,4 +900,52 @@ fn a_message_is_from_the_instance_that_is_called() {
         assert_eq!(warnings, ["said with another's"]);
         assert!(second.take_warnings().is_empty());
     }
+}
+
+/// Co-simulation of the FMU of `misbehaving.c`, with a misdeed from a time (s) on.
+fn stepped(version: u8, misdeed: &str, from: f64, status: f64) -> Instance {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("misbehaving.fmu");
+    careless::write(&path, &careless::misbehaving(version, 1, "none"), careless::misbehaving_library());
+    let mut instance = Fmu::open(&path).unwrap().instantiate("it").unwrap();
+    for (name, value) in [("misdeed", item(misdeed)), ("from", from.into()), ("status", status.into())] {
+        instance.set(name, value).unwrap();
+    }
+    instance.initialize(0.0, None).unwrap();
+    instance
+}
+
+#[test]
+fn what_is_not_a_number_is_told_once() {
+    for version in [2, 3] {
+        let mut instance = stepped(version, "nan_output", 0.5, 0.0);
+        let mut selection = instance.fmu().select(["y", "x1"]).unwrap();
+        let mut values = [0.0; 2];
+        for step in 0..8 {
+            instance.step(0.25 * f64::from(step), 0.25).unwrap();
+            instance.read(&mut selection, &mut values).unwrap();
+        }
+        let mut taken = instance.fmu().select(["column"]).unwrap();
+        instance.write(&mut taken, &[f64::NAN]).unwrap();
+        instance.write(&mut taken, &[f64::NAN]).unwrap();
+        let warnings: Vec<_> = instance.take_warnings().into_iter().map(|message| message.of("it")).collect();
+        let expected = ["it at 0.5 s: y is not a number (NaN)", "it at 2 s: column is not a number (NaN)"];
+        assert_eq!(warnings, expected);
+    }
+}
+
+/// An FMU of FMI 3.0 that returns in the middle of a step steps on; one that stays where it is fails.
+#[test]
+fn an_early_return_that_nothing_allowed_is_no_whole_step() {
+    let mut instance = stepped(3, "half_step", 0.0, 0.0);
+    instance.step(0.0, 0.25).unwrap();
+    instance.step(0.25, 0.25).unwrap();
+    let warnings: Vec<_> = instance.take_warnings().into_iter().map(|message| message.of("it")).collect();
+    let expected = "it at 0 s: fmi3DoStep returned early at 0.125 s, though earlyReturnAllowed is false; it is called again";
+    assert_eq!(warnings, [expected]);
+    // Each return halves the rest, until it is below the rounding of the time.
+    assert_eq!(instance.calls.handle.time.get(), Some(0.5));
+    let mut instance = stepped(3, "half_step", 0.0, 1.0);
+    let error = instance.step(0.0, 0.25).unwrap_err().to_string();
+    assert_eq!(error, "it: the step from 0 s returned early, and has not moved");
 }

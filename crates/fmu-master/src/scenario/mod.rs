@@ -65,8 +65,10 @@ pub struct Scenario {
     pub stop_time: f64,
     /// The relative tolerance of the FMUs' integrators; theirs if none is given.
     pub tolerance: Option<f64>,
-    /// The number of communication steps.
+    /// The number of whole communication steps.
     pub steps: u32,
+    /// What remains after them (s): a last step of this size, unless it is 0.
+    pub rest: f64,
     /// The order in which the FMUs step.
     pub stepping: Stepping,
     /// The FMUs, in the order of stepping.
@@ -224,13 +226,15 @@ impl Scenario {
             return Err(stop.unexpected(&format!("a time after start_time, {} s", number(start_time))));
         }
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
+        let (steps, rest) = stop.location().locate(steps_in(stop_time - start_time, step))?;
         let mut scenario = Self {
             title,
             description: description.map(str::to_owned),
             step,
             start_time,
             stop_time,
-            steps: stop.location().locate(count(stop_time - start_time, step))?,
+            steps,
+            rest,
             stepping: root.optional("stepping").map_or(Ok(Stepping::InTurn), |node| {
                 const EXPECTED: &str = "\"in_turn\" or \"at_once\"";
                 match node.string(EXPECTED)? {
@@ -274,12 +278,12 @@ impl Scenario {
     /// Lets the scenario end at another time (s).
     ///
     /// # Errors
-    /// When the time is not after the start by a whole number of steps.
+    /// When the time is not after the start, or there are too many steps.
     pub fn end_at(&mut self, stop_time: f64) -> Result<()> {
         if stop_time <= self.start_time {
             bail!("expected a time after start_time, {} s", number(self.start_time));
         }
-        self.steps = count(stop_time - self.start_time, self.step)?;
+        (self.steps, self.rest) = steps_in(stop_time - self.start_time, self.step)?;
         self.stop_time = stop_time;
         Ok(())
     }
@@ -325,18 +329,25 @@ impl Scenario {
     }
 }
 
-/// The number of steps in a duration (s), which is a multiple of the step up to rounding.
-fn count(duration: f64, step: f64) -> Result<u32> {
-    let count = (duration / step).round();
-    if !(1.0..=f64::from(u32::MAX)).contains(&count) {
-        bail!("{} communication steps of {} s: expected 1 to {}", number(count), number(step), u32::MAX);
-    }
-    if (count * step - duration).abs() > 1e-9 * duration.max(1.0) {
-        bail!("{} s is not a multiple of the communication step, {} s", number(duration), number(step));
+/// The number of whole steps in a duration (s), and what remains after them; up to rounding, it may be nothing.
+fn steps_in(duration: f64, step: f64) -> Result<(u32, f64)> {
+    let nearest = (duration / step).round();
+    let is_multiple = nearest > 0.0 && (nearest * step - duration).abs() <= 1e-9 * duration.max(1.0);
+    let whole = if is_multiple { nearest } else { (duration / step).floor() };
+    if !(0.0..=f64::from(u32::MAX)).contains(&whole) {
+        bail!("{} communication steps of {} s: expected at most {}", number(whole), number(step), u32::MAX);
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    // it is whole, above zero and small enough
-    Ok(count as u32)
+    // it is whole, not negative and small enough
+    Ok((whole as u32, if is_multiple { 0.0 } else { duration - whole * step }))
+}
+
+/// The number of steps in a duration (s) that is a multiple of the step.
+fn count(duration: f64, step: f64) -> Result<u32> {
+    match steps_in(duration, step)? {
+        (steps, 0.0) => Ok(steps),
+        _ => bail!("{} s is not a multiple of the communication step, {} s", number(duration), number(step)),
+    }
 }
 
 fn read_members(root: &TomlTable<'_>, step: f64, folders: [&Path; 2]) -> Result<Vec<Member>> {

@@ -25,6 +25,8 @@ enum misdeed {
     LOG_UNKNOWN_STATUS, LOG_OTHER,
     /* Wrong directional derivatives by the state `column`, from the time `from` on. */
     HUGE_DERIVATIVE, OPPOSITE_DERIVATIVE, NO_DERIVATIVE, NAN_DERIVATIVE,
+    /* `y` is not a number from the time `from` on; half a step of FMI 3.0. */
+    NAN_OUTPUT, HALF_STEP,
 };
 
 /* In the order of the enumeration `System` in mod.rs. */
@@ -407,8 +409,10 @@ int fmi2GetDirectionalDerivative(void *self, const unsigned *of, size_t of_count
 
 int fmi2GetReal(void *self, const unsigned *references, size_t count, double *values)
 {
+    const instance *own = self;
+    bool is_nan = own->misdeed == NAN_OUTPUT && own->time >= own->from;
     for (size_t i = 0; i < count; i++)
-        values[i] = *real(self, references[i]);
+        values[i] = is_nan && references[i] == Y ? NAN : *real(self, references[i]);
     return OK;
 }
 
@@ -468,8 +472,12 @@ int fmi3EnterInitializationMode(void *self, bool a, double b, double start, bool
 
 int fmi3DoStep(void *self, double time, double size, bool a, bool *event, bool *end, bool *early, double *reached)
 {
+    const instance *own = self;
     (void)a;
-    *event = *end = *early = false;
+    *event = *end = false;
+    *early = own->misdeed == HALF_STEP;
+    if (*early)
+        size = own->status > 0 ? 0 : size / 2;
     *reached = time + size;
     return step(self, time, size);
 }

@@ -34,7 +34,7 @@ pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 const MISDEEDS: &str = "none exit_in_load exit_in_instantiate exit_in_step exit_in_thread exit_in_terminate exit_in_free \
                         quick_exit_in_step fail_in_step log_one log_null log_own log_in_instantiate log_in_thread \
                         log_in_free log_after_free log_nothing log_latin log_unknown_status log_other huge_derivative \
-                        opposite_derivative no_derivative nan_derivative";
+                        opposite_derivative no_derivative nan_derivative nan_output half_step";
 const SYSTEMS: &str = "lags stiff scaled robertson van_der_pol kink rounded noisy diode";
 
 /// The number of a misdeed.

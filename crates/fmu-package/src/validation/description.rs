@@ -81,7 +81,7 @@ fn event_indicator_count(model: &Model<'_>, report: &mut Report) {
 }
 
 fn generation_date(model: &Model<'_>, report: &mut Report) {
-    let form = Regex::new(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$").expect("the form is correct");
+    let form = Regex::new(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(Z|\+00:00)$").expect("the form is correct");
     if let Some(date) = model.root.attribute("generationDateAndTime").filter(|date| !form.is_match(date)) {
         model.wrong(report, &GENERATION_DATE, model.root, format!("generationDateAndTime is '{date}'"));
     }

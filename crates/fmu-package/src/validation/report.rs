@@ -2,8 +2,8 @@
 
 use super::rules::{Rule, Severity};
 
-/// The most findings kept; more would not help.
-const MOST_FINDINGS: usize = 1000;
+/// The most findings kept, which bounds memory.
+const MOST_FINDINGS: usize = 100_000;
 /// The longest message in characters: it quotes the FMU.
 const LONGEST_MESSAGE: usize = 500;
 
@@ -40,7 +40,7 @@ pub struct Finding {
 pub struct Report {
     /// The `fmiVersion`, if readable.
     pub fmi_version: Option<String>,
-    /// At most 1000 findings.
+    /// At most 100,000 findings.
     pub findings: Vec<Finding>,
     /// The number of further ones.
     pub omitted: usize,

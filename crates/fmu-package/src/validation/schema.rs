@@ -151,7 +151,8 @@ impl<'s> Schema<'s> {
             let (key, value) = (attribute.name(), attribute.value());
             let Some(&declaration) = expected.attributes.get(key) else {
                 if !expected.has_any_attribute {
-                    let message = format!("{} has no attribute {key}", name(node));
+                    let message =
+                        format!("{} has the attribute {key}, which the schema does not know", name(node));
                     report.add(&SCHEMA_ATTRIBUTE, xml.at(node), message);
                 }
                 continue;

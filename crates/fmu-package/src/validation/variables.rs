@@ -329,6 +329,8 @@ fn dimensions(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     }
     let elements = named(variable.element, "Start").count();
     let count = match variable.typed.attribute("start") {
+        // Blanks belong to the text.
+        Some(_) if variable.data_type == DataType::String => 1,
         Some(start) => start.split_ascii_whitespace().count(),
         None => elements,
     };

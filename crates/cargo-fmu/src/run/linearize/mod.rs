@@ -21,7 +21,7 @@ use nalgebra::Complex;
 use serde_json::{Value, json};
 
 use self::loop_gain::{Margins, Point, margins, measure, periods};
-use self::response::{StateSpace, frequencies};
+use self::response::{MOST_STATES, StateSpace, frequencies};
 use super::experiment::{End, Experiment};
 use super::{finite, number_in, positive, progress_bar, write_file};
 
@@ -86,7 +86,8 @@ struct Linear {
     states: Vec<Column>,
     inputs: Vec<Column>,
     outputs: Vec<Column>,
-    poles: Vec<Complex<f64>>,
+    /// Unless there are too many states, or they do not converge.
+    poles: Option<Vec<Complex<f64>>>,
     path: Option<Path>,
 }
 
@@ -170,7 +171,7 @@ impl Linearize {
         }
         master.initialize()?;
         if self.at.is_some() {
-            (0..scenario.steps).try_for_each(|_| master.step())?;
+            master.step_to_end(|_, _| ())?;
         }
         let time = master.time();
         let mut fmus = vec![];
@@ -188,7 +189,7 @@ impl Linearize {
             self.cut.as_ref().map(|input| self.loop_at(input, &mut master, scenario.step)).transpose()?;
         for name in &names {
             for message in master.instance(name)?.take_warnings() {
-                complain(&format!("warning: {name}: {}", message.text));
+                complain(&format!("warning: {}", message.of(name)));
             }
         }
         if fmus.is_empty() && cut.is_none() {
@@ -225,14 +226,28 @@ impl Linearize {
                 |(name, _): &(String, f64)| Ok(column_of(name, fmu.variable(name)?, fmu.description()));
             names.iter().map(column).collect()
         };
-        let space = StateSpace::new(&equations);
-        let poles = space.poles().with_context(|| instance.name().to_owned())?;
+        let (poles, path) = if equations.states.len() > MOST_STATES {
+            complain(&format!(
+                "note: {}: it has {} states; poles and frequency responses are computed for at most {MOST_STATES}",
+                instance.name(),
+                equations.states.len()
+            ));
+            (None, None)
+        } else {
+            let space = StateSpace::new(&equations);
+            let poles = space.poles();
+            if poles.is_none() {
+                complain(&format!("warning: {}: the eigenvalues of A do not converge", instance.name()));
+            }
+            let path = self.path(&space, &equations, poles.as_deref().unwrap_or_default())?;
+            (poles, path)
+        };
         Ok(Some(Linear {
             name: instance.name().to_owned(),
             states: columns(&equations.states)?,
             inputs: columns(&equations.inputs)?,
             outputs: columns(&equations.outputs)?,
-            path: self.path(&space, &equations, &poles)?,
+            path,
             poles,
             equations,
         }))
@@ -255,8 +270,17 @@ impl Linearize {
             Some(_) => bail!("--path: expected an input and an output"),
         };
         let (Some(input), Some(output)) = (input, output) else { return Ok(None) };
-        let frequencies = frequencies(poles, self.range()?);
-        let response = space.response(input, output, &frequencies)?;
+        let mut frequencies = frequencies(poles, self.range()?);
+        let bar = progress_bar(frequencies.len() as u64, "{pos} of {len} frequencies")?;
+        let mut response = vec![];
+        // At an undamped pole the response is infinite.
+        frequencies.retain(|&frequency| {
+            bar.inc(1);
+            let found = space.response(input, output, frequency);
+            response.extend(found);
+            found.is_some()
+        });
+        bar.finish_and_clear();
         Ok(Some(Path { input, output, frequencies, response }))
     }
 
@@ -345,7 +369,7 @@ impl Found {
                 inputs.len(),
                 outputs.len()
             );
-            for [place, frequency, nature] in poles.iter().map(describe) {
+            for [place, frequency, nature] in poles.iter().flatten().map(describe) {
                 let _ = writeln!(text, "  pole {place:>18} 1/s  {frequency:>10}  {nature}");
             }
         }
@@ -386,7 +410,7 @@ impl Found {
                 "inputs": operating(&linear.inputs, &equations.inputs),
                 "outputs": operating(&linear.outputs, &equations.outputs),
                 "A": equations.a, "B": equations.b, "C": equations.c, "D": equations.d,
-                "poles": poles.iter().map(pair).collect::<Vec<_>>(),
+                "poles": poles.as_ref().map(|poles| poles.iter().map(pair).collect::<Vec<_>>()),
                 "path": path,
             })
         });

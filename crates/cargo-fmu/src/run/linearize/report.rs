@@ -36,7 +36,7 @@ fn section(report: &mut Report, linear: &Linear) {
         report.figure(&nyquist_of_path(path, input, output), "Nyquist plot.");
     }
     let mut table = Table::new(["Pole (1/s)", "Frequency", ""]);
-    for [place, frequency, nature] in linear.poles.iter().map(describe) {
+    for [place, frequency, nature] in linear.poles.iter().flatten().map(describe) {
         table.row([Cell::number(&place), Cell::number(&frequency), nature.into()]);
     }
     report.table(&table);

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use anyhow::{Context, Result, bail};
 use fmu_master::Linearization;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{Complex, DMatrix, DVector, Schur};
@@ -16,8 +15,13 @@ const WIDTH: f64 = 1e8;
 const WITHOUT_POLES: (f64, f64) = (0.01, 100.0);
 /// Iterations per state after which the eigenvalues are given up: the limit of LAPACK (dhseqr).
 const MOST_ITERATIONS: usize = 30;
+/// The most trials to find the eigenvalues.
+const MOST_TRIALS: usize = 4;
+/// The most states for poles and responses, whose cost is cubic in them.
+pub const MOST_STATES: usize = 1000;
 
-/// dx/dt = A·x + B·u, y = C·x + D·u, in states scaled so that the rows and columns of A are of similar size.
+/// dx/dt = A·x + B·u, y = C·x + D·u, in states by which A is a Hessenberg matrix. Before, they are scaled so that the rows
+/// and columns of A are of similar size.
 pub struct StateSpace {
     a: DMatrix<f64>,
     b: DMatrix<f64>,
@@ -39,21 +43,29 @@ impl StateSpace {
             b.row_mut(state).unscale_mut(*scale);
             c.column_mut(state).scale_mut(*scale);
         }
+        if states > 1 {
+            let (transformation, hessenberg) = a.hessenberg().unpack();
+            a = hessenberg;
+            b = transformation.tr_mul(&b);
+            c *= transformation;
+        }
         Self { a, b, c, d: matrix(outputs, inputs, &of.d) }
     }
 
-    /// The eigenvalues of A (1/s), the slowest first.
-    ///
-    /// # Errors
-    /// When they do not converge.
-    pub fn poles(&self) -> Result<Vec<Complex<f64>>> {
+    /// The eigenvalues of A (1/s), the slowest first; none if they do not converge.
+    pub fn poles(&self) -> Option<Vec<Complex<f64>>> {
         let size = self.a.nrows();
         if size == 0 {
-            return Ok(vec![]);
+            return Some(vec![]);
         }
-        let schur = Schur::try_new(self.a.clone(), f64::EPSILON, MOST_ITERATIONS * size.max(10));
-        let schur = schur.context("the eigenvalues of A do not converge")?;
-        let poles = schur.complex_eigenvalues();
+        let mut a = self.a.clone();
+        let schur = (0..MOST_TRIALS).find_map(|_| {
+            let schur = Schur::try_new(a.clone(), f64::EPSILON, MOST_ITERATIONS * size.max(10));
+            // The shifts of some matrices, as of a ring, leave them as they are. Reflected, they are others.
+            reflect(&mut a);
+            schur
+        });
+        let poles = schur?.complex_eigenvalues();
         let rounding = size as f64 * f64::EPSILON * self.a.norm();
         let exact = |part: f64| if part.abs() < rounding { 0.0 } else { part };
         let mut poles: Vec<_> =
@@ -62,33 +74,61 @@ impl StateSpace {
             let [one, other] = [one, other].map(|pole| (pole.norm(), pole.re, pole.im));
             one.partial_cmp(&other).unwrap_or(std::cmp::Ordering::Equal)
         });
-        Ok(poles)
+        Some(poles)
     }
 
-    /// The response C·(jω − A)⁻¹·B + D of an output to an input at frequencies (Hz).
-    ///
-    /// # Errors
-    /// When a frequency is that of an undamped pole.
-    pub fn response(&self, input: usize, output: usize, frequencies: &[f64]) -> Result<Vec<Complex<f64>>> {
+    /// The response C·(jω − A)⁻¹·B + D of an output to an input at a frequency (Hz); none if that is an undamped pole's.
+    pub fn response(&self, input: usize, output: usize, frequency: f64) -> Option<Complex<f64>> {
         let complex = |number: f64| Complex::new(number, 0.0);
         let b = self.b.column(input).map(complex);
         let c = self.c.row(output).map(complex);
         let d = complex(self.d[(output, input)]);
-        let at = |&frequency: &f64| {
-            let mut matrix = self.a.map(|number| complex(-number));
-            for state in 0..matrix.nrows() {
-                matrix[(state, state)] += Complex::new(0.0, TAU * frequency);
-            }
-            if matrix.is_empty() {
-                return Ok(d);
-            }
-            match matrix.lu().solve(&b) {
-                Some(states) => Ok((&c * states)[0] + d),
-                None => bail!("a pole is at {frequency} Hz"),
-            }
-        };
-        frequencies.iter().map(at).collect()
+        let mut matrix = self.a.map(|number| complex(-number));
+        for state in 0..matrix.nrows() {
+            matrix[(state, state)] += Complex::new(0.0, TAU * frequency);
+        }
+        if matrix.is_empty() {
+            return Some(d);
+        }
+        Some((&c * solve(matrix, b)?)[0] + d)
     }
+}
+
+/// Transforms a matrix by a reflection, which keeps its eigenvalues. Elements of its normal are fractional parts of multiples
+/// of the golden ratio.
+fn reflect(matrix: &mut DMatrix<f64>) {
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let normal = DVector::from_fn(matrix.nrows(), |row, _| ((row + 1) as f64 * GOLDEN).fract() - 0.5);
+    let normal = normal.normalize();
+    let along = matrix.tr_mul(&normal);
+    matrix.ger(-2.0, &normal, &along, 1.0);
+    let along = &*matrix * &normal;
+    matrix.ger(-2.0, &along, &normal, 1.0);
+}
+
+/// The solution of a system of equations whose matrix is a Hessenberg matrix; none if it is singular.
+fn solve(
+    mut matrix: DMatrix<Complex<f64>>,
+    mut right: DVector<Complex<f64>>,
+) -> Option<DVector<Complex<f64>>> {
+    for row in 0..right.len() - 1 {
+        if matrix[(row + 1, row)].norm() > matrix[(row, row)].norm() {
+            matrix.swap_rows(row, row + 1);
+            right.swap_rows(row, row + 1);
+        }
+        let pivot = matrix[(row, row)];
+        if pivot.norm() == 0.0 {
+            return None;
+        }
+        let factor = matrix[(row + 1, row)] / pivot;
+        for column in row..right.len() {
+            let above = matrix[(row, column)];
+            matrix[(row + 1, column)] -= factor * above;
+        }
+        let above = right[row];
+        right[row + 1] -= factor * above;
+    }
+    matrix.solve_upper_triangular_mut(&mut right).then_some(right)
 }
 
 /// Frequencies (Hz) that show the effect of the poles, ascending; within `range` if it is given.
@@ -140,16 +180,47 @@ mod tests {
 
     #[test]
     fn a_response_is_the_transfer_function() {
-        let frequencies = [0.01, 5.0 / TAU, 3.0, 1e3];
-        let found = oscillator().response(0, 0, &frequencies).unwrap();
-        for (frequency, found) in frequencies.into_iter().zip(found) {
+        for frequency in [0.01, 5.0 / TAU, 3.0, 1e3] {
+            let found = oscillator().response(0, 0, frequency).unwrap();
             let s = Complex::new(0.0, TAU * frequency);
             let expected = Complex::new(1e6, 0.0) / (s * s * 2.0 + s * 0.4 + 50.0);
             assert!((found - expected).norm() < 1e-12 * expected.norm(), "{frequency} Hz: {found}");
         }
         let undamped = oscillator();
         let undamped = StateSpace { a: DMatrix::zeros(2, 2), ..undamped };
-        assert_eq!(undamped.response(0, 0, &[0.0]).unwrap_err().to_string(), "a pole is at 0 Hz");
+        assert_eq!(undamped.response(0, 0, 0.0), None);
+    }
+
+    /// A ring, each of whose states follows the one before: dx/dt of one is the next one's. Its poles are the roots of 1, and
+    /// its response from the last state to the first is sⁿ⁻¹/(sⁿ − 1).
+    #[test]
+    fn poles_of_a_ring_are_roots_of_one() {
+        let size = 48;
+        let unit = |position: usize| (0..size).map(move |other| f64::from(u8::from(other == position)));
+        let names = |name: &str, count| vec![(name.to_owned(), 0.0); count];
+        let ring = StateSpace::new(&Linearization {
+            states: names("x", size),
+            derivatives: vec![0.0; size],
+            inputs: names("u", 1),
+            outputs: names("y", 1),
+            a: (0..size).map(|row| unit((row + 1) % size).collect()).collect(),
+            b: unit(0).map(|one| vec![one]).collect(),
+            c: vec![unit(0).collect()],
+            d: vec![vec![0.0]],
+            is_exact: true,
+        });
+        let poles = ring.poles().unwrap();
+        assert_eq!(poles.len(), size);
+        for pole in poles {
+            let error = (pole.powu(48) - 1.0).norm();
+            // Transformations of n² elements round an orthogonal matrix by at most n²·ε, and the n-th power has n times the
+            // error of a pole.
+            assert!(error < 48.0_f64.powi(3) * f64::EPSILON, "{pole}: {error}");
+        }
+        let s = Complex::new(0.0, 1.5);
+        let expected = s.powu(47) / (s.powu(48) - 1.0);
+        let found = ring.response(0, 0, 1.5 / TAU).unwrap();
+        assert!((found - expected).norm() < 1e-12, "{found} {expected}");
     }
 
     #[test]

@@ -283,7 +283,7 @@ impl Loaded {
     fn run_one(&self, run: usize, records: &Path) -> Result<Outcome> {
         let mut outcome = Outcome::new(run, self.study.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
-            let run = Master::new(&scenario, &mut self.fmus.clone())?.run(|_| ())?;
+            let run = Master::new(&scenario, &mut self.fmus.clone())?.run(|_, _| ())?;
             Ok((run, scenario))
         });
         let (finished, scenario) = match simulated {
@@ -293,8 +293,7 @@ impl Loaded {
                 return Ok(outcome);
             }
         };
-        outcome.warnings =
-            finished.warnings.iter().map(|(name, message)| format!("{name}: {}", message.text)).collect();
+        outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
         outcome.measures = self
             .study
             .measures

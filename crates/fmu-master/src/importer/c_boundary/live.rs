@@ -129,7 +129,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Takes a message with an environment, and with the name of an instance if the FMU gives one. The message is from the
 /// FMU that this thread calls. In a thread that an FMU created, it is from the FMU of the environment, else from the
 /// only one of this name; otherwise it is printed.
-pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
+pub fn receive(environment: Environment, name: Option<&str>, mut message: Message) {
     let live = locked(&LIVE);
     let named = || {
         let mut named = live.values().filter(|life| name == Some(&life.name));
@@ -140,6 +140,9 @@ pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
         drop(live);
         return print(name.unwrap_or("an FMU"), &message);
     };
+    if let Call::Of(_, time) = *locked(&life.call) {
+        message.time = time;
+    }
     let mut messages = locked(&life.messages);
     if messages.len() == KEPT_MESSAGES {
         messages.pop_front();
@@ -149,7 +152,7 @@ pub fn receive(environment: Environment, name: Option<&str>, message: Message) {
 
 fn print(name: &str, message: &Message) {
     let kind = if message.status == Status::OK { "note" } else { "warning" };
-    terminal::complain(&format!("{kind}: {name}: {}", message.text));
+    terminal::complain(&format!("{kind}: {}", message.of(name)));
 }
 
 /// From now on, if an FMU ends the process by `exit` or `quick_exit`, the process ends with this status, prints which

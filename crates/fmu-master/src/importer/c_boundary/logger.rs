@@ -81,7 +81,7 @@ pub unsafe extern "C" fn log_message(
 
 fn take(environment: Environment, name: Option<&str>, status: c_int, text: Option<String>) {
     let text = text.unwrap_or_else(|| "a message without a text".to_owned());
-    live::receive(environment, name, Message { status: Status(status), text });
+    live::receive(environment, name, Message { status: Status(status), text, time: None });
 }
 
 /// A copy of a C text, if there is one.

@@ -83,6 +83,8 @@ struct LastStep {
     has_event: bool,
     /// Whether the FMU requests termination.
     terminates: bool,
+    /// Whether it has returned before the end of the step.
+    is_early: bool,
 }
 
 impl Handle {
@@ -249,9 +251,16 @@ impl Handle {
                 _ => MISUSED,
             }
         });
-        self.last_step.set(LastStep { time: reached, has_event: flags[0] != 0, terminates: flags[1] != 0 });
+        let [has_event, terminates, is_early] = flags.map(|flag| flag != 0);
+        self.last_step.set(LastStep { time: reached, has_event, terminates, is_early });
         self.steps.set(called.status.succeeded());
         called
+    }
+
+    /// The time at which the last step of an FMU of FMI 3.0 returned early (s), if it did.
+    pub fn returned_early(&self) -> Option<f64> {
+        let LastStep { time, is_early, .. } = self.last_step.get();
+        is_early.then_some(time)
     }
 
     /// After a step that succeeded, or in FMI 2.0 was discarded: whether the FMU asks for the end.
