@@ -1,16 +1,14 @@
-"""Solves the systems of the built-in integrator's rows, which are given, by SciPy and by CVode, and prints a
+"""Solves the systems of the built-in integrator's rows, which are given, by SciPy and by CVODE, and prints a
 table for each: work against error."""
 
 import csv
-import ctypes
 import sys
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from fmpy import sundials
-from fmpy.sundials.libraries import sundials_cvode, sundials_sunmatrixdense
 from scipy.integrate import solve_ivp
+from sksundae.cvode import CVODE
 
 EQUATIONS = Path(__file__).parents[2] / "crates/fmu-export/tests/equations"
 sys.path.append(str(EQUATIONS))
@@ -97,88 +95,41 @@ def by_scipy(method, system, end, tolerance, bounces):
     return states, rates.calls, jacobian.calls, f"{steps}"
 
 
-JACOBIAN_FUNCTION = ctypes.CFUNCTYPE(
-    ctypes.c_int,
-    sundials.sunrealtype,
-    sundials.N_Vector,
-    sundials.N_Vector,
-    ctypes.c_void_p,
-    ctypes.c_void_p,
-    *[sundials.N_Vector] * 3,
-)
-MATRIX_DATA = sundials_sunmatrixdense.SUNDenseMatrix_Data
-MATRIX_DATA.argtypes, MATRIX_DATA.restype = [ctypes.c_void_p], ctypes.POINTER(ctypes.c_double)
-
-
 def by_cvode(_, system, end, tolerance, bounces):
-    """As `by_scipy`, by CVode's BDF, set up as FMPy does, but with the exact Jacobian."""
-    size = len(system.start)
-
-    def array(vector):
-        return np.ctypeslib.as_array(sundials.NV_DATA_S(vector), (size,))
-
+    """As `by_scipy`, by CVODE's BDF."""
     rates, jacobian = Counted(system.rates), Counted(system.jacobian)
 
-    def set_rates(time, states, result, _):
-        array(result)[:] = rates(time, array(states))
-        return 0
+    def set_rates(time, states, result):
+        result[:] = rates(time, states)
 
-    def set_jacobian(time, states, _rates, matrix, *_):
-        columns = np.transpose(jacobian(time, array(states)))
-        np.ctypeslib.as_array(MATRIX_DATA(matrix), (size, size))[:] = columns
-        return 0
+    def set_jacobian(time, states, _, matrix):
+        matrix[:] = jacobian(time, states)
 
-    def set_height(time, states, result, _):
-        result[0] = Ball.height(time, array(states))
-        return 0
+    def set_height(time, states, result):
+        result[0] = Ball.height(time, states)
 
-    context = sundials.SUNContext()
-    check(sundials.SUNContext_Create(sundials.SUN_COMM_NULL, ctypes.byref(context)))
-    states, absolute = (sundials.N_VNew_Serial(size, context) for _ in range(2))
-    array(states)[:] = system.start
-    array(absolute)[:] = tolerance * system.nominal
-    memory = sundials.CVodeCreate(sundials.CV_BDF, context)
-    callbacks = [sundials.CVRhsFn(set_rates), JACOBIAN_FUNCTION(set_jacobian), sundials.CVRootFn(set_height)]
-    check(sundials.CVodeInit(memory, callbacks[0], 0.0, states))
-    check(sundials.CVodeSVtolerances(memory, tolerance, absolute))
-    matrix = sundials.SUNDenseMatrix(size, size, context)
-    check(sundials.CVodeSetLinearSolver(memory, sundials.SUNLinSol_Dense(states, matrix, context), matrix))
-    check(sundials_cvode.CVodeSetJacFn(ctypes.c_void_p(memory), callbacks[1]))
-    check(sundials.CVodeSetMaxNumSteps(memory, 1_000_000))
-    if bounces:
-        check(sundials.CVodeRootInit(memory, 1, callbacks[2]))
-    time = ctypes.c_double(0.0)
-    steps = rejected = 0
-    while True:
-        flag = sundials.CVode(memory, end, states, ctypes.byref(time), sundials.CV_NORMAL)
-        # Counted from each beginning.
-        if flag != sundials.CV_ROOT_RETURN or array(states)[1] < 0:
-            steps += count(memory, "CVodeGetNumSteps")
-            rejected += count(memory, "CVodeGetNumErrTestFails")
-        if flag != sundials.CV_ROOT_RETURN:
-            break
-        if array(states)[1] < 0:
-            array(states)[:] = Ball.bounced(array(states))
-            check(sundials.CVodeReInit(memory, time, states))
-    check(flag)
-    result = array(states).copy()
-    sundials.CVodeFree(ctypes.byref(ctypes.c_void_p(memory)))
-    return result, rates.calls, jacobian.calls, f"{steps}+{rejected}"
-
-
-def count(memory, name):
-    number = ctypes.c_long()
-    check(getattr(sundials_cvode, name)(ctypes.c_void_p(memory), ctypes.byref(number)))
-    return number.value
-
-
-def check(flag):
-    if flag:
-        raise RuntimeError(f"SUNDIALS reports {flag}")
+    set_height.terminal, set_height.direction = [True], [-1]
+    solver = CVODE(
+        set_rates,
+        rtol=tolerance,
+        atol=tolerance * system.nominal,
+        jacfn=set_jacobian,
+        max_num_steps=1_000_000,
+        **({"eventsfn": set_height, "num_events": 1} if bounces else {}),
+    )
+    time, states = 0.0, system.start
+    while time < end:
+        part = solver.solve([time, end], states)
+        if not part.success:
+            raise RuntimeError(part.message)
+        time, states = part.t[-1], part.y[-1]
+        if time < end:
+            states = Ball.bounced(states)
+    return states, rates.calls, jacobian.calls
 
 
 SOLVERS = {
-    "CVode (BDF)": by_cvode,
+    "CVODE (BDF)": by_cvode,
     "Radau": by_scipy,
     "BDF": by_scipy,
     "LSODA": by_scipy,

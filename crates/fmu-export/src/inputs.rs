@@ -135,7 +135,9 @@ impl<I: Inputs> InputSignal<I> {
     }
 
     /// Declares that all inputs have the values that they had at the end of the last step.
-    pub(crate) fn kept(self) -> Self {
+    #[doc(hidden)]
+    #[must_use]
+    pub fn kept(self) -> Self {
         Self { changed: false, ..self }
     }
 

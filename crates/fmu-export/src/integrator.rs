@@ -37,8 +37,6 @@ mod system;
 mod tests;
 mod work;
 
-use core::mem;
-
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::search::ROUNDINGS;
@@ -50,12 +48,13 @@ pub use method::{AUTOMATIC, DOP853, Method, RODAS5P, ROS34PW2};
 pub use multirate::TwoRates;
 pub use pattern::Pattern;
 use step_size::StepSize;
-use switch::Switch;
+use switch::{Switch, votes};
 pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, TwoParts};
 use work::Work;
 
 /// The explicit method is for steps of the linearly implicit one whose length times the bound of the magnitudes of the
-/// eigenvalues is less.
+/// eigenvalues is less, if both cost as much. For each step that one of the linearly implicit one costs more, this may be
+/// larger by the stability limit.
 const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
 
 /// The integrator with its last step.
@@ -214,11 +213,10 @@ impl Integrator {
             let norm = |values| norm::<S>(values, &last.from, tolerance);
             steps.begin(norm(&last.from), norm(&work.slopes));
         }
-        last.is_explicit = S::METHOD.is_explicit(switch.is_implicit);
-        if !last.took_explicit::<S>() {
+        if !S::METHOD.is_explicit(switch.is_implicit) {
             jacobian.expect::<S>(steps.within(time, limit).0);
         }
-        work.prepare(last, system, jacobian);
+        work.prepare(last, switch, system, jacobian);
         loop {
             let (length, to) = steps.within(time, limit);
             let is_beyond = to > end + rounding;
@@ -243,7 +241,7 @@ impl Integrator {
                 !last.took_explicit::<S>() && !S::METHOD.takes_any_jacobian && !jacobian.is_fresh();
             if is_stale && error.largest > 1.0 {
                 jacobian.distrust();
-                work.prepare(last, system, jacobian);
+                work.prepare(last, switch, system, jacobian);
                 continue;
             }
             let order =
@@ -254,10 +252,16 @@ impl Integrator {
             let is_cut = is_accepted && length < steps.next;
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
-                if !last.took_explicit::<S>() && jacobian.is_fresh() && error.largest > SMALL_ERROR {
+                if last.took_explicit::<S>() {
+                    // For more states, solutions with kept factors take longer than the evaluations that they save.
+                    let saves = work.would_keep && *size <= MOST_DENSE;
+                    work.for_other = work.for_other.max(u32::from(saves));
+                } else if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
-                    let is_nonstiff = length * jacobian.radius(scale, &mut work.moved) < NONSTIFF;
-                    work.for_other = u32::from(is_nonstiff);
+                    // How long it would be for its error, unless the limit cut it short.
+                    let length = if to < limit { length * factor.max(1.0) } else { length };
+                    let longest = NONSTIFF + f64::from(switch.price - 1) * explicit::STABILITY;
+                    work.for_other = votes(longest / (length * jacobian.radius(scale, &mut work.moved)));
                 }
                 switch.count(work.for_other)
             };
@@ -281,10 +285,10 @@ impl Integrator {
                     switch.take_over();
                 }
             }
-            let was_explicit = mem::replace(&mut last.is_explicit, S::METHOD.is_explicit(switch.is_implicit));
-            if was_explicit != last.is_explicit || !(last.took_explicit::<S>() || jacobian.is_fresh()) {
+            let is_explicit = S::METHOD.is_explicit(switch.is_implicit);
+            if last.is_explicit != is_explicit || !(is_explicit || jacobian.is_fresh()) {
                 jacobian.discard();
-                work.prepare(last, system, jacobian);
+                work.prepare(last, switch, system, jacobian);
             }
         }
     }

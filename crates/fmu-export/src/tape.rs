@@ -41,6 +41,11 @@ impl Tape {
         operations.push(Operation::default());
     }
 
+    /// The number of operations.
+    pub(crate) fn count(&self) -> usize {
+        self.operations.borrow().len()
+    }
+
     /// A number to differentiate by.
     #[inline(never)]
     pub fn variable(&self, value: f64) -> Recorded<'_> {

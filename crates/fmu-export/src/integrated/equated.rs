@@ -190,5 +190,6 @@ impl<E: Equations> System for Equated<'_, E> {
         Pattern::of_rows(size, |row, columns| {
             tape.add_dependencies(rates[row], row, size, &mut reached, columns);
         })
+        .with_operations(tape.count())
     }
 }

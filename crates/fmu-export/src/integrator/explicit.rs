@@ -22,6 +22,12 @@ pub(super) const DENSE_ERROR: f64 = 1.0 / 8.5;
 /// How far along the negative real axis steps are stable: the length times the magnitude of the eigenvalue.
 pub(super) const STABILITY: f64 = 6.1;
 
+/// The operations of a step for so many states, if an evaluation of their derivatives has this many.
+pub(super) fn operations(size: usize, evaluation: usize) -> usize {
+    let weights = STATES[..AT_END.end].iter().flat_map(|weights| weights.iter());
+    AT_END.end * evaluation + size * weights.filter(|&&weight| weight != 0.0).count()
+}
+
 /// The weights of the stages in the states at which each stage is evaluated.
 pub(super) const STATES: [&[f64]; STAGES] = [
     &[],

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::pattern::Pattern;
+use super::explicit;
+use super::pattern::{Pattern, number};
 use super::step_size::SIMILAR;
 use super::system::{Directions, MOST_DENSE, System};
 use super::{dense, sparse};
@@ -22,6 +23,8 @@ const GROWTH: f64 = 1.2;
 /// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
 /// step with an older one then has two decades to err more, and ends its service if it does.
 pub(super) const SMALL_ERROR: f64 = 0.01;
+/// How many times as long a multiplication of elements takes whose place is looked up.
+const INDEXED: usize = 2;
 
 /// A Jacobian.
 #[derive(Debug)]
@@ -149,7 +152,7 @@ impl Jacobian {
             && let Some(pattern) = &self.pattern
         {
             // That of a clone is another one.
-            matrix.follow(pattern);
+            matrix.follow::<S>(pattern);
         }
         system.linearize(time, states, &Units(0), &mut [], by_time);
     }
@@ -168,7 +171,7 @@ impl Jacobian {
         if S::MAY_BE_SPARSE && size > MOST_DENSE {
             let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
             loop {
-                matrix.follow(pattern);
+                matrix.follow::<S>(pattern);
                 let Some(groups) = &matrix.groups else { break };
                 self.serves = self.most;
                 self.elements.resize(pattern.count(size), 0.0);
@@ -328,6 +331,8 @@ pub(super) struct Matrix {
     is_factored: bool,
     /// What the factors' solutions are multiplied by.
     scale: f64,
+    /// How many steps of the explicit method one with it costs, if its equations do.
+    pub(super) price: u32,
 }
 
 #[derive(Debug)]
@@ -342,7 +347,14 @@ impl Factors {
 
 impl Matrix {
     pub(super) fn new() -> Self {
-        Self { groups: None, products: vec![], factors: Factors::NONE, is_factored: false, scale: 1.0 }
+        Self {
+            groups: None,
+            products: vec![],
+            factors: Factors::NONE,
+            is_factored: false,
+            scale: 1.0,
+            price: 1,
+        }
     }
 
     /// Forgets the factors, as those of another Jacobian.
@@ -351,7 +363,7 @@ impl Matrix {
     }
 
     /// Takes the pattern of the present Jacobian.
-    fn follow(&mut self, pattern: &Arc<Pattern>) {
+    fn follow<S: System>(&mut self, pattern: &Arc<Pattern>) {
         let is_followed = match &self.groups {
             Some(groups) => Arc::ptr_eq(&groups.pattern, pattern) || groups.pattern == *pattern,
             None => pattern.is_full(),
@@ -359,10 +371,14 @@ impl Matrix {
         if is_followed {
             return;
         }
-        (self.groups, self.factors) = (None, Factors::NONE);
+        (self.groups, self.factors, self.price) = (None, Factors::NONE, 1);
         if !pattern.is_full() {
             self.groups = Some(Groups::new(pattern));
-            self.factors = Factors::Sparse(Box::new(sparse::Factors::new(pattern)));
+            let elimination = pattern.elimination();
+            let multiplications = INDEXED * elimination.multiplications(S::METHOD.stages.len());
+            self.price =
+                1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
+            self.factors = Factors::Sparse(Box::new(sparse::Factors::new(elimination.order)));
         }
     }
 

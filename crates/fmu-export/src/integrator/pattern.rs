@@ -13,9 +13,25 @@ pub struct Pattern {
     starts: Vec<u32>,
     /// The columns of the elements, ascending within each row.
     columns: Vec<u32>,
+    /// The operations by which the derivatives are evaluated, as far as known.
+    operations: u32,
 }
 
-crate::persistent!(<> Pattern { starts, columns });
+crate::persistent!(<> Pattern { starts, columns, operations });
+
+/// An order of elimination.
+pub(super) struct Elimination {
+    pub(super) order: Vec<u32>,
+    /// How many unknowns of each equation are left after its own.
+    left: Vec<usize>,
+}
+
+impl Elimination {
+    /// About the multiplications of a factorization and of solutions with it.
+    pub(super) fn multiplications(&self, solutions: usize) -> usize {
+        self.left.iter().map(|&left| left * left + solutions * 2 * left).sum()
+    }
+}
 
 impl Pattern {
     /// That of a matrix without zeros.
@@ -27,7 +43,7 @@ impl Pattern {
     /// The pattern with these columns in each row, or the full one if there are too many for it to be of use.
     #[must_use]
     pub fn of_rows(size: usize, mut row: impl FnMut(usize, &mut Vec<usize>)) -> Self {
-        let (mut pattern, mut found) = (Self { starts: vec![0], columns: vec![] }, vec![]);
+        let (mut pattern, mut found) = (Self { starts: vec![0], ..Self::default() }, vec![]);
         for index in 0..size {
             found.clear();
             found.push(index);
@@ -43,6 +59,17 @@ impl Pattern {
         pattern
     }
 
+    /// The pattern of derivatives that take so many operations.
+    #[must_use]
+    pub fn with_operations(self, operations: usize) -> Self {
+        Self { operations: number(operations), ..self }
+    }
+
+    /// The operations by which the derivatives are evaluated: at least one for each element.
+    pub(super) fn operations(&self) -> usize {
+        self.columns.len().max(self.operations as usize)
+    }
+
     /// The pattern of a sum.
     pub(super) fn with(&self, other: &Self) -> Self {
         if self.is_full() || other.is_full() {
@@ -51,6 +78,7 @@ impl Pattern {
         Self::of_rows(self.size(), |row, columns| {
             columns.extend(self.row(row).iter().chain(other.row(row)).map(|&column| column as usize));
         })
+        .with_operations(self.operations.max(other.operations) as usize)
     }
 
     /// Whether every element may differ from zero.
@@ -155,7 +183,7 @@ impl Pattern {
     /// The order in which to eliminate the unknowns: first those with the fewest neighbors in what is left, by the bound
     /// of Amestoy, Davis and Duff (An approximate minimum degree ordering algorithm, SIAM Journal on Matrix Analysis and
     /// Applications 17, 1996).
-    pub(super) fn elimination_order(&self) -> Vec<u32> {
+    pub(super) fn elimination(&self) -> Elimination {
         let size = self.size();
         // The neighbors of an unknown: those of the matrix, and those that eliminated unknowns have in common.
         let mut neighbors = self.transposed();
@@ -180,7 +208,7 @@ impl Pattern {
         let mut found = vec![usize::MAX; size];
         // The members of a clique that are not in the present one, and when they were last counted.
         let mut others = vec![(usize::MAX, 0); size];
-        let mut order = vec![];
+        let (mut order, mut left) = (vec![], vec![]);
         while let Some(Reverse((degree, _, pivot))) = queue.pop() {
             if found[pivot] == size || degree != degrees[pivot] {
                 continue;
@@ -224,9 +252,10 @@ impl Pattern {
                 queue.push(Reverse((degrees[member], arrivals, member)));
                 arrivals += 1;
             }
+            left.push(clique.len());
             cliques[pivot] = clique;
         }
-        order
+        Elimination { order, left }
     }
 }
 
@@ -333,16 +362,16 @@ mod tests {
                 columns.extend([shuffled(cell), shuffled(cell + 1)]);
             }
         });
-        assert_eq!(filled(&rod, &rod.elimination_order()), 30 + 2 * 29);
+        assert_eq!(filled(&rod, &rod.elimination().order), 30 + 2 * 29);
         // A star: its center comes last.
         let star = Pattern::of_rows(30, |row, columns| {
             columns.extend(if row == 0 { 0..30 } else { 0..1 });
         });
-        assert_eq!(filled(&star, &star.elimination_order()), 30 + 2 * 29);
+        assert_eq!(filled(&star, &star.elimination().order), 30 + 2 * 29);
         // By rows, a square of 12 × 12 cells fills a band of 12 on each side: some 144 · 25 elements.
         let cells = square(12);
         let rows: Vec<_> = (0..144).collect();
-        let (by_rows, by_degree) = (filled(&cells, &rows), filled(&cells, &cells.elimination_order()));
+        let (by_rows, by_degree) = (filled(&cells, &rows), filled(&cells, &cells.elimination().order));
         assert!(by_degree < by_rows * 2 / 3, "{by_degree} elements instead of {by_rows}");
     }
 

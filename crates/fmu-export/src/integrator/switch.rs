@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs at first, and at most, …
+/// How many votes the linearly implicit method needs at first, and at most, while it costs little, …
 const PATIENCE: u32 = 4;
 const MOST_PATIENCE: u32 = 32;
 /// … and the explicit one. If it has them within this many trials, the change was in vain.
@@ -20,22 +20,48 @@ pub(super) struct Switch {
     patience: u32,
     /// The trials since the last change.
     trials: u32,
+    /// How many steps of the explicit method one of the linearly implicit one costs; 0 until known.
+    pub(super) price: u32,
+}
+
+/// The votes of a trial: one for each multiple of what would be enough.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+pub(super) fn votes(multiples: f64) -> u32 {
+    multiples as u32
 }
 
 impl Switch {
     pub(super) const fn new() -> Self {
-        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0 }
+        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 0 }
     }
 
     /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
-        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.patience };
+        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.needed() };
         if takes_over {
             self.take_over();
         }
         takes_over
+    }
+
+    /// How many votes the linearly implicit method needs.
+    fn needed(&self) -> u32 {
+        // At first, as many as explicit steps that cost as much as a trial.
+        self.patience.max((self.patience / PATIENCE).saturating_mul(self.price))
+    }
+
+    /// Learns the price from the first linear equations. Returns whether their method had too few votes for it, and the
+    /// explicit one goes on.
+    pub(super) fn learn(&mut self, price: u32) -> bool {
+        let was_known = self.price > 0;
+        self.price = price;
+        if was_known || price == 1 {
+            return false;
+        }
+        (self.is_implicit, self.votes) = (false, self.patience);
+        true
     }
 
     /// Has the other method take over.
@@ -51,12 +77,14 @@ impl Switch {
 
 impl Persistent for Switch {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { is_implicit, votes, patience, trials } = self;
+        let Self { is_implicit, votes, patience, trials, price } = self;
         is_implicit.persist(archive)?;
         votes.persist(archive)?;
         patience.persist(archive)?;
         trials.persist(archive)?;
-        if (PATIENCE..=MOST_PATIENCE).contains(patience) && *votes < *patience {
+        price.persist(archive)?;
+        let needed = self.needed();
+        if (PATIENCE..=MOST_PATIENCE).contains(&self.patience) && self.votes < needed {
             Ok(())
         } else {
             Err(Error::new("the choice of the integrator's method in the serialized state is not one"))

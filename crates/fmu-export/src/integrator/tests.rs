@@ -815,6 +815,49 @@ fn stiff_systems_are_found() {
     }
 }
 
+/// Conduction in a square, whose factors fill in.
+#[derive(Clone, Copy)]
+struct Plate(f64);
+
+impl Plate {
+    const EDGE: usize = 20;
+}
+
+impl Rates for Plate {
+    fn rates<T: Number>(&self, _time: f64, states: &[T]) -> Vec<T> {
+        let mut rates = vec![T::from(0.0); states.len()];
+        for cell in 0..states.len() {
+            let is_at_end = [(cell + 1).is_multiple_of(Self::EDGE), cell + Self::EDGE >= states.len()];
+            for (stride, is_at_end) in [1, Self::EDGE].into_iter().zip(is_at_end) {
+                if !is_at_end {
+                    let flow = (states[cell] - states[cell + stride]) * self.0;
+                    rates[cell] -= flow;
+                    rates[cell + stride] += flow;
+                }
+            }
+        }
+        rates
+    }
+}
+
+#[test]
+fn linear_equations_are_solved_where_steps_become_as_much_longer_as_they_cost() {
+    let start: Vec<_> = (0..Plate::EDGE.pow(2)).map(|cell| 1.0 + (0.01 * cell as f64).sin()).collect();
+    let solved = |speed: f64| {
+        let plate = Automatic(Counted::<_, true>::new(Plate(speed)));
+        let (_, Automatic(system), integrator) = solve(plate, &start, 1.0, 1e-9);
+        let [jacobians, _, _, rates, _] = system.counts;
+        (integrator.switch, jacobians, rates)
+    };
+    // The eigenvalues reach eight times the speed. Explicit steps are a few times shorter here, …
+    let (switch, jacobians, rates) = solved(20.0);
+    assert!(!switch.is_implicit, "{switch:?}");
+    assert!(5 * jacobians < rates / 13, "{jacobians} Jacobians beside {rates} right-hand sides");
+    // … and a thousand times here.
+    let (switch, jacobians, rates) = solved(1e5);
+    assert!(switch.is_implicit, "{switch:?} {jacobians} {rates}");
+}
+
 /// A system whose times count from another zero.
 struct Late<S>(S, f64);
 

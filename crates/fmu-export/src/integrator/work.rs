@@ -7,6 +7,7 @@ use super::explicit;
 use super::jacobian::{Jacobian, Matrix, SMALL_ERROR};
 use super::last_step::LastStep;
 use super::method::Method;
+use super::switch::{Switch, votes};
 use super::system::{System, Tolerance};
 
 /// The most stages of a method.
@@ -36,6 +37,8 @@ pub(super) struct Work {
     pub(super) has_stages: bool,
     /// How much the last trial speaks for the other method.
     pub(super) for_other: u32,
+    /// Whether the error of the last trial was so small that the linearly implicit method would keep its Jacobian.
+    pub(super) would_keep: bool,
     /// The position of the state with the largest error in the last trial.
     pub(super) decisive: usize,
 }
@@ -51,6 +54,7 @@ impl Work {
             moved: vector(),
             has_stages: false,
             for_other: 0,
+            would_keep: false,
             decisive: 0,
         }
     }
@@ -63,8 +67,15 @@ impl Work {
 
     /// Prepares trials of a step. For the linearly implicit method: renews the Jacobian, unless it still serves, and the
     /// derivatives with respect to time.
-    pub(super) fn prepare<S: System>(&mut self, last: &LastStep, system: &mut S, jacobian: &mut Jacobian) {
+    pub(super) fn prepare<S: System>(
+        &mut self,
+        last: &mut LastStep,
+        switch: &mut Switch,
+        system: &mut S,
+        jacobian: &mut Jacobian,
+    ) {
         let Self { by_time, matrix, .. } = self;
+        last.is_explicit = S::METHOD.is_explicit(switch.is_implicit);
         if last.took_explicit::<S>() {
             return self.stages[0].copy_from_slice(&self.slopes);
         }
@@ -74,6 +85,11 @@ impl Work {
         } else {
             matrix.forget();
             jacobian.renew(matrix, system, at, by_time);
+        }
+        if S::METHOD.switches() && switch.learn(matrix.price) {
+            jacobian.discard();
+            last.is_explicit = true;
+            self.stages[0].copy_from_slice(&self.slopes);
         }
     }
 
@@ -168,7 +184,7 @@ impl Work {
         jacobian: &mut Jacobian,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        self.for_other = 0;
+        (self.for_other, self.would_keep) = (0, false);
         if last.took_explicit::<S>() {
             self.explicit_trial(last, system, tolerance)
         } else {
@@ -197,10 +213,20 @@ impl Work {
         let before = mem::replace(&mut last.to, mem::take(moved));
         let to = &last.to;
         let scale = |i: usize| tolerance.scale::<S>(i, last.from[i].abs().max(to[i].abs()));
-        let relative = |weights: &[f64]| {
+        // Those of the dense output are not evaluated yet.
+        let (stages, [errors, ..]) = stages.split_at_mut(explicit::AT_END.end) else { unreachable!() };
+        let mut relative = |weights: &[f64]| {
+            // Stage by stage is fast for long vectors.
+            if S::MAY_BE_SPARSE {
+                errors.fill(-0.0);
+                add(errors, weights, stages);
+            }
             LargestError::of(to.iter().enumerate().map(|(i, to)| {
-                let error =
-                    weights.iter().zip(&*stages).map(|(weight, stage)| weight * stage[i]).sum::<f64>();
+                let error = if S::MAY_BE_SPARSE {
+                    errors[i]
+                } else {
+                    weights.iter().zip(&*stages).map(|(weight, stage)| weight * stage[i]).sum()
+                };
                 if to.is_finite() { last.length * error / scale(i) } else { f64::NAN }
             }))
         };
@@ -220,10 +246,8 @@ impl Work {
                 states_differ = states_differ.max(((to[i] - before[i]) / scale(i)).abs());
                 rates_differ = rates_differ.max(((rates[i] - rates_before[i]) / scale(i)).abs());
             }
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-            let too_long = (last.length * rates_differ / (STIFF * states_differ)) as u32;
-            // The linearly implicit method would keep its Jacobian.
-            self.for_other = too_long.max(u32::from(fifth.largest <= SMALL_ERROR));
+            self.for_other = votes(last.length * rates_differ / (STIFF * states_differ));
+            self.would_keep = fifth.largest <= SMALL_ERROR;
         }
         self.moved = before;
         LargestError { largest, state: fifth.state }
