@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     Ok(print(&format!("{identified} of {} points identified; {others}\n", tuning.cells.len()))?)
 }
 
-/// Works for [`run`] in another process.
+/// Works for [`run()`] in another process.
 pub fn work(arguments: &Arguments) -> Result<()> {
     let prepare = || {
         let task = arguments.task()?;

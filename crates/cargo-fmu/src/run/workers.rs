@@ -106,9 +106,9 @@ impl Answers {
         let answers = Self(Arc::new(Mutex::new(file)));
         let last = answers.clone();
         when_an_fmu_exits(move |culprit| {
-            // The parent notices a missing answer.
+            // The parent notices a missing answer, and looks at no status.
             let _ = last.send(&Answer::<()>::Ends(culprit.to_owned()));
-            crate::FAILED.into()
+            1
         });
         answers
     }
