@@ -58,8 +58,11 @@ def test_a_record_agrees_with_fmpy(fmu, model: str, tmp_path: Path) -> None:
 def test_the_summary_says_what_ran_and_where_it_ended(fmu) -> None:
     lines = run("simulate", fmu("Dahlquist"), "--set", "k=2", "--stop-time", "1").splitlines()
     assert lines[0].startswith("Dahlquist: 10 steps of 0.1 s to 1 s, in ")
-    # exp(-2)
-    assert lines[1].split() == ["x", "1", "to", "0.135"]
+    # From 1 to exp(-2).
+    assert [line.split() for line in lines[1:]] == [
+        ["first", "last", "least", "largest"],
+        ["x", "1", "0.135", "0.135", "1"],
+    ]
 
 
 def test_inputs_come_from_a_file(fmu, tmp_path: Path) -> None:
