@@ -98,30 +98,9 @@ impl Calls {
         bail!(Ended { instance: self.name.clone(), time });
     }
 
-    /// Lets an FMU for co-simulation step, from a time (s) by a size (s). One that returns early, which nothing allowed it
-    /// to do, steps on.
-    pub fn do_step(&mut self, time: f64, size: f64) -> Result<()> {
-        let (mut from, end) = (time, time + size);
-        self.do_part(from, size)?;
-        while let Some(reached) = self.handle.returned_early().filter(|reached| *reached < end) {
-            if reached <= from {
-                bail!("{}: the step from {} s returned early, and has not moved", self.name, Seconds(from));
-            }
-            if !self.has_returned_early {
-                self.has_returned_early = true;
-                self.warn(format!(
-                    "fmi3DoStep returned early at {} s, though earlyReturnAllowed is false; it is called again",
-                    Seconds(reached)
-                ));
-            }
-            from = reached;
-            self.do_part(from, end - from)?;
-        }
-        self.handle.time.set(Some(end));
-        Ok(())
-    }
-
-    fn do_part(&mut self, time: f64, size: f64) -> Result<()> {
+    /// Lets an FMU for co-simulation step, from a time (s) by a size (s). Returns the time (s) at which it returned early,
+    /// which nothing allowed it to do, if it did.
+    pub fn do_step(&mut self, time: f64, size: f64) -> Result<Option<f64>> {
         let called = self.handle.do_step(time, size);
         // In FMI 2.0 the step is then discarded; in FMI 3.0 it succeeds.
         let may_end = if self.fmu.description().is_fmi3() {
@@ -130,9 +109,24 @@ impl Calls {
             called.status == Status::DISCARD
         };
         if may_end && self.handle.terminates() {
-            return self.end(self.handle.last_successful_time().unwrap_or(time + size));
+            return self.end(self.handle.last_successful_time().unwrap_or(time + size)).map(|()| None);
         }
-        self.check(&[], called)
+        self.check(&[], called)?;
+        let early = self.handle.returned_early().filter(|reached| *reached < time + size);
+        if let Some(reached) = early {
+            if reached <= time {
+                bail!("{}: the step from {} s returned early, and has not moved", self.name, Seconds(time));
+            }
+            if !self.has_returned_early {
+                self.has_returned_early = true;
+                self.warn(format!(
+                    "fmi3DoStep returned early at {} s, though earlyReturnAllowed is false; it is called again",
+                    Seconds(reached)
+                ));
+            }
+        }
+        self.handle.time.set(Some(early.unwrap_or(time + size)));
+        Ok(early)
     }
 
     /// Sets time (s) and continuous states.

@@ -181,8 +181,7 @@ impl EventMode {
         let late = TIME_TOLERANCE * size;
         while time < end {
             let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);
-            calls.do_step(time, next - time)?;
-            time = next;
+            time = calls.do_step(time, next - time)?.unwrap_or(next);
             if calls.handle.has_event() || self.next().is_some_and(|due| due <= time + late) {
                 self.handle(calls, time, late)?;
             }
@@ -192,7 +191,8 @@ impl EventMode {
 }
 
 impl InputClock {
-    /// Refuses an interval (s) that is not above 0, of a countdown not 0 or above, or not finite (FMI 3.0.2, table 16).
+    /// Refuses an interval (s) that is not finite and above 0; that of a clock that is not periodic may be 0
+    /// (modelica/fmi-standard, pull request 1937).
     fn check(&self, calls: &Calls, interval: f64) -> Result<()> {
         let is_possible = interval > 0.0 || interval == 0.0 && self.timing != Timing::Periodic;
         if !(is_possible && interval.is_finite()) {

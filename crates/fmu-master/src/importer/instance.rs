@@ -82,6 +82,7 @@ pub struct SavedState {
     time: Option<f64>,
     events: Option<EventMode>,
     integration: Option<Integration>,
+    arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
 }
 
 impl Drop for SavedState {
@@ -181,7 +182,14 @@ impl Instance {
         match (events, integration) {
             (Some(events), Some(integration)) => integration.step(calls, events, time, size),
             (Some(events), None) => events.co_simulate(calls, time, size),
-            (None, _) => calls.do_step(time, size),
+            (None, _) => {
+                let end = time + size;
+                let mut early = calls.do_step(time, size)?;
+                while let Some(reached) = early {
+                    early = calls.do_step(reached, end - reached)?;
+                }
+                Ok(())
+            }
         }
     }
 
@@ -336,6 +344,7 @@ impl Instance {
             time: self.calls.handle.time.get(),
             events: self.events.clone(),
             integration: self.integration.clone(),
+            arrays: self.arrays.clone(),
         })
     }
 
@@ -354,6 +363,7 @@ impl Instance {
         self.calls.handle.time.set(saved.time);
         self.events.clone_from(&saved.events);
         self.integration.clone_from(&saved.integration);
+        self.arrays.clone_from(&saved.arrays);
         Ok(())
     }
 }
