@@ -18,29 +18,6 @@ use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
 
-/// Names from the command line.
-#[derive(Clone, Debug)]
-struct Names(Vec<String>);
-
-/// Splits names at commas that are not between brackets.
-fn names(text: &str) -> Result<Names, String> {
-    let mut names = vec![String::new()];
-    let mut depth = 0_u32;
-    for letter in text.chars() {
-        match letter {
-            '[' => depth += 1,
-            ']' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        match (letter, names.last_mut()) {
-            (',', _) if depth == 0 => names.push(String::new()),
-            (_, Some(name)) => name.push(letter),
-            (_, None) => {}
-        }
-    }
-    if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
-}
-
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
 
@@ -125,6 +102,25 @@ impl Simulate {
             Ok(())
         })
     }
+}
+
+/// Names from the command line.
+#[derive(Clone, Debug)]
+struct Names(Vec<String>);
+
+/// Splits names at commas that are not between brackets.
+fn names(text: &str) -> Result<Names, String> {
+    let mut depth = 0_u32;
+    let is_between = |letter: char| {
+        match letter {
+            '[' => depth += 1,
+            ']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        letter == ',' && depth == 0
+    };
+    let names: Vec<_> = text.split(is_between).map(str::to_owned).collect();
+    if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
 }
 
 /// Runs a scenario to its end; prints notes and warnings. Returns the record, if it is kept, and what ran, how long, and
