@@ -14,7 +14,7 @@ use std::io::{self, BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -27,7 +27,7 @@ use fmu_master::when_an_fmu_exits;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::journal::{Journal, Part};
+use super::journal::{Journal, Part, locked};
 use super::number_in;
 
 /// The hidden subcommand, which no help or completion shows.
@@ -127,10 +127,6 @@ impl Answers {
         })?;
         Ok(!is_changed)
     }
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Works: prepares a task, answers with what `prepare` returns beside it, and runs jobs. Ends when the parent ends.
