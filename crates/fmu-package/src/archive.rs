@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
 
-use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to, utf_8};
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to};
 use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
@@ -17,6 +17,7 @@ use zip::{CompressionMethod, DateTime, ZipArchive};
 use crate::validation::archive::{Files, normalized};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
+use crate::xml;
 
 /// Opens the archive of an FMU or a system, and unpacks each entry once to check it.
 ///
@@ -36,7 +37,7 @@ pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
     }
 }
 
-/// The text of an entry.
+/// The text of an XML entry, in any encoding that it declares.
 ///
 /// # Errors
 /// When there is no such entry, or it is not text, too large or damaged.
@@ -53,7 +54,8 @@ fn read_text_up_to<R: Read + Seek>(
     let entry = index.and_then(|index| archive.by_index(index).ok());
     let entry = entry.ok_or_else(|| broken(format!("it contains no {path}")))?;
     up_to(largest, entry)
-        .and_then(utf_8)
+        .and_then(xml::decode)
+        .map(|(text, _)| text)
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
 }
 

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
-use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
+use encoding_rs::UTF_8;
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to};
 use zip::{CompressionMethod, ZipArchive};
 
 use super::report::{Place, Report};
@@ -13,6 +14,7 @@ use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
     ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
+use crate::xml;
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
@@ -175,15 +177,21 @@ impl<R: Read + Seek> Files<R> {
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
-    /// The text of an existing file; if it cannot be read, none, and a report why.
+    /// The text of an existing XML file; if it cannot be read, none, and a report why.
     pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {
             report.add(&LIMIT, Place::file(path), "it is larger than 64 MiB");
             return None;
         }
-        match up_to(LARGEST_TEXT, entry).and_then(utf_8) {
-            Ok(text) => Some(text),
+        match up_to(LARGEST_TEXT, entry).and_then(xml::decode) {
+            Ok((text, encoding)) => {
+                if encoding != UTF_8 {
+                    let message = format!("its bytes are {}, not UTF-8", encoding.name());
+                    report.add(&XML_ENCODING, Place::file(path), message);
+                }
+                Some(text)
+            }
             Err(error) => {
                 report.add(&XML_ENCODING, Place::file(path), error.to_string());
                 None
