@@ -10,11 +10,9 @@ pub(crate) mod variable;
 
 use std::collections::BTreeSet;
 
-use crate::declaration::{Declaration, Described};
+use crate::declaration::{Declaration, Described, VariableDeclaration};
 use crate::error::{Refusals, nearest};
-use crate::names::{
-    OF_ITEMS, field_name, is_c_identifier, mixed_name, pascal_case, snake_case, type_name, unique,
-};
+use crate::names::{OF_ITEMS, field_name, is_c_identifier, mixed_name, pascal_case, type_name, unique};
 use crate::texts::one_line;
 use crate::value_type::ValueType;
 
@@ -80,7 +78,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
         }
         unique(list, names.iter().cloned(), refusals);
     }
-    let variables = declaration.variables.iter().map(|variable| snake_case(&variable.name));
+    let variables = declaration.variables.iter().map(VariableDeclaration::rust_name);
     let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
     for (number, component) in components.iter().enumerate() {
         if variables.contains(component) {

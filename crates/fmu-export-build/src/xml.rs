@@ -43,6 +43,7 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
         Version::Three => ("3.0", "instantiationToken"),
     };
     let counts_indicators = fmi.version == Version::Two && fmi.interfaces.model_exchange();
+    let convention = if model.flat_name().is_none() { "structured" } else { "flat" };
     let identity = given([
         ("fmiVersion", Some(version.to_owned())),
         ("modelName", Some(model.identifier.clone())),
@@ -53,7 +54,7 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
         ("copyright", declaration.copyright.clone()),
         ("license", model.license.clone()),
         ("generationTool", Some(GENERATION_TOOL.to_owned())),
-        ("variableNamingConvention", Some("structured".to_owned())),
+        ("variableNamingConvention", Some(convention.to_owned())),
         (
             "numberOfEventIndicators",
             counts_indicators.then(|| declaration.event_indicators.len().to_string()),
