@@ -108,7 +108,7 @@ fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     element(writer, "TypeDefinitions", vec![], |writer| {
         enumerations.iter().try_for_each(|enumeration| {
             let items = |writer: &mut XmlWriter| {
-                enumeration.items.iter().zip(1_i32..).try_for_each(|(item, value)| {
+                enumeration.valued().try_for_each(|(item, value)| {
                     let attributes = given([
                         ("name", Some(item.name.clone())),
                         ("value", Some(value.to_string())),
@@ -141,6 +141,7 @@ fn write_experiment(writer: &mut XmlWriter, declaration: &Declaration) -> io::Re
     let attributes = given([
         ("startTime", experiment.start_time.map(float)),
         ("stopTime", experiment.stop_time.map(float)),
+        ("tolerance", experiment.tolerance.map(float)),
         ("stepSize", experiment.step_size.map(float)),
     ]);
     empty(writer, "DefaultExperiment", attributes)

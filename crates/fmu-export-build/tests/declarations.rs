@@ -198,8 +198,11 @@ impl Random {
         let described: Vec<_> = enumerations
             .iter()
             .map(|(name, items)| {
-                let items: Vec<_> =
-                    items.iter().map(|item| json!({"name": item, "description": self.text()})).collect();
+                let item = |item| {
+                    let value = self.pick(&[None, Some(-4), Some(1), Some(i32::MAX)]);
+                    json!({"name": item, "description": self.text(), "value": value})
+                };
+                let items: Vec<_> = items.iter().map(item).collect();
                 json!({"name": name, "description": self.text(), "items": items})
             })
             .collect();
