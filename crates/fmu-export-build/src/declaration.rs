@@ -18,7 +18,7 @@ use crate::value_type::ValueType;
 
 #[cfg(test)]
 use variable::start_schema;
-pub(crate) use variable::{Dimension, UnitNames, VariableDeclaration};
+pub(crate) use variable::{AliasDeclaration, Dimension, UnitNames, VariableDeclaration};
 
 /// A model: its name and variables.
 #[derive(Debug, Deserialize)]

@@ -8,9 +8,9 @@ use fmu_terms::{Causality, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::variable;
-use crate::declaration::{ComponentDeclaration, Declaration, VariableDeclaration};
+use crate::declaration::{AliasDeclaration, ComponentDeclaration, Declaration, VariableDeclaration};
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Field, Part, Place, Scalar, derivative_description};
+use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description};
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
@@ -155,16 +155,27 @@ impl<'a> Flat<'a> {
     ) -> Result<Field<'a>, Refusal> {
         let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
         let name = format!("{prefix}{}", declaration.name);
+        let describe = |text: &str| match part.description {
+            Some(component) => format!("{component}: {text}"),
+            None => text.to_owned(),
+        };
+        let aliases = |subscripts: &str| {
+            let alias = |alias: &AliasDeclaration| Alias {
+                name: format!("{prefix}{}{subscripts}", alias.name),
+                description: alias
+                    .description
+                    .as_deref()
+                    .or(declaration.description.as_deref())
+                    .map(describe),
+            };
+            declaration.aliases.iter().map(alias).collect::<Vec<_>>()
+        };
         let before = self.scalars.len();
         let checked =
             variable::check(self.declaration, declaration, start, before).map_err(|(of, reason)| {
                 let key = if of == "start" { start_key } else { format!("{key}.{of}") };
                 Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
             })?;
-        let describe = |text: &str| match part.description {
-            Some(component) => format!("{component}: {text}"),
-            None => text.to_owned(),
-        };
         let mut positions = Vec::new();
         for (number, (subscripts, indices)) in elements(&declaration.sizes).into_iter().enumerate() {
             let position = self.scalars.len();
@@ -185,6 +196,7 @@ impl<'a> Flat<'a> {
                 data_type: checked.data_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
+                aliases: aliases(&subscripts),
                 min: fixed.or(declaration.min),
                 max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
@@ -238,8 +250,11 @@ impl<'a> Flat<'a> {
             if checked.place == Place::States {
                 self.names.insert(format!("der({name})"), derivatives);
             }
-            if self.names.insert(name.clone(), positions.clone()).is_some() {
-                return Err(duplicate(&name, &key));
+            let names = aliases("").into_iter().map(|alias| alias.name);
+            for name in names.chain([name]) {
+                if self.names.insert(name.clone(), positions.clone()).is_some() {
+                    return Err(duplicate(&name, &key));
+                }
             }
         }
         self.pin(declaration, &positions, &key)?;
@@ -247,8 +262,11 @@ impl<'a> Flat<'a> {
     }
 
     fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {
-        if self.names.insert(scalar.name.clone(), vec![self.scalars.len()]).is_some() {
-            return Err(duplicate(&scalar.name, &scalar.key));
+        let aliases = scalar.aliases.iter().map(|alias| &alias.name);
+        for name in aliases.chain([&scalar.name]) {
+            if self.names.insert(name.clone(), vec![self.scalars.len()]).is_some() {
+                return Err(duplicate(name, &scalar.key));
+            }
         }
         self.scalars.push(scalar);
         Ok(())

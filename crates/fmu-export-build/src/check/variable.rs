@@ -57,6 +57,10 @@ fn texts(variable: &VariableDeclaration) -> Result<(), Blame> {
     variable_name(&variable.name).map_err(|reason| ("name", reason))?;
     let rust_name = variable.rust_name.as_deref();
     rust_name.map_or(Ok(()), field_name).map_err(|reason| ("rust_name", reason))?;
+    for alias in &variable.aliases {
+        variable_name(&alias.name).map_err(|reason| ("aliases", reason))?;
+        alias.description.as_deref().map_or(Ok(()), one_line).map_err(|reason| ("aliases", reason))?;
+    }
     let of_derivative = variable.derivative.as_ref().and_then(|derivative| derivative.description.as_ref());
     for (key, text) in
         [("description", variable.description.as_ref()), ("derivative.description", of_derivative)]

@@ -23,6 +23,9 @@ pub(crate) struct VariableDeclaration {
     pub(crate) rust_name: Option<String>,
     /// What it is.
     pub(crate) description: Option<String>,
+    /// Further names, by which importers can read it.
+    #[serde(default)]
+    pub(crate) aliases: Vec<AliasDeclaration>,
     /// Default: local.
     #[serde(default)]
     pub(crate) causality: Causality,
@@ -107,6 +110,17 @@ pub(crate) struct VariableDeclaration {
     pub(crate) can_be_deactivated: bool,
     /// For an input clock: order of simultaneous ticks, from 0; required in Scheduled Execution.
     pub(crate) priority: Option<u32>,
+}
+
+/// A further name of a variable.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AliasDeclaration {
+    /// As a variable's.
+    pub(crate) name: String,
+    /// What it is. Default: the variable's.
+    pub(crate) description: Option<String>,
 }
 
 impl VariableDeclaration {
