@@ -1,5 +1,6 @@
 //! Recorded variables over time.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -11,17 +12,20 @@ use crate::table::{Cells, Column, Table, TableColumn};
 /// The name of the first column.
 const TIME: &str = "time";
 
-/// Variables at the communication points: the times, and a column of values for each variable.
+/// Variables over time: the times, and a column of values for each variable. Rows are at communication points, and before
+/// and after events.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     time: Vec<f64>,
     columns: Vec<Column>,
+    /// The rows at events.
+    events: Vec<usize>,
 }
 
 impl Record {
     /// An empty record of variables. Each is a column without values, or a name and a unit, which may be empty.
     pub fn new(columns: impl IntoIterator<Item = impl Into<Column>>) -> Self {
-        Self { time: vec![], columns: columns.into_iter().map(Into::into).collect() }
+        Self { columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
     /// Appends a row: the time (s) and one value for each column.
@@ -36,13 +40,40 @@ impl Record {
         }
     }
 
+    /// Appends a row before or after an event, as [`Record::push`] does.
+    ///
+    /// # Panics
+    /// When there are more or fewer values than columns.
+    pub fn push_event(&mut self, time: f64, values: &[f64]) {
+        self.events.push(self.time.len());
+        self.push(time, values);
+    }
+
+    /// The record of the communication points alone. A record that is read has no other rows.
+    #[must_use]
+    pub fn without_events(&self) -> Cow<'_, Self> {
+        if self.events.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let mut events = self.events.iter().peekable();
+        let is_kept: Vec<_> =
+            (0..self.time.len()).map(|row| events.next_if(|event| **event == row).is_none()).collect();
+        let kept = |values: &[f64]| {
+            values.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(value, _)| *value).collect()
+        };
+        let column = |column: &Column| Column { values: kept(&column.values), ..column.clone() };
+        let columns = self.columns.iter().map(column).collect();
+        Cow::Owned(Self { time: kept(&self.time), columns, events: vec![] })
+    }
+
     /// Removes all rows.
     pub fn clear(&mut self) {
         self.time.clear();
+        self.events.clear();
         self.columns.iter_mut().for_each(|column| column.values.clear());
     }
 
-    /// The communication points (s).
+    /// The time of each row (s); two rows of one time are a jump.
     #[must_use]
     pub fn time(&self) -> &[f64] {
         &self.time
@@ -79,7 +110,7 @@ impl Record {
         TableFormat::of(path)?;
         let numbers = Data::read(path, None)?.into_numbers();
         let (time, columns) = numbers.with_context(|| format!("cannot read {}", path.display()))?;
-        Ok(Self { time, columns })
+        Ok(Self { time, columns, events: vec![] })
     }
 }
 

@@ -46,8 +46,7 @@ impl<'a> Comparison<'a> {
         let mut notes = vec![];
         for (name, record) in others {
             let times = record.time();
-            let mut place = 0;
-            let common = first.time().iter().filter(|time| at(times, times, **time, &mut place).is_some());
+            let common = counterparts(first.time(), times).filter(Option::is_some);
             match (common.count(), first.time().len()) {
                 (0, _) => {
                     let range = |times: &[f64]| format!("{} s to {} s", times[0], times[times.len() - 1]);
@@ -209,9 +208,9 @@ impl Difference {
     fn new(times: &[f64], first: &Column, other_times: &[f64], other: &Column) -> Self {
         let mut points = vec![];
         let mut undefined = 0;
-        let mut place = 0;
-        for (&time, &value) in times.iter().zip(&first.values) {
-            let Some(counterpart) = at(other_times, &other.values, time, &mut place) else { continue };
+        let counterparts = counterparts(times, other_times);
+        for ((&time, &value), counterpart) in times.iter().zip(&first.values).zip(counterparts) {
+            let Some(counterpart) = counterpart.map(|place| place.value(&other.values)) else { continue };
             let is_same = value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
             let difference = if is_same { 0.0 } else { counterpart - value };
             undefined += usize::from(!difference.is_finite());
@@ -229,19 +228,41 @@ impl Difference {
     }
 }
 
-/// The value at a time, interpolated linearly; none outside the record. `place` is the row where the search starts, for
-/// ascending times.
-fn at(times: &[f64], values: &[f64], time: f64, place: &mut usize) -> Option<f64> {
-    while times.get(*place).is_some_and(|&known| known < time - ROUNDING) {
-        *place += 1;
+/// Where in a record a time is: at a row, or after one by a share of the time to the next.
+#[derive(Clone, Copy)]
+enum Place {
+    At(usize),
+    After(usize, f64),
+}
+
+impl Place {
+    /// The value there, interpolated linearly.
+    fn value(self, values: &[f64]) -> f64 {
+        match self {
+            Self::At(row) => values[row],
+            Self::After(row, share) => values[row] + share * (values[row + 1] - values[row]),
+        }
     }
-    let after = *times.get(*place)?;
-    if after <= time + ROUNDING {
-        return Some(values[*place]);
-    }
-    let before = place.checked_sub(1)?;
-    let share = (time - times[before]) / (after - times[before]);
-    Some(values[before] + share * (values[*place] - values[before]))
+}
+
+/// The places of ascending times in a record; none outside. The rows of a jump are each other's, the last ones first, so
+/// that a single row is what follows a jump.
+fn counterparts(times: &[f64], others: &[f64]) -> impl Iterator<Item = Option<Place>> {
+    let until = |times: &[f64], from: usize, time: f64| {
+        from + times[from..].iter().take_while(|known| **known <= time + ROUNDING).count()
+    };
+    let [mut own_end, mut end] = [0, 0];
+    times.iter().enumerate().map(move |(row, &time)| {
+        own_end = until(times, own_end, time);
+        end = until(others, end, time);
+        let last = end.checked_sub(1)?;
+        let first = others[..end].iter().rev().take_while(|known| **known >= time - ROUNDING).count();
+        if first > 0 {
+            return Some(Place::At((last + 1 + row).saturating_sub(own_end).max(end - first)));
+        }
+        let after = others.get(end)?;
+        Some(Place::After(last, (time - others[last]) / (after - others[last])))
+    })
 }
 
 fn has_times_of(one: &Record, other: &Record) -> bool {
@@ -310,6 +331,27 @@ mod tests {
         assert!(comparison.text().contains("equal"), "{}", comparison.text());
         assert_eq!(comparison.variables[0].differences[0].points.len(), 3);
         assert!(comparison.notes[0].contains("different times"));
+    }
+
+    /// As at an event, before and after it; without the first row it is what follows.
+    #[test]
+    fn jumps_are_compared_on_both_sides() {
+        let jump = [(0.0, 0.0), (1.0, 1.0), (1.0, 5.0), (2.0, 6.0)];
+        let [mut late, single] = [jump, jump].map(|rows| rows.to_vec());
+        late[1].1 = 3.0;
+        let single = [single[0], single[2], single[3]];
+        for (a, b, differences) in [
+            (&jump[..], &jump[..], &[(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (2.0, 0.0)][..]),
+            (&jump, &late, &[(0.0, 0.0), (1.0, 2.0), (1.0, 0.0), (2.0, 0.0)]),
+            (&single, &jump, &[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]),
+            (&jump, &single, &[(0.0, 0.0), (1.0, 4.0), (1.0, 0.0), (2.0, 0.0)]),
+            // Between the rows of the other there is a line.
+            (&[(0.5, 0.5), (0.5, 9.0), (1.5, 5.5)], &jump, &[(0.5, 0.0), (0.5, -8.5), (1.5, 0.0)]),
+        ] {
+            let records = [record("a", "m", a), record("b", "m", b)];
+            let comparison = Comparison::new(&records, Some(&["p".to_owned()])).unwrap();
+            assert_eq!(comparison.variables[0].differences[0].points, differences, "{a:?} and {b:?}");
+        }
     }
 
     #[test]

@@ -689,6 +689,32 @@ fn a_study_has_a_report() {
     assert!(bench.read("out/results.csv").starts_with(header));
 }
 
+/// The ball of `exchange.c` bounces between communication points: both commands record the rows at its events, or not.
+/// Measures are of communication points.
+#[test]
+fn a_study_records_events_as_a_run_does() {
+    let bench = Bench::new();
+    let ball = include_str!("../../../fmu-master/tests/careless/exchange.xml");
+    careless::write(&bench.path("careless.fmu"), ball, &careless::compiled("exchange.c"));
+    let study = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:e\" = [0.5]\n[measures]\n\
+                 fastest = { minimum = \"v\" }\nmean = { mean = \"v\" }\n";
+    bench.write("study.toml", study);
+    let output = bench.run(&["simulate", "scenario.toml", "--out", "with.csv"]);
+    // 9 at communication points. Events are at the impacts, at 0.447 and 0.894 s, each 0.25 s and after the third step of
+    // the integrator; those each 0.25 s are at communication points, whose rows follow them.
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), "with.csv  19 rows\n");
+    bench.succeeds(&["simulate", "scenario.toml", "--no-events", "--out", "without.csv"]);
+    // Below names and units.
+    assert_eq!(bench.read("without.csv").lines().count(), 2 + 9);
+    for (out, run, options) in [("all", "with.csv", &[][..]), ("few", "without.csv", &["--no-events"])] {
+        bench.succeeds(&[&["sweep", "study.toml", "--out", out], options].concat());
+        assert_eq!(bench.read(&format!("{out}/records/0.csv")), bench.read(run));
+        assert_eq!(bench.read(&format!("{out}/results.csv")), bench.read("all/results.csv"));
+    }
+    let message = bench.refusal(&["sweep", "study.toml", "--out", "all", "--no-events"]);
+    assert!(message.contains("events in records"), "{message}");
+}
+
 /// It records what is measured: neither what else is drawn nor what else has noise.
 #[test]
 fn a_study_takes_a_scenario_with_panels_and_noise() {
