@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,7 @@ def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
     assert not found["inClock2Ticks"].any()
     # Between ticks nothing changes.
     run("simulate", *arguments)
-    before_and_after = [row for pair in zip(found[:-1], found[1:], strict=True) for row in pair]
+    before_and_after = [row for pair in pairwise(found) for row in pair]
     with_events = read_csv(out)
     assert with_events["time"].tolist() == [0, *(time for time in range(1, 10) for _ in range(2))]
     for name in found.dtype.names[1:]:
