@@ -585,7 +585,7 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         </fmiModelDescription>"#;
     let fmi3 = r#"<fmiModelDescription fmiVersion="3.0" modelName="C">
           <ModelVariables><Float64 name="p" causality="input" unit="Pa" start="1e5" min="0"
-            description="pressure"/></ModelVariables>
+            description="pressure"><Alias name="p2" description="at the outlet"/><Alias name="p3"/></Float64></ModelVariables>
         </fmiModelDescription>"#;
     for (name, xml, title, data_type) in
         [("fmi2.fmu", fmi2, "A & B", "Real"), ("fmi3.fmu", fmi3, "C", "Float64")]
@@ -597,6 +597,13 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         let row = table.lines().find(|line| line.starts_with("p ")).unwrap();
         let words: Vec<_> = row.split_whitespace().collect();
         assert_eq!(words, ["p", "input", data_type, "Pa", "1e5", "0..", "pressure"]);
+        let aliases: Vec<_> = table.lines().filter(|line| line.contains("alias of")).collect();
+        if name == "fmi3.fmu" {
+            let words = aliases.iter().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+            assert_eq!(words.collect::<Vec<_>>(), ["p2 alias of p: at the outlet", "p3 alias of p"]);
+        } else {
+            assert!(aliases.is_empty(), "{table}");
+        }
     }
 }
 

@@ -128,10 +128,17 @@ impl Recorder {
                 let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
                 return Err(measured.location.error(message));
             };
+            if columns[column].is_text {
+                return Err(measured
+                    .location
+                    .error(format!("{} is a String, which has no noise", measured.name)));
+            }
             noise.push((column, NoiseSource::new(measured)?));
         }
-        let selections =
-            names.iter().zip(fmus).map(|(names, fmu)| fmu.select(names.iter().map(String::as_str)));
+        let selections = names
+            .iter()
+            .zip(fmus)
+            .map(|(names, fmu)| fmu.select_with_texts(names.iter().map(String::as_str)));
         let selections = selections.collect::<Result<_>>()?;
         let recorder = Self {
             values: names.iter().map(|names| vec![0.0; names.len()]).collect(),
@@ -148,9 +155,15 @@ impl Recorder {
     /// Records a row at a communication point (s), from the instances in their order, after those at events before it.
     pub fn take<'a>(&mut self, time: f64, instances: impl Iterator<Item = &'a mut Instance>) -> Result<()> {
         let mut events = vec![];
-        for (instance, values) in instances.zip(&mut self.values) {
+        for (index, (instance, values)) in instances.zip(&mut self.values).enumerate() {
             values.copy_from_slice(instance.read_watched()?);
             events.push(instance.take_events());
+            for (own, texts) in instance.watched_texts() {
+                let is_source = |source: &Source| matches!(source, Source::Instance { member, position } if (*member, *position) == (index, own));
+                if let Some(column) = self.sources.iter().position(is_source) {
+                    self.record.add_texts(column, texts);
+                }
+            }
         }
         for (value, source) in self.row.iter_mut().zip(&self.sources) {
             *value = match source {
@@ -238,7 +251,7 @@ impl Recorder {
     }
 }
 
-/// An FMU's recordable variables of a causality: the numeric ones.
+/// An FMU's variables of a causality that are recorded by default: the numeric ones.
 fn numbers(fmu: &Fmu, causality: Causality) -> impl Iterator<Item = &FmuVariable> {
     fmu.description().of_causality(causality).filter(|variable| is_number(variable))
 }
@@ -247,7 +260,7 @@ fn is_number(variable: &FmuVariable) -> bool {
     !matches!(variable.value_type(), ValueType::String | ValueType::Other)
 }
 
-/// Resolves what `record` names if it is no variable: the elements of an array, or the numeric variables whose names fit a
+/// Resolves what `record` names if it is no variable: the elements of an array, or the variables whose names fit a
 /// pattern, in which `*` stands for any text. Each is of the first FMU that has it.
 fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, Found)> {
     let (only, wanted) = match name.split_once(':') {
@@ -257,7 +270,7 @@ fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, F
         _ => (None, name),
     };
     let is_wanted = |variable: &&FmuVariable| {
-        is_number(variable)
+        variable.value_type() != ValueType::Other
             && (variable.array() == Some(wanted) || wanted.contains('*') && fits(&variable.name, wanted))
     };
     let mut found = vec![];
@@ -356,6 +369,7 @@ pub fn column_of(name: &str, variable: &FmuVariable, description: &FmuDescriptio
     Column {
         display_unit: description.display_unit(variable).cloned(),
         is_discrete: variable.is_discrete(),
+        is_text: variable.value_type() == ValueType::String,
         items: match variable.value_type() {
             ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
             ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),

@@ -1,5 +1,6 @@
 //! Compares records: computes and draws the differences of each from the first.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
@@ -29,7 +30,7 @@ struct Variable<'a> {
     differences: Vec<Difference>,
 }
 
-/// A record's difference from the first, at the first's times.
+/// A record's difference from the first, at the first's times. Other texts have none that is finite.
 struct Difference {
     points: Vec<(f64, f64)>,
     /// The largest difference, with its time; none if the records are equal.
@@ -95,8 +96,9 @@ impl<'a> Comparison<'a> {
             // CSV files have no display units.
             let display_unit = columns.iter().find_map(|column| column.display_unit.clone());
             let heading = (column.name.clone(), units.first().copied().unwrap_or_default().to_owned());
+            let is_text = columns.iter().any(|column| column.is_text);
             variables.push(Variable {
-                heading: Column { display_unit, ..Column::from(heading) },
+                heading: Column { display_unit, is_text, ..Column::from(heading) },
                 differences: differences
                     .map(|((_, record), other)| Difference::new(first.time(), column, record.time(), other))
                     .collect(),
@@ -154,7 +156,7 @@ impl<'a> Comparison<'a> {
         report
     }
 
-    /// For each variable, a panel with all records next to one with the differences.
+    /// For each variable of numbers, a panel with all records next to one with the differences.
     pub fn draw(&self) -> Figure {
         let title = self.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
         let colors = || color::CYCLE.iter().cycle().copied();
@@ -183,16 +185,22 @@ impl<'a> Comparison<'a> {
             let apart = Panel::new("time (s)", &unit).title("difference").height(130);
             [lines.fold(both, Panel::line), differences.fold(apart, Panel::line)]
         };
-        self.variables.iter().map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
+        let drawn = self.variables.iter().filter(|variable| !variable.heading.is_text);
+        drawn.map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
     }
 }
 
 impl Variable<'_> {
     /// A record's largest difference, its time, the root mean square, and where there is no finite difference.
     fn row(&self, record: usize) -> [String; 4] {
-        let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
+        let Difference { points, greatest, root_mean_square, undefined } = &self.differences[record];
         let undefined = match undefined {
             0 => String::new(),
+            rows if self.heading.is_text => {
+                let mut others = points.iter().filter(|(_, difference)| difference.is_nan());
+                let first = others.next().map(|(time, _)| quantity(*time, "s")).unwrap_or_default();
+                format!("other texts in {rows} rows, from {first} on")
+            }
             rows => format!("no finite difference in {rows} rows"),
         };
         let column = self.heading.of_differences();
@@ -210,9 +218,16 @@ impl Difference {
         let mut undefined = 0;
         let counterparts = counterparts(times, other_times);
         for ((&time, &value), counterpart) in times.iter().zip(&first.values).zip(counterparts) {
-            let Some(counterpart) = counterpart.map(|place| place.value(&other.values)) else { continue };
-            let is_same = value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
-            let difference = if is_same { 0.0 } else { counterpart - value };
+            let Some(place) = counterpart else { continue };
+            let difference = if first.is_text || other.is_text {
+                let is_same = text(first, value) == text(other, other.values[place.row()]);
+                if is_same { 0.0 } else { f64::NAN }
+            } else {
+                let counterpart = place.value(&other.values);
+                let is_same =
+                    value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
+                if is_same { 0.0 } else { counterpart - value }
+            };
             undefined += usize::from(!difference.is_finite());
             points.push((time, difference));
         }
@@ -228,6 +243,11 @@ impl Difference {
     }
 }
 
+/// A value as a text, as records of texts are read: a number without superfluous digits.
+fn text(column: &Column, value: f64) -> Cow<'_, str> {
+    column.item(value).map_or_else(|| value.to_string().into(), Cow::from)
+}
+
 /// Where in a record a time is: at a row, or after one by a share of the time to the next.
 #[derive(Clone, Copy)]
 enum Place {
@@ -236,6 +256,12 @@ enum Place {
 }
 
 impl Place {
+    /// The last row until then.
+    fn row(self) -> usize {
+        let (Self::At(row) | Self::After(row, _)) = self;
+        row
+    }
+
     /// The value there, interpolated linearly.
     fn value(self, values: &[f64]) -> f64 {
         match self {
@@ -331,6 +357,29 @@ mod tests {
         assert!(comparison.text().contains("equal"), "{}", comparison.text());
         assert_eq!(comparison.variables[0].differences[0].points.len(), 3);
         assert!(comparison.notes[0].contains("different times"));
+    }
+
+    /// One of the records has only texts that are numbers.
+    #[test]
+    fn texts_are_compared_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |name: &str, cells: [&str; 3]| {
+            let path = folder.path().join("a.csv");
+            let [a, b, c] = cells;
+            std::fs::write(&path, format!("time,p\n0,{a}\n1,{b}\n2,\"{c}\"\n")).unwrap();
+            (name.to_owned(), Record::read(&path).unwrap())
+        };
+        let records = [
+            read("a", ["off", "7", "on, \u{b0}"]),
+            read("b", ["off", "7.0", "on, \u{b0}"]),
+            read("c", ["7", "7", "7"]),
+        ];
+        assert_eq!(records[0].1.columns()[0].items[2].0, "on, \u{b0}");
+        let comparison = Comparison::new(&records, None).unwrap();
+        let text = comparison.text();
+        assert!(text.contains("b minus a:\n  p           equal\n"), "{text}");
+        assert!(text.contains("unequal other texts in 2 rows, from 0\u{202f}s on\n"), "{text}");
+        assert_eq!(comparison.draw().html().matches("class=\"panel\"").count(), 0);
     }
 
     /// As at an event, before and after it; without the first row it is what follows.

@@ -140,6 +140,11 @@ impl Calls {
             self.read_group(group, &selection.names)?;
             group.scatter(values);
         }
+        for texts in &mut selection.texts {
+            let (called, read) = self.handle.get_strings(texts.reference, texts.count());
+            self.check(&selection.names, called)?;
+            texts.scatter(read, values);
+        }
         self.warn_of_no_numbers(&selection.names, values);
         Ok(())
     }

@@ -52,6 +52,11 @@ impl Instance {
         Ok(self.calls.watch.as_ref().map_or(&[], |watch| &watch.values))
     }
 
+    /// The texts among the watched variables that have occurred, each with the index of its variable.
+    pub(crate) fn watched_texts(&self) -> impl Iterator<Item = (usize, &[String])> {
+        self.calls.watch.iter().flat_map(|watch| watch.selection.texts())
+    }
+
     /// What was read at events since the last call of this function.
     pub(crate) fn take_events(&mut self) -> Vec<EventRow> {
         let events = self.calls.watch.as_mut().and_then(|watch| watch.events.as_mut());

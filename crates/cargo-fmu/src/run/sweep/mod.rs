@@ -127,6 +127,10 @@ impl Study {
                 let message = format!("the scenario does not record {}", measure.variable);
                 return Err(measure.location.error(message));
             };
+            if column.is_text {
+                let message = format!("{} is a String, which cannot be measured", measure.variable);
+                return Err(measure.location.error(message));
+            }
             measures.push(measure.column(column));
         }
         let notes = master.notes().to_vec();
