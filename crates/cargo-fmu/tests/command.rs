@@ -546,7 +546,8 @@ fn info_says_why_a_file_is_no_fmu() {
     assert!(missing.contains("cannot open there is no such.fmu"), "{missing}");
 
     let folder = empty("a folder.fmu");
-    for arguments in [["info"].as_slice(), &["merge", "--out", "merged.fmu"], &["validate"], &["parameters"]]
+    for arguments in
+        [["info"].as_slice(), &["merge", "--out", "merged.fmu"], &["validate"], &["parameters"], &["compile"]]
     {
         let message = refusal(&[arguments, &[folder.to_str().unwrap()]].concat());
         assert!(message.contains("a folder.fmu: it is a folder"), "{message}");
@@ -641,9 +642,12 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
     let evil =
         description("").replace(r#"modelIdentifier="Other""#, "modelIdentifier=\"../../evil\u{9b}2J\"");
     let evil = archive("evil.fmu", "modelDescription.xml", &evil);
-    for arguments in
-        [["parameters", &evil].as_slice(), &["info", &evil], &["merge", &evil, "--out", "merged.fmu"]]
-    {
+    for arguments in [
+        ["parameters", &evil].as_slice(),
+        &["info", &evil],
+        &["merge", &evil, "--out", "merged.fmu"],
+        &["compile", &evil],
+    ] {
         let (code, printed) = cargo_fmu_in(&folder, arguments);
         let reason = r"the modelIdentifier '../../evil\u{9b}2J' is not a C identifier";
         assert!(code == Some(2) && printed.contains(&evil) && printed.contains(reason), "{printed}");
@@ -732,7 +736,7 @@ fn too_large_contents_are_refused() {
         bytes[at + 24..at + 28].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
     }
     fs::write(&bomb, bytes).unwrap();
-    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"]] {
+    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"], &["compile", &bomb]] {
         let message = refusal(arguments);
         assert!(message.contains("its entries exceed 1 GiB"), "{message}");
     }

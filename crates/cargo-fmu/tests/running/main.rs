@@ -14,6 +14,7 @@ use self::careless::{DESCRIPTION, library};
 
 #[path = "../../../fmu-master/tests/careless/mod.rs"]
 mod careless;
+mod compiling;
 mod connections;
 mod misbehaving;
 
