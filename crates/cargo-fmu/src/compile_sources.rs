@@ -91,7 +91,7 @@ fn compiled(fmu: &Path, platform: Platform) -> Result<(Part, BTreeMap<Platform, 
         .collect();
     let is_needed = |path: &str| path.starts_with("sources/") || path.starts_with("binaries/");
     let folder = Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?;
-    let sources = Sources::new(&folder, platform.folder_for_host(description.is_fmi3()), &files)?;
+    let sources = Sources::new(&folder, &platform.folder_for_host(description.is_fmi3()), &files)?;
     let mut libraries = vec![];
     for identifier in identifiers {
         let own: Vec<_> =
@@ -122,7 +122,7 @@ struct Sources<'a> {
 }
 
 impl<'a> Sources<'a> {
-    fn new(folder: &'a Folder, platform: String, files: &'a BTreeMap<String, Vec<u8>>) -> Result<Self> {
+    fn new(folder: &'a Folder, platform: &str, files: &'a BTreeMap<String, Vec<u8>>) -> Result<Self> {
         let headers = folder.path().join("headers");
         fs::create_dir(&headers)?;
         for (name, text) in HEADERS {

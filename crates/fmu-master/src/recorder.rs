@@ -120,21 +120,7 @@ impl Recorder {
                 return Err(panel.location.error(message));
             }
         }
-        let mut noise = vec![];
-        let noises = scenario.measurement_noise.iter().filter(|noise| !missing.contains(&&noise.name));
-        for measured in noises {
-            let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
-                let known = columns.iter().map(|column| column.name.as_str());
-                let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
-                return Err(measured.location.error(message));
-            };
-            if columns[column].is_text {
-                return Err(measured
-                    .location
-                    .error(format!("{} is a String, which has no noise", measured.name)));
-            }
-            noise.push((column, NoiseSource::new(measured)?));
-        }
+        let noise = measurement_noise(scenario, &columns, &missing)?;
         let selections = names
             .iter()
             .zip(fmus)
@@ -249,6 +235,32 @@ impl Recorder {
         points.push((end, self.row[column]));
         if self.record.columns()[column].is_discrete { Signal::Steps(points) } else { Signal::Lines(points) }
     }
+}
+
+/// The noise on columns; that on names which are missing is left out.
+fn measurement_noise(
+    scenario: &Scenario,
+    columns: &[Column],
+    missing: &[&String],
+) -> Result<Vec<(usize, NoiseSource)>> {
+    let mut noise = vec![];
+    for measured in &scenario.measurement_noise {
+        if missing.contains(&&measured.name) {
+            continue;
+        }
+        let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
+            let known = columns.iter().map(|column| column.name.as_str());
+            let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
+            return Err(measured.location.error(message));
+        };
+        if columns[column].is_text {
+            return Err(measured
+                .location
+                .error(format!("{} is a String, which has no noise", measured.name)));
+        }
+        noise.push((column, NoiseSource::new(measured)?));
+    }
+    Ok(noise)
 }
 
 /// An FMU's variables of a causality that are recorded by default: the numeric ones.

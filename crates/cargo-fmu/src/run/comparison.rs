@@ -47,7 +47,7 @@ impl<'a> Comparison<'a> {
         let mut notes = vec![];
         for (name, record) in others {
             let times = record.time();
-            let common = counterparts(first.time(), times).filter(Option::is_some);
+            let common = counterparts(first.time(), times).flatten();
             match (common.count(), first.time().len()) {
                 (0, _) => {
                     let range = |times: &[f64]| format!("{} s to {} s", times[0], times[times.len() - 1]);

@@ -8,8 +8,8 @@ use fmu_package::Platform;
 use super::Bench;
 use super::careless::DESCRIPTION;
 
-#[path = "../support/mod.rs"]
-mod support;
+#[path = "../support/archives.rs"]
+mod archives;
 
 /// A library that is external, and one that is in the FMU.
 const LIBRARIES: &str = "<Library name=\"m\" external=\"true\"/><Library name=\"offset\"/>";
@@ -43,7 +43,7 @@ fn gain(bench: &Bench, sets: &str, more: &[(&str, &[u8])]) {
             b"#include <math.h>\n#include \"bias.h\"\ndouble bias(void) { return sqrt(BIAS); }\n",
         ),
     ];
-    support::archive_of(bench.path("gain.fmu").to_str().unwrap(), &[&files, more].concat());
+    archives::archive_of(bench.path("gain.fmu").to_str().unwrap(), &[&files, more].concat());
 }
 
 /// The configuration that `gain.c` demands.
@@ -141,7 +141,7 @@ fn source_files_of_fmi_2_are_compiled() {
     let description = format!("{before}{listed}{}", after.split_once("/>").unwrap().1);
     let source = include_bytes!("../../../fmu-master/tests/careless/careless.c");
     let files = [("modelDescription.xml", description.as_bytes()), ("sources/careless.c", source)];
-    support::archive_of(bench.path("c.fmu").to_str().unwrap(), &files);
+    archives::archive_of(bench.path("c.fmu").to_str().unwrap(), &files);
     bench.succeeds(&["simulate", "careless.fmu", "--set", "input=0.3", "--out", "expected.csv"]);
     bench.succeeds(&["compile", "c.fmu", "--out", "new.fmu"]);
     bench.succeeds(&["simulate", "new.fmu", "--set", "input=0.3", "--out", "found.csv"]);
