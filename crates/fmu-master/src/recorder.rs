@@ -281,14 +281,15 @@ fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, F
         }
         _ => (None, name),
     };
-    let is_wanted = |variable: &&FmuVariable| {
-        variable.value_type() != ValueType::Other
+    let is_wanted = |variable: &FmuVariable, fmu: &Fmu| {
+        fmu.can_tell(variable)
             && (variable.array() == Some(wanted) || wanted.contains('*') && fits(&variable.name, wanted))
     };
     let mut found = vec![];
     for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {
         if only.is_none_or(|only| only == member.name) {
-            found.extend(fmu.description().variables.iter().filter(is_wanted).map(|variable| {
+            let wanted = fmu.description().variables.iter().filter(|variable| is_wanted(variable, fmu));
+            found.extend(wanted.map(|variable| {
                 let column =
                     only.map_or_else(|| variable.name.clone(), |only| format!("{only}:{}", variable.name));
                 (column, Found::Variable { member: index, name: variable.name.clone() })

@@ -1,8 +1,10 @@
 //! The variables of an instance that are recorded: read at communication points, and before and after events.
 
 use anyhow::Result;
+use fmu_package::{FmuVariable, ValueType};
 
 use super::calls::Calls;
+use super::fmu::Fmu;
 use super::instance::Instance;
 use super::selection::Selection;
 
@@ -20,6 +22,17 @@ pub struct EventRow {
     pub time: f64,
     pub is_after: bool,
     pub values: Vec<f64>,
+}
+
+impl Fmu {
+    /// Whether it can tell the values of a variable that are numbers or texts.
+    pub(crate) fn can_tell(&self, variable: &FmuVariable) -> bool {
+        match variable.value_type() {
+            ValueType::Other => false,
+            ValueType::String => self.functions.refuse_no_texts().is_ok(),
+            _ => true,
+        }
+    }
 }
 
 impl Instance {
