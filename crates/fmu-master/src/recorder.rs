@@ -178,7 +178,7 @@ impl Recorder {
     fn at_events(&self, (begin, end): (f64, f64), mut events: Vec<Vec<EventRow>>) -> Vec<(f64, Vec<f64>)> {
         for row in events.iter_mut().flatten() {
             // Rounding may put them beside.
-            row.time = row.time.clamp(begin, end);
+            row.time = row.time.max(begin).min(end);
         }
         let mut times: Vec<_> = events.iter().flatten().map(|row| row.time).collect();
         times.sort_by(f64::total_cmp);

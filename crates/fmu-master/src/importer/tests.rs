@@ -15,7 +15,7 @@ use fmu_record::Record;
 
 use self::careless::DESCRIPTION;
 use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Signal};
 use crate::{LoadedFmus, Master};
 
 #[path = "../../tests/careless/mod.rs"]
@@ -733,6 +733,20 @@ fn rows_at_events_hold_what_the_other_fmus_do() {
     assert_eq!((1..time.len()).filter(|row| v[*row] > v[row - 1]).count(), 3);
     // The third steps of their integrators end at different times.
     assert_eq!(other_count.len(), 7 + 2 * (3 + 4 + 2) - 1);
+}
+
+/// The noise is that of the run without rows at events, between which it is on a line.
+#[test]
+fn noise_is_measured_at_communication_points() {
+    let noisy = "[\"ball:v\"]\nmeasurement_noise.\"ball:v\".standard_deviation = 0.1";
+    let [record, sampled] = [true, false].map(|has_events| record_of_balls(noisy, 0.2, has_events));
+    assert_eq!(rows(&record.without_events()), rows(&sampled));
+    let line =
+        Signal::Lines(sampled.time().iter().copied().zip(sampled.columns()[0].values.clone()).collect());
+    assert!(record.time().len() > sampled.time().len());
+    for (time, value) in record.time().iter().zip(&record.columns()[0].values) {
+        assert!((value - line.at(*time)).abs() < 1e-12, "{time}");
+    }
 }
 
 /// An instance of the FMU of `misbehaving.c`, initialized in Model Exchange, with values of its parameters. `scaled` has states
