@@ -751,7 +751,7 @@ fn texts_are_recorded() {
     let message = bench.refusal(&["sweep", "study.toml"]);
     assert!(message.contains("stage is a String, which cannot be measured"), "{message}");
     careless::write(&bench.path("careless.fmu"), &description, careless::misbehaving_library());
-    let message = bench.refusal(&simulate);
+    let message = bench.refusal(&["simulate", "careless.fmu", "--record", "stage"]);
     assert!(message.contains("stage cannot be read: its library has no fmi2GetString"), "{message}");
 }
 
