@@ -116,3 +116,53 @@ impl SourceFileSet {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Interfaces of one identifier share a library; the build description takes precedence.
+    #[test]
+    fn listed_files_are_those_of_a_library() {
+        let interface = |interface: &str, identifier: &str, files: &[&str]| {
+            let files: String = files.iter().map(|file| format!("<File name=\"{file}\"/>")).collect();
+            format!(
+                "<{interface} modelIdentifier=\"{identifier}\"><SourceFiles>{files}</SourceFiles></{interface}>"
+            )
+        };
+        let described = |interfaces: [String; 2]| {
+            let [one, other] = interfaces;
+            let xml = format!("<fmiModelDescription fmiVersion=\"2.0\">{one}{other}</fmiModelDescription>");
+            FmuDescription::parse(&xml).unwrap()
+        };
+        let found = |interfaces, files: &BTreeMap<String, Vec<u8>>| {
+            let all = BuildConfiguration::of(&described(interfaces), files).unwrap();
+            let sources = |known: &BuildConfiguration| {
+                let files = known.source_file_sets.iter().flat_map(|set| set.source_files.clone());
+                (known.model_identifier.clone(), files.collect::<Vec<_>>().join(" "))
+            };
+            all.iter().map(sources).collect::<Vec<_>>()
+        };
+        let owned = |pairs: &[(&str, &str)]| -> Vec<_> {
+            pairs.iter().map(|(name, files)| ((*name).to_owned(), (*files).to_owned())).collect()
+        };
+        let same = || {
+            [
+                interface("ModelExchange", "a", &["a.c", "b.c"]),
+                interface("CoSimulation", "a", &["a.c", "c.c"]),
+            ]
+        };
+        let two = [interface("ModelExchange", "a", &["a.c"]), interface("CoSimulation", "b", &["b.c"])];
+        let mut files = BTreeMap::new();
+        assert_eq!(found(same(), &files), owned(&[("a", "a.c b.c c.c")]));
+        assert_eq!(found(two.clone(), &files), owned(&[("a", "a.c"), ("b", "b.c")]));
+        let build = "<fmiBuildDescription fmiVersion=\"3.0\"><BuildConfiguration modelIdentifier=\"a\"><SourceFileSet>\
+                     <SourceFile name=\"own.c\"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>";
+        files.insert(BuildConfiguration::PATH.to_owned(), build.as_bytes().to_vec());
+        assert_eq!(found(two, &files), owned(&[("a", "own.c"), ("b", "b.c")]));
+        files.insert(BuildConfiguration::PATH.to_owned(), b"<other/>".to_vec());
+        let refusal = BuildConfiguration::of(&described(same()), &files).unwrap_err().to_string();
+        let reason = "the root element is other, not fmiBuildDescription";
+        assert_eq!(refusal, format!("{} cannot be read: {reason}", BuildConfiguration::PATH));
+    }
+}
