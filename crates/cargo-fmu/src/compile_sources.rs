@@ -6,7 +6,6 @@ use std::fs;
 use std::io::{BufReader, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -22,6 +21,7 @@ use fmu_package::{
 };
 
 use super::target::host_triple;
+use super::threads::each;
 
 /// The temporary folders of sources and results.
 const PREFIX: &str = ".compiled-by-cargo-fmu-";
@@ -252,21 +252,8 @@ impl<'a> Sources<'a> {
 
     /// Runs commands, each of which compiles a source file, on all cores.
     fn run_all(&self, commands: VecDeque<(&str, Command)>) -> Result<()> {
-        let threads = thread::available_parallelism().map_or(1, usize::from).min(commands.len());
-        let commands = Mutex::new(commands);
-        let next = || commands.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
-        let work = || {
-            while let Some((file, mut command)) = next() {
-                self.run(&format!("sources/{file}"), &mut command)?;
-            }
-            Ok(())
-        };
-        thread::scope(|scope| {
-            let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            threads
-                .into_iter()
-                .try_for_each(|thread| thread.join().map_err(|_| anyhow!("a thread panicked"))?)
-        })
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        each(cores, commands, |(file, mut command)| self.run(&format!("sources/{file}"), &mut command))
     }
 
     /// Runs a command that makes something.

@@ -20,6 +20,7 @@ mod parameters;
 pub mod run;
 mod sources;
 mod target;
+mod threads;
 mod validate;
 
 use std::env;
