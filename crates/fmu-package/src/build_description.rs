@@ -125,7 +125,8 @@ mod tests {
     #[test]
     fn listed_files_are_those_of_a_library() {
         let interface = |interface: &str, identifier: &str, files: &[&str]| {
-            let files: String = files.iter().map(|file| format!("<File name=\"{file}\"/>")).collect();
+            let file = |file: &&str| format!("<File name=\"{file}\"/>");
+            let files = files.iter().map(file).collect::<Vec<_>>().concat();
             format!(
                 "<{interface} modelIdentifier=\"{identifier}\"><SourceFiles>{files}</SourceFiles></{interface}>"
             )
