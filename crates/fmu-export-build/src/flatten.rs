@@ -11,7 +11,6 @@ use crate::check::variable;
 use crate::declaration::{ComponentDeclaration, Declaration, VariableDeclaration};
 use crate::error::{Refusal, Refusals, nearest};
 use crate::model::{Field, Part, Place, Scalar, derivative_description};
-use crate::names::snake_case;
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
@@ -136,7 +135,9 @@ impl<'a> Flat<'a> {
             let Some(field) = self.refusals.take(field) else { continue };
             let name = &variable.name;
             if let Some(other) = names.insert((field.place, field.name()), name) {
-                self.refusals.add(name_key, format!("{name}: its Rust name is that of '{other}'"));
+                let reason =
+                    format!("{name}: its Rust name is that of '{other}'; give it another 'rust_name'");
+                self.refusals.add(name_key, reason);
             }
             part.fields.push(field);
         }
@@ -190,7 +191,7 @@ impl<'a> Flat<'a> {
                 reinit: declaration.reinit,
                 strict: [declaration.strict_min, declaration.strict_max],
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
-                path: format!("{prefix}{}{indices}", snake_case(&declaration.name)),
+                path: format!("{prefix}{}{indices}", declaration.rust_name()),
                 ..Scalar::time()
             };
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {

@@ -5,11 +5,10 @@
 use std::collections::BTreeMap;
 
 use fmu_terms::{Causality, Initial, Variability};
-use fmu_terms::{Unit, Version};
+use fmu_terms::{Unit, Version, is_structured};
 
 use crate::declaration::{Declaration, Described, UnitNames, VariableDeclaration};
 use crate::interfaces::Fmi;
-use crate::names::snake_case;
 use crate::start::Start;
 use crate::value_type::ValueType;
 
@@ -67,7 +66,7 @@ impl Field<'_> {
 
     /// Its name in Rust.
     pub(crate) fn name(&self) -> String {
-        snake_case(&self.declaration.name)
+        self.declaration.rust_name()
     }
 }
 
@@ -185,6 +184,11 @@ impl Scalar {
 }
 
 impl<'a> Model<'a> {
+    /// The first variable whose name is not of the convention `structured`, if any: then all are `flat`.
+    pub(crate) fn flat_name(&self) -> Option<&str> {
+        self.scalars.iter().map(|scalar| scalar.name.as_str()).find(|name| !is_structured(name))
+    }
+
     /// The arrays that are one variable each, by their elements' positions: in FMI 3.0 those whose elements share a
     /// unit, and the derivatives of states. None in FMI 2.0.
     pub(crate) fn arrays(&self) -> Vec<Vec<usize>> {
