@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use fmu_package::{End, SystemDescription};
+use fmu_package::{Content, End, SystemDescription};
 
 #[path = "../crates/cargo-fmu/tests/support/mod.rs"]
 mod support;
@@ -257,10 +257,12 @@ fn the_files_of_two_fmus_go_together() {
         let mut system = zip::ZipArchive::new(fs::File::open(folder.join("Boost.ssp")).unwrap()).unwrap();
         let mut structure = String::new();
         system.by_name("SystemStructure.ssd").unwrap().read_to_string(&mut structure).unwrap();
-        let connections = SystemDescription::parse(&structure).unwrap().connections.into_iter();
+        let system = SystemDescription::parse(&structure).unwrap().system;
+        let Content::System { connections, .. } = system.content else { panic!("{system:?}") };
         let name = |end: End| format!("{}:{}", end.component.unwrap_or_default(), end.connector);
-        let described =
-            connections.map(|each| (name(each.start), name(each.end), each.transformation.factor));
+        let described = connections
+            .into_iter()
+            .map(|each| (name(each.start), name(each.end), each.transformation.linear().factor));
         systems.push(described.collect::<Vec<_>>());
     }
     let [one, other] = <[_; 2]>::try_from(systems).unwrap();

@@ -74,7 +74,6 @@ fn each_fault_of_a_connection_is_named_with_its_line() {
         ),
         ("other:p_in", "other:pin", "line 2, connection[1]: other has no input pin; did you mean p_in?"),
         ("other:p_in", "other:flag", "line 2, connection[1]: other has no input flag"),
-        ("other:p_in", "alone:input", "line 2, connection[1]: alone:level is of the same FMU"),
         (
             "other:p_in",
             "other",
@@ -96,7 +95,7 @@ fn each_fault_of_a_connection_is_named_with_its_line() {
         (
             "to_unit = \"1\"",
             "factor = 2",
-            "line 6, connection[2]: give either units or a factor and an offset",
+            "line 6, connection[2]: give either units, or a factor and an offset, or a table",
         ),
         (
             "from_unit",
