@@ -414,8 +414,7 @@ impl<'a> Master<'a> {
                 let wires = &mut taker.wires[index];
                 giver.instance.read(&mut wires.outputs, &mut wires.values)?;
             }
-            let taker = &mut self.members[target];
-            let wires = &mut taker.wires[index];
+            let wires = &mut self.members[target].wires[index];
             for (position, conversion) in &wires.conversions {
                 wires.values[*position] = conversion.apply(wires.values[*position]);
             }
@@ -430,9 +429,11 @@ impl<'a> Master<'a> {
                 tap.brought = wires.values[tap.position];
                 wires.values[tap.position] += tap.added;
             }
-            taker.instance.write(&mut wires.inputs, &wires.values)?;
         }
-        Ok(())
+        // An FMU may be its own source: no output is read once an input is set.
+        let Coupled { instance, wires, .. } = &mut self.members[target];
+        let mut wires = wires.iter_mut().filter(|wires| from(wires.source));
+        wires.try_for_each(|wires| instance.write(&mut wires.inputs, &wires.values))
     }
 }
 

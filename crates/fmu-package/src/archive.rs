@@ -14,7 +14,7 @@ use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-use crate::validation::archive::{Files, is_inside, normalized};
+use crate::validation::archive::{Files, normalized};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
 
@@ -109,10 +109,10 @@ pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io
     Ok(())
 }
 
-/// A path in an archive, without `.` and empty parts; none if it leaves the archive.
+/// Whether a path stays in the folder of its archive, on every system.
 #[must_use]
-pub fn inside(path: &str) -> Option<String> {
-    Some(normalized(path)).filter(|path| is_inside(path))
+pub fn is_inside(path: &str) -> bool {
+    crate::validation::archive::is_inside(path)
 }
 
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {

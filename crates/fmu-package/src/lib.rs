@@ -42,7 +42,8 @@ pub use system_description::{
     ParameterBinding, Resource, SystemDescription,
 };
 pub use system_structure::{
-    Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
+    Connection, Connector, DEFAULT_STRUCTURE, End, Kind, Placement, System, SystemComponent, SystemPackage,
+    SystemStructure,
 };
 pub use transformation::{Function, Transformation};
 pub use units::{is_known_unit, unit_conversion};

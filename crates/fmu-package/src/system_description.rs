@@ -8,7 +8,7 @@ use fmu_terms::{Interface, Unit, Word};
 use crate::model_description::Enumeration;
 use crate::parameter_mapping::ParameterMapping;
 use crate::parameter_set::ParameterSet;
-use crate::system_structure::{End, Kind};
+use crate::system_structure::{DEFAULT_STRUCTURE, End, Kind};
 use crate::transformation::Transformation;
 use crate::units;
 use crate::xml::{
@@ -68,12 +68,12 @@ pub enum Content {
 }
 
 /// What the file of a component is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ComponentKind {
     /// An FMU, with the interface by which it must run, if the structure says so.
     Fmu(Option<Interface>),
-    /// A package with a system.
-    Package,
+    /// A package, of which this structure is the component.
+    Package(String),
     /// A structure.
     Structure,
 }
@@ -216,6 +216,7 @@ impl Content {
             // A design without an implementation counts as an empty system.
             return Ok(Self::System { elements: vec![], connections: vec![], dictionaries: vec![] });
         };
+        let (uri, structure) = uri.split_once('#').unwrap_or((uri, DEFAULT_STRUCTURE));
         let source = path(element, uri)?;
         let of_source = || match source.rsplit_once('.') {
             Some((_, "ssp")) => "application/x-ssp-package",
@@ -233,7 +234,7 @@ impl Content {
                 };
                 ComponentKind::Fmu(interface)
             }
-            "application/x-ssp-package" => ComponentKind::Package,
+            "application/x-ssp-package" => ComponentKind::Package(path(element, structure)?),
             "application/x-ssp-definition" => ComponentKind::Structure,
             other => {
                 return Err(wrong(element, &format!("components of the type {other} are not supported")));
@@ -378,7 +379,7 @@ mod tests {
               <v:Parameters><v:Parameter name="T"><v:Float64 value="1 2"/><v:Dimension size="1"/><v:Dimension size="2"/></v:Parameter>
               </v:Parameters></v:ParameterSet></s:ParameterValues></s:ParameterBinding></s:ParameterBindings>
           </s:Component>
-          <s:Component name="b" source="resources/b.ssp"/><s:Component name="design"/>
+          <s:Component name="b" source="resources/b.ssp#Other.ssd"/><s:Component name="design"/>
           <s:SignalDictionaryReference name="bus" dictionary="signals"/></s:Elements>
           <s:Connections>
             <s:Connection startElement="" startConnector="r" endElement="a" endConnector="u" suppressUnitConversion="true">
@@ -419,7 +420,7 @@ mod tests {
             contents.collect::<Vec<_>>(),
             [
                 r#"a Component { kind: Fmu(Some(ModelExchange)), source: "./resources/an A.fmu" }"#,
-                r#"b Component { kind: Package, source: "resources/b.ssp" }"#,
+                r#"b Component { kind: Package("Other.ssd"), source: "resources/b.ssp" }"#,
                 "design System { elements: [], connections: [], dictionaries: [] }",
                 r#"bus Reference { dictionary: "signals" }"#,
             ]
@@ -456,7 +457,7 @@ mod tests {
                 "structures of version 'Draft' are not supported",
             ),
             ("source=\"start.ssv\"", "", "it has no source"),
-            ("\"resources/b.ssp\"", "\"osp://b.ssp\"", "the source 'osp://b.ssp' is not a relative path"),
+            ("\"resources/b.ssp", "\"osp://b.ssp", "the source 'osp://b.ssp' is not a relative path"),
             ("an%20A", "an%2zA", "the source './resources/an%2zA.fmu' is not a relative path"),
             ("\"ModelExchange\"", "\"Other\"", "there is no implementation 'Other'"),
             ("value=\"1 2\"", "value=\"1\"", "the parameter T has not as many values as elements"),
@@ -466,7 +467,7 @@ mod tests {
                 "elements of the kind Other are not supported",
             ),
             (
-                "=\"resources/b.ssp\"",
+                "=\"resources/b.ssp#Other.ssd\"",
                 "=\"b\" type=\"text/x-modelica\"",
                 "of the type text/x-modelica are not",
             ),

@@ -29,8 +29,8 @@ const OMSIMULATOR_NAMESPACE: &str =
 const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
-/// The structure that every tool reads (SSP, section 3).
-const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
+/// The structure that every package has, and every tool reads (SSP, section 3).
+pub const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 
 /// A system structure description: the system and its default simulation settings.
 #[derive(Clone, Debug)]

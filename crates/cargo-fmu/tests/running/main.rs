@@ -16,6 +16,7 @@ use self::careless::{DESCRIPTION, library};
 mod careless;
 mod connections;
 mod misbehaving;
+mod systems;
 
 /// The valid part of the study.
 const GRID: &str = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:input\" = [1.0, 2.0]\n";

@@ -18,17 +18,18 @@ use fmu_package::{
 use super::unpacked::Unpacked;
 use crate::scenario::{Location, Member};
 
-/// The structure that every package has (SSP, section 3).
-pub const STRUCTURE: &str = "SystemStructure.ssd";
 /// The most files around a structure: one that contains itself ends here.
-const DEEPEST: usize = 20;
+const DEEPEST: usize = 10;
 
 /// The folder of a structure.
 #[derive(Clone)]
 pub struct Base {
-    folder: PathBuf,
-    /// Whether it is a package's, which no path leaves.
-    is_closed: bool,
+    /// The folder of the package, or that of the structure if it is not packed.
+    root: PathBuf,
+    /// The structure's folder in it.
+    folder: String,
+    /// Whether no path leaves the root.
+    is_package: bool,
 }
 
 /// The elements, found by their indices.
@@ -96,22 +97,42 @@ struct Taken {
 
 impl Base {
     /// The folder of a package.
-    pub fn of_package(folder: PathBuf) -> Self {
-        Self { folder, is_closed: true }
+    pub fn of_package(root: PathBuf) -> Self {
+        Self { root, folder: String::new(), is_package: true }
     }
 
     /// The folder of a structure that is not packed.
     pub fn of_structure(structure: &Path) -> Self {
-        Self { folder: structure.parent().unwrap_or(Path::new("")).to_owned(), is_closed: false }
+        let root = structure.parent().unwrap_or(Path::new("")).to_owned();
+        Self { root, folder: String::new(), is_package: false }
+    }
+
+    /// The path from the root of a file that the structure names.
+    fn path(&self, path: &str) -> Result<String> {
+        let mut parts = vec![];
+        for part in self.folder.split('/').chain(path.split('/')) {
+            match part {
+                "" | "." => {}
+                ".." if parts.last().is_some_and(|last| *last != "..") => drop(parts.pop()),
+                part => parts.push(part),
+            }
+        }
+        let joined = parts.join("/");
+        if self.is_package && !archive::is_inside(&joined) {
+            bail!("'{path}' is not a file in the package");
+        }
+        Ok(joined)
     }
 
     fn file(&self, path: &str) -> Result<PathBuf> {
-        let path = match archive::inside(path) {
-            Some(inside) => inside,
-            None if self.is_closed => bail!("'{path}' is not a file in the package"),
-            None => path.to_owned(),
-        };
-        Ok(self.folder.join(path))
+        Ok(self.root.join(self.path(path)?))
+    }
+
+    /// The folder of another structure there.
+    fn of_inner(&self, structure: &str) -> Result<Self> {
+        let path = self.path(structure)?;
+        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();
+        Ok(Self { folder, ..self.clone() })
     }
 }
 
@@ -147,8 +168,7 @@ impl Elements {
                 Part::Fmu(self.fmus.len() - 1)
             }
             Content::Component { kind, source } => {
-                let file = location.locate(base.file(&source))?;
-                let (inner, inner_base) = location.locate(open(&file, kind, unpacked))?;
+                let (inner, inner_base) = location.locate(open(base, &source, &kind, unpacked))?;
                 if bases.len() > DEEPEST {
                     return Err(location.error(format!("there are more than {DEEPEST} systems around it")));
                 }
@@ -341,14 +361,19 @@ impl Given<'_> {
 }
 
 /// The structure of a component, and its folder.
-fn open(file: &Path, kind: ComponentKind, unpacked: &mut Unpacked) -> Result<(SystemDescription, Base)> {
-    let (structure, base) = if kind == ComponentKind::Package {
-        let folder = unpacked.add(file)?;
-        (folder.join(STRUCTURE), Base::of_package(folder))
-    } else {
-        (file.to_owned(), Base::of_structure(file))
+fn open(
+    base: &Base,
+    source: &str,
+    kind: &ComponentKind,
+    unpacked: &mut Unpacked,
+) -> Result<(SystemDescription, Base)> {
+    let (base, structure) = match kind {
+        ComponentKind::Package(structure) => {
+            (Base::of_package(unpacked.add(&base.file(source)?)?), structure.as_str())
+        }
+        _ => (base.clone(), source),
     };
-    Ok((parse(&structure)?, base))
+    Ok((parse(&base.file(structure)?)?, base.of_inner(structure)?))
 }
 
 /// Reads a structure.

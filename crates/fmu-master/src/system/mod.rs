@@ -8,9 +8,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use fmu_io::terminal::{complain, number};
-use fmu_package::{FmuDescription, SystemDescription};
+use fmu_package::{DEFAULT_STRUCTURE, FmuDescription, SystemDescription};
 
-use self::elements::{Base, Elements, STRUCTURE};
+use self::elements::{Base, Elements};
 pub use self::unpacked::Unpacked;
 use crate::scenario::{Location, Member, Scenario};
 
@@ -98,7 +98,7 @@ pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
         (path.to_owned(), Base::of_structure(path))
     } else {
         let folder = unpacked.add(path)?;
-        (folder.join(STRUCTURE), Base::of_package(folder))
+        (folder.join(DEFAULT_STRUCTURE), Base::of_package(folder))
     };
     let scenario = of_structure(&structure, base, times, &mut unpacked)
         .with_context(|| format!("the system in {}", path.display()));
