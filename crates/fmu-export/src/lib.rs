@@ -12,6 +12,7 @@
 //   equations, integration                the trait of models of equations, and how they are integrated
 //   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
 //   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
+//   table                                 tables for equations
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, calling_sequence, variables
@@ -59,6 +60,7 @@ mod simulation;
 mod status;
 pub mod steady_state;
 mod stops;
+pub mod table;
 mod tape;
 mod time;
 #[doc(hidden)]

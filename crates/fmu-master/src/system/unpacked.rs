@@ -14,7 +14,8 @@ pub struct Unpacked(Vec<(Folder, PathBuf)>);
 impl Unpacked {
     /// Unpacks a package, and returns its folder.
     pub(super) fn add(&mut self, package: &Path) -> Result<PathBuf> {
-        let folder = extract(package).with_context(|| format!("cannot read {}", package.display()))?;
+        let folder =
+            extract(package, |_| true).with_context(|| format!("cannot read {}", package.display()))?;
         let path = folder.path().to_owned();
         self.0.push((folder, package.to_owned()));
         Ok(path)
