@@ -199,3 +199,22 @@ def test_fmus_of_open_modelica_are_coupled_as_fmpy_couples_them(other_makers: Pa
     ):
         assert np.ptp(column) > 0.001, name
         assert np.array_equal(found[name], column), name
+
+
+def test_names_with_dots_are_those_of_elements_or_of_variables(other_makers: Path, tmp_path: Path) -> None:
+    """Two sums, (2·12 + 4) + 3·0.5. Their gains are named add.k1 and add.k2, one element is named add.add, and
+    add.add.u2 could be a local variable of the other."""
+    fmu = other_makers / OPEN_MODELICA / "linux" / "add.fmu"
+    values = {
+        "add.u1": '<ssv:Real value="12"/>',
+        "add.add.k1": '<ssv:Integer value="2"/>',
+        "add.u2": '<ssv:Float64 value="4"/>',
+        "add.add.add.k2": '<ssv:Real value="3"/>',
+        "add.add.u2": '<ssv:Real value="0.5"/>',
+    }
+    elements = [component("add"), component("add.add")]
+    connections = [connection("add/y", "add.add/u1")]
+    root = system("root", parameters(values), elements, connections)
+    found = simulate(pack(tmp_path / "dots.ssp", {"add": fmu, "add.add": fmu}, root))
+    assert (found["add:y"] == 28).all()
+    assert (found["add.add:y"] == 29.5).all()

@@ -156,7 +156,7 @@ fn nested_systems_have_hierarchical_names_and_pass_values_through() {
         for (value, wanted) in values.iter().zip(expected) {
             assert!((value - wanted).abs() < 1e-12 * wanted, "{values:?}");
         }
-        let note = "note: the parameter set 'own' of the system Root: nothing has the name inner.b.level\n";
+        let note = "note: the parameter set 'own' of the system Root: nothing that can be set is named inner.b.level\n";
         assert_eq!(printed, note);
     }
 }

@@ -248,7 +248,7 @@ impl Elements {
                 self.fmus[fmu].member.parameters.push((own, location.clone()));
             }
             for (names, message) in [
-                (unknown, "nothing has the name"),
+                (unknown, "nothing that can be set is named"),
                 (repeated, "a later value replaces that of"),
                 (taken.without_unit, "the unit is not defined, and the FMU's is taken, for"),
             ] {
@@ -267,7 +267,8 @@ impl Elements {
         let Element { part, connectors, children, .. } = &self.all[index];
         if let Part::Fmu(fmu) = *part {
             let description = &self.fmus[fmu].description;
-            let Some(variable) = description.variable(name) else { return Ok(false) };
+            let variable = description.variable(name).filter(|variable| variable.is_settable());
+            let Some(variable) = variable else { return Ok(false) };
             let mut value = given.value();
             if let Value::Real(number, Some(unit)) = &value {
                 let is_known = is_known_unit(unit, given.units) || description.unit(unit).is_some();
