@@ -202,7 +202,7 @@ def test_fmus_of_open_modelica_are_coupled_as_fmpy_couples_them(other_makers: Pa
 
 
 def test_names_with_dots_are_those_of_elements_or_of_variables(other_makers: Path, tmp_path: Path) -> None:
-    """Two sums, (2·12 + 4) + 3·0.5. Their gains are named add.k1 and add.k2, one element is named add.add, and
+    """Sums, (2·12 + 4) + 3·0.5. Their gains are named add.k1 and add.k2; one element is named add.add, and
     add.add.u2 could be a local variable of the other."""
     fmu = other_makers / OPEN_MODELICA / "linux" / "add.fmu"
     values = {

@@ -27,7 +27,8 @@ impl Function {
         match self {
             Self::Linear(linear) => linear.apply(value),
             Self::Table(entries) => {
-                entries.iter().find(|(from, _)| *from == value).map_or(value, |(_, to)| *to)
+                let entry = entries.iter().find(|(from, _)| from.total_cmp(&value).is_eq());
+                entry.map_or(value, |(_, to)| *to)
             }
         }
     }
@@ -40,7 +41,9 @@ impl Function {
             (only, Self::IDENTITY) | (Self::IDENTITY, only) => Some(only),
             (Self::Table(mut entries), Self::Table(more)) => {
                 let next = Self::Table(more.clone());
-                entries.iter_mut().for_each(|(_, to)| *to = next.apply(*to));
+                for (_, to) in &mut entries {
+                    *to = next.apply(*to);
+                }
                 // The first of two entries counts.
                 entries.extend(more);
                 Some(Self::Table(entries))

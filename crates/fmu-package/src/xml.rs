@@ -156,8 +156,8 @@ pub(crate) fn with_prefixes(text: &str) -> Cow<'_, str> {
         }
     }
     used.remove("");
-    let missing: String =
-        used.difference(&declared).map(|prefix| format!(" xmlns:{prefix}=\"undeclared\"")).collect();
+    let missing = used.difference(&declared).map(|prefix| format!(" xmlns:{prefix}=\"undeclared\""));
+    let missing = missing.collect::<Vec<_>>().concat();
     match end_of_root_name.and_then(|end| text.split_at_checked(usize::try_from(end).ok()?)) {
         Some((before, after)) if !missing.is_empty() => format!("{before}{missing}{after}").into(),
         _ => text.into(),

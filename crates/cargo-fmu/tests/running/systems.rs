@@ -114,12 +114,20 @@ fn nested_systems_have_hierarchical_names_and_pass_values_through() {
     let real = |unit: &str| format!("<C:Real unit=\"{unit}\"/>");
     let inner = format!(
         "<D:System name=\"inner\">{}{}{}</D:System>",
-        connectors(&[("p", "input", "<C:Real/>"), ("sum", "output", ""), ("start", "parameter", "")]),
-        bound("", &[("a.level", "<V:Real value=\"5\"/>"), ("a.flag", "<V:Boolean value=\"true\"/>")], ""),
+        connectors(&[
+            ("p", "input", "<C:Real/>"),
+            ("sum", "output", ""),
+            ("on", "parameter", "<C:Boolean/>")
+        ]),
+        bound("", &[("a.level", "<V:Real value=\"5\"/>"), ("on", "<V:Boolean value=\"true\"/>")], ""),
         elements(
             &[component("a", "resources/taker.fmu", "")],
             // The second one is written the other way round.
-            &[connection("p", "a.input", ""), connection("sum", "a.level", "")],
+            &[
+                connection("p", "a.input", ""),
+                connection("sum", "a.level", ""),
+                connection("on", "a.flag", "")
+            ],
         )
     );
     let level = "name=\"level\" valueReference=\"0\" causality=\"output\"";

@@ -51,47 +51,42 @@ pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -
     for (target, edge) in &edges {
         let Part::Fmu(taker) = elements.all[target.0].part else { continue };
         let origin = origin(target, &edges, elements)?;
-        let input = &target.1;
         let fmu = &elements.fmus[taker];
-        let variable = fmu.description.variable(input);
+        let variable = fmu.description.variable(&target.1);
+        // A missing one is refused when the FMU is loaded.
         let is_input = variable.is_none_or(|variable| variable.causality == Causality::Input);
-        let (source, output) = match elements.all[origin.place.0].part {
-            Part::Fmu(giver) if is_input => {
-                (Some(elements.fmus[giver].member.name.clone()), origin.place.1.clone())
-            }
-            Part::Fmu(_) => {
-                return Err(edge.location.error(format!(
-                    "{} is a parameter, which cannot have the value of {}",
-                    edge.ports[1].name, edge.ports[0].name
-                )));
-            }
-            _ => (None, elements.name(&origin.place)),
+        let source = match elements.all[origin.place.0].part {
+            Part::Fmu(giver) => Some(elements.fmus[giver].member.name.clone()),
+            _ => None,
         };
-        if let (None, Some(start), Some(variable)) = (&source, origin.start, variable) {
-            let value = origin.location.locate(value(start, &origin, variable, &fmu.description))?;
-            if !is_input || variable.value_type() == ValueType::String {
-                let value = from_number(value, &origin.function, variable);
-                parameters.entry(taker).or_default().push(Parameter {
-                    name: input.clone(),
-                    description: String::new(),
-                    value,
-                });
-                continue;
-            }
-            if let (Some(number), true) =
-                (value.number(), scenario.inputs.iter().all(|known| known.name != output))
-            {
-                let location = Location::argument(&format!("the system's {output}"));
-                let course = Signal::Constant(number).into();
-                scenario.inputs.push(Input { name: output.clone(), course, location });
-            }
+        if !is_input && source.is_some() {
+            let [giver, taker] = &edge.ports;
+            let message =
+                format!("{} is a parameter, which cannot have the value of {}", taker.name, giver.name);
+            return Err(edge.location.error(message));
         }
-        if is_input {
+        let output = if source.is_some() { origin.place.1.clone() } else { elements.name(&origin.place) };
+        let start = origin.start.filter(|_| source.is_none()).zip(variable);
+        let value = start.map(|(start, variable)| value(start, &origin, variable, &fmu.description));
+        let value = origin.location.locate(value.transpose())?;
+        let is_signal = is_input && !matches!(value, Some(Value::String(_)));
+        match (value.map(|value| (value.number(), value)), variable) {
+            (Some((Some(number), _)), _) if is_signal => drive(scenario, &output, number),
+            (Some((_, value)), Some(variable)) if !is_signal => {
+                parameters.entry(taker).or_default().push(Parameter {
+                    name: target.1.clone(),
+                    description: String::new(),
+                    value: of_variable(value, &origin.function, variable),
+                });
+            }
+            _ => {}
+        }
+        if is_signal {
             connections.push(Connection {
                 source,
                 output,
                 target: fmu.member.name.clone(),
-                input: input.clone(),
+                input: target.1.clone(),
                 conversion: Conversion::Function(origin.function),
                 location: edge.location.clone(),
             });
@@ -103,8 +98,20 @@ pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -
             ParameterSet { name: "connected parameters".to_owned(), parameters, ..ParameterSet::default() };
         member.parameters.push((set, member.location.clone()));
     }
+    let connectors = &elements.all[0].connectors;
+    let position = |input: &Input| connectors.iter().position(|connector| connector.name == input.name);
+    scenario.inputs.sort_by_key(|input| position(input).unwrap_or(connectors.len()));
     scenario.connections = Some(connections);
     Ok(())
+}
+
+/// Holds a connector at its value.
+fn drive(scenario: &mut Scenario, name: &str, value: f64) {
+    if scenario.inputs.iter().all(|known| known.name != name) {
+        let location = Location::argument(&format!("the system's {name}"));
+        let course = Signal::Constant(value).into();
+        scenario.inputs.push(Input { name: name.to_owned(), course, location });
+    }
 }
 
 /// The connections by their targets.
@@ -116,8 +123,7 @@ fn edges(elements: &Elements, root: &str) -> Result<BTreeMap<Place, Edge>> {
             path => path,
         };
         let location = Location::argument(&format!("the connections of {name}"));
-        let ends = location.locate(elements.ends(*system, connection))?;
-        let [source, target] = ends.map(|index_and_name| index_and_name);
+        let [source, target] = location.locate(elements.ends(*system, connection))?;
         let ports = [&source, &target].map(|(index, connector)| elements.port(*index, connector));
         let place = elements.place(target.0, &target.1);
         let edge = Edge {
@@ -218,7 +224,7 @@ fn value(start: &Start, origin: &Origin<'_>, variable: &FmuVariable, fmu: &FmuDe
 
 /// The value of a variable, from that of the connector.
 #[expect(clippy::cast_possible_truncation, reason = "the numbers of integers and items are whole")]
-fn from_number(value: Value, function: &Function, variable: &FmuVariable) -> Value {
+fn of_variable(value: Value, function: &Function, variable: &FmuVariable) -> Value {
     let Some(number) = value.number().map(|number| function.apply(number)) else { return value };
     match variable.value_type() {
         ValueType::Boolean => Value::Boolean(number != 0.0),

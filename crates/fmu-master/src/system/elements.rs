@@ -145,7 +145,7 @@ impl Elements {
         bases: &[Base],
         unpacked: &mut Unpacked,
     ) -> Result<usize> {
-        let ElementDescription { name, mut connectors, parameters, content } = description;
+        let ElementDescription { name, connectors, parameters, content } = description;
         let path = match parent {
             None => String::new(),
             Some("") => name.clone(),
@@ -172,10 +172,7 @@ impl Elements {
                 if bases.len() > DEEPEST {
                     return Err(location.error(format!("there are more than {DEEPEST} systems around it")));
                 }
-                let ElementDescription { connectors: own, .. } = &inner.system;
-                connectors.retain(|known| own.iter().all(|own| own.name != known.name));
-                connectors.extend(own.iter().cloned());
-                let inner = ElementDescription { name, connectors, ..inner.system };
+                let inner = ElementDescription { name, ..inner.system };
                 let bases = [bases, &[inner_base]].concat();
                 let index = self.add(inner, parent, &bases, unpacked)?;
                 self.take(index, &parameters, base, &what)?;
