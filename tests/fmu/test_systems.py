@@ -138,6 +138,28 @@ def test_signals_of_all_types_pass_through_two_fmus(
             assert (column[1:] == value).all(), (element, name)
 
 
+def test_arrays_pass_through_two_fmus(other_makers: Path, tmp_path: Path) -> None:
+    """Where A, B and C are zero, y = D·u, and D turns the elements by one place; in the second one it is the
+    identity."""
+    fmu = other_makers / REFERENCE / "fmi3" / "StateSpace.fmu"
+    square = '<ssv:Dimension size="3"/><ssv:Dimension size="3"/>'
+    zero = f'<ssv:Float64 value="{" ".join(["0"] * 9)}"/>{square}'
+    values = {f"{name}.{matrix}": zero for name in ("one", "two") for matrix in "ABC"}
+    values["one.D"] = f'<ssv:Float64 value="0 1 0 0 0 1 1 0 0"/>{square}'
+    values["u"] = '<ssv:Float64 value="5 6 7"/><ssv:Dimension size="3"/>'
+    own = connectors({"u": ("input", '<ssc:Float64/><ssd:Dimension size="3"/>')}) + parameters(values)
+    connections = [connection("u", "one/u"), connection("one/y", "two/u")]
+    root = system("root", own, [component("one"), component("two")], connections)
+    found = simulate(pack(tmp_path / "arrays.ssp", {"one": fmu, "two": fmu}, root))
+    for element in ("one", "two"):
+        for index, value in enumerate([6, 7, 5], 1):
+            assert (found[f"{element}:y[{index}]"] == value).all(), (element, index)
+    scalar = other_makers / REFERENCE / "fmi3" / "Feedthrough.fmu"
+    root = root.replace(connections[1], connection("one/y", "two/Float64_continuous_input"))
+    done = simulate_of_cargo(pack(tmp_path / "sizes.ssp", {"one": fmu, "two": scalar}, root))
+    assert "one.y has 3 elements, two.Float64_continuous_input 1" in done.stderr
+
+
 def test_fmus_of_open_modelica_are_coupled_as_fmpy_couples_them(other_makers: Path, tmp_path: Path) -> None:
     """A force moves a mass with spring and damper, whose position is added to the system's input in mm; both
     are in a system within. To the last bit: both call the same code at the same times."""

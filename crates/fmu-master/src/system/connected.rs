@@ -35,8 +35,6 @@ struct Port {
 /// From where a value comes.
 struct Origin<'a> {
     place: Place,
-    /// The value of the connector, if it is a system's and has one.
-    start: Option<&'a Start>,
     /// The items of its enumeration, if known.
     items: &'a [(String, i32)],
     function: Function,
@@ -51,45 +49,59 @@ pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -
     for (target, edge) in &edges {
         let Part::Fmu(taker) = elements.all[target.0].part else { continue };
         let origin = origin(target, &edges, elements)?;
-        let fmu = &elements.fmus[taker];
-        let variable = fmu.description.variable(&target.1);
+        let takers = elements.variables(taker, &target.1);
         // A missing one is refused when the FMU is loaded.
-        let is_input = variable.is_none_or(|variable| variable.causality == Causality::Input);
-        let source = match elements.all[origin.place.0].part {
-            Part::Fmu(giver) => Some(elements.fmus[giver].member.name.clone()),
+        let is_input = takers.first().is_none_or(|variable| variable.causality == Causality::Input);
+        let giver = match elements.all[origin.place.0].part {
+            Part::Fmu(giver) if is_input => Some(giver),
+            Part::Fmu(_) => {
+                let [from, to] = &edge.ports;
+                let message =
+                    format!("{} is a parameter, which cannot have the value of {}", to.name, from.name);
+                return Err(edge.location.error(message));
+            }
             _ => None,
         };
-        if !is_input && source.is_some() {
-            let [giver, taker] = &edge.ports;
+        let inputs = names(&takers, &target.1);
+        let outputs = match giver {
+            Some(giver) => names(&elements.variables(giver, &origin.place.1), &origin.place.1),
+            None => inputs.iter().map(|input| input.replacen(&target.1, &origin.place.1, 1)).collect(),
+        };
+        if inputs.len() != outputs.len() {
+            let [from, to] = &edge.ports;
             let message =
-                format!("{} is a parameter, which cannot have the value of {}", taker.name, giver.name);
+                format!("{} has {} elements, {} {}", from.name, outputs.len(), to.name, inputs.len());
             return Err(edge.location.error(message));
         }
-        let output = if source.is_some() { origin.place.1.clone() } else { elements.name(&origin.place) };
-        let start = origin.start.filter(|_| source.is_none()).zip(variable);
-        let value = start.map(|(start, variable)| value(start, &origin, variable, &fmu.description));
-        let value = origin.location.locate(value.transpose())?;
-        let is_signal = is_input && !matches!(value, Some(Value::String(_)));
-        match (value.map(|value| (value.number(), value)), variable) {
-            (Some((Some(number), _)), _) if is_signal => drive(scenario, &output, number),
-            (Some((_, value)), Some(variable)) if !is_signal => {
-                parameters.entry(taker).or_default().push(Parameter {
-                    name: target.1.clone(),
-                    description: String::new(),
-                    value: of_variable(value, &origin.function, variable),
+        let fmu = &elements.fmus[taker];
+        for (position, (output, input)) in outputs.into_iter().zip(inputs).enumerate() {
+            let place = (origin.place.0, output);
+            let start = elements.starts.get(&place).filter(|_| giver.is_none()).zip(takers.get(position));
+            let value = start.map(|(start, variable)| value(start, &origin, variable, &fmu.description));
+            let value = origin.location.locate(value.transpose())?;
+            let is_signal = is_input && !matches!(value, Some(Value::String(_)));
+            let output = if giver.is_some() { place.1 } else { elements.name(&place) };
+            match (value.map(|value| (value.number(), value)), takers.get(position)) {
+                (Some((Some(number), _)), _) if is_signal => drive(scenario, &output, number),
+                (Some((_, value)), Some(variable)) if !is_signal => {
+                    parameters.entry(taker).or_default().push(Parameter {
+                        name: input.clone(),
+                        description: String::new(),
+                        value: of_variable(value, &origin.function, variable),
+                    });
+                }
+                _ => {}
+            }
+            if is_signal {
+                connections.push(Connection {
+                    source: giver.map(|giver| elements.fmus[giver].member.name.clone()),
+                    output,
+                    target: fmu.member.name.clone(),
+                    input,
+                    conversion: Conversion::Function(origin.function.clone()),
+                    location: edge.location.clone(),
                 });
             }
-            _ => {}
-        }
-        if is_signal {
-            connections.push(Connection {
-                source,
-                output,
-                target: fmu.member.name.clone(),
-                input: target.1.clone(),
-                conversion: Conversion::Function(origin.function),
-                location: edge.location.clone(),
-            });
         }
     }
     for (fmu, parameters) in parameters {
@@ -103,6 +115,14 @@ pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -
     scenario.inputs.sort_by_key(|input| position(input).unwrap_or(connectors.len()));
     scenario.connections = Some(connections);
     Ok(())
+}
+
+/// The names of variables; that of their connector if there are none.
+fn names(variables: &[&FmuVariable], connector: &str) -> Vec<String> {
+    if variables.is_empty() {
+        return vec![connector.to_owned()];
+    }
+    variables.iter().map(|variable| variable.name.clone()).collect()
 }
 
 /// Holds a connector at its value.
@@ -156,8 +176,7 @@ fn origin<'a>(
     if way.len() > edges.len() {
         return Err(last.location.error(format!("{} depends on itself", last.ports[1].name)));
     }
-    let start = elements.starts.get(&first.source);
-    let mut unit = start.and_then(|start| start.unit.as_ref());
+    let mut unit = elements.start_of(&first.source).and_then(|start| start.unit.as_ref());
     let mut items: &[(String, i32)] = &[];
     let mut function = Function::IDENTITY;
     for edge in way.iter().rev() {
@@ -196,7 +215,6 @@ fn origin<'a>(
     }
     Ok(Origin {
         place: first.source.clone(),
-        start,
         items: &first.ports[0].items,
         function,
         location: first.location.clone(),
@@ -234,6 +252,16 @@ fn of_variable(value: Value, function: &Function, variable: &FmuVariable) -> Val
 }
 
 impl Elements {
+    /// The value of a connector, or of one of an array's elements.
+    fn start_of(&self, place: &Place) -> Option<&Start> {
+        let from_here = self.starts.range(place.clone()..);
+        let mut own =
+            from_here.take_while(|((index, name), _)| *index == place.0 && name.starts_with(&place.1));
+        let found =
+            own.find(|((_, name), _)| matches!(name.as_bytes().get(place.1.len()), None | Some(b'[')));
+        found.map(|(_, start)| start)
+    }
+
     /// A connector's name, after the path of its element.
     fn name(&self, (index, connector): &Place) -> String {
         match self.all[*index].path.as_str() {
@@ -282,15 +310,13 @@ impl Elements {
         let declared = element.connectors.iter().find(|known| known.name == connector);
         match (declared, element.part) {
             (Some(declared), _) if declared.kind.is_some() => Ok(declared.kind),
-            (_, Part::Fmu(fmu)) => {
-                let variable = self.fmus[fmu].description.variable(connector);
-                Ok(variable.map(|variable| match variable.causality.meaning() {
-                    Some(Causality::Input | Causality::Parameter | Causality::StructuralParameter) => {
-                        Kind::Input
-                    }
-                    _ => Kind::Output,
-                }))
-            }
+            (_, Part::Fmu(fmu)) => Ok(self.variables(fmu, connector).first().map(|variable| match variable
+                .causality
+                .meaning()
+            {
+                Some(Causality::Input | Causality::Parameter | Causality::StructuralParameter) => Kind::Input,
+                _ => Kind::Output,
+            })),
             (None, Part::System) => {
                 let names = element.connectors.iter().map(|known| known.name.as_str());
                 bail!("{} has no connector {connector}{}", element.name, like(connector, names))
@@ -307,7 +333,7 @@ impl Elements {
             declared.map_or((None, vec![]), |declared| (declared.unit.clone(), declared.items.clone()));
         if let Part::Fmu(fmu) = element.part {
             let description = &self.fmus[fmu].description;
-            if let Some(variable) = description.variable(connector) {
+            if let Some(variable) = self.variables(fmu, connector).first() {
                 unit = unit.filter(|unit| unit.base.is_some()).or_else(|| description.unit(&variable.unit));
                 if let Some(enumeration) = description.enumeration(&variable.declared_type) {
                     items.clone_from(&enumeration.items);

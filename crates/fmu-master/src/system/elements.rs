@@ -11,8 +11,8 @@ use fmu_io::reading;
 use fmu_io::terminal::complain;
 use fmu_package::{
     ComponentKind, ConnectionDescription, ConnectorDescription, Content, ElementDescription, FmuDescription,
-    MappingEntry, Parameter, ParameterBinding, ParameterMapping, ParameterSet, Resource, SystemDescription,
-    Unit, Value, archive, is_known_unit, unit_conversion,
+    FmuVariable, MappingEntry, Parameter, ParameterBinding, ParameterMapping, ParameterSet, Resource,
+    SystemDescription, Unit, Value, archive, is_known_unit, unit_conversion,
 };
 
 use super::unpacked::Unpacked;
@@ -283,7 +283,10 @@ impl Elements {
             return Ok(true);
         }
         let mut is_known = false;
-        let connector = connectors.iter().find(|connector| connector.name == name);
+        // The connector of an array takes the values of its elements.
+        let array = name.strip_suffix(']').and_then(|name| Some(name.rsplit_once('[')?.0));
+        let connector =
+            connectors.iter().find(|known| known.name == name || Some(known.name.as_str()) == array);
         let children: Vec<_> = children
             .iter()
             .filter_map(|child| {
@@ -300,6 +303,15 @@ impl Elements {
             is_known |= self.give(child, &rest, given, taken)?;
         }
         Ok(is_known)
+    }
+
+    /// The variables of an FMU that a connector stands for: one, or the elements of an array.
+    pub fn variables(&self, fmu: usize, connector: &str) -> Vec<&FmuVariable> {
+        let description = &self.fmus[fmu].description;
+        if let Some(variable) = description.variable(connector) {
+            return vec![variable];
+        }
+        description.variables.iter().filter(|variable| variable.array() == Some(connector)).collect()
     }
 
     /// The connector of an element, that of a signal dictionary for all references to it.
