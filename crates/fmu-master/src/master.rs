@@ -449,9 +449,9 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
-/// Rejects a signal that no input takes.
+/// Rejects a signal that no input takes, except in a system without FMUs, of which only signals are recorded.
 fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
-    if links.iter().any(|link| link.is_from(&input.name)) {
+    if scenario.fmus.is_empty() || links.iter().any(|link| link.is_from(&input.name)) {
         return Ok(());
     }
     let outside = links.iter().filter(|link| link.source.is_none());

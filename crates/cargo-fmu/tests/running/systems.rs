@@ -368,6 +368,29 @@ fn a_structure_runs_where_it_is() {
     assert!(message.contains(reason), "{message}");
 }
 
+/// Values of connectors that drive nothing.
+#[test]
+fn a_system_without_fmus_records_the_values_of_its_connectors() {
+    let bench = bench();
+    let inner =
+        format!("<D:System name=\"inner\">{}</D:System>", connectors(&[("k", "parameter", "<C:Integer/>")]));
+    let own = connectors(&[("z", "input", "<C:Real/>"), ("a", "input", "<C:Real/>"), ("open", "input", "")]);
+    let set = bound(
+        "",
+        &[
+            ("z", "<V:Real value=\"-3\"/>"),
+            ("a", "<V:Real value=\"2\"/>"),
+            ("inner.k", "<V:Integer value=\"7\"/>"),
+        ],
+        "",
+    );
+    pack(&bench, "design.ssp", &structure("1.0", &format!("{own}{set}{}", elements(&[inner], &[])), ""), &[]);
+    let printed = bench.succeeds(&["simulate", "design.ssp", "--out", "out.csv"]);
+    assert_eq!(printed, "note: Root has no FMUs: the values of its connectors are recorded\n");
+    let table = bench.read("out.csv");
+    assert!(table.starts_with("time,z,a,inner.k\n") && table.ends_with("\n1.0,-3.0,2.0,7.0\n"), "{table}");
+}
+
 #[test]
 fn what_a_system_has_wrong_is_named() {
     let bench = bench();
@@ -407,7 +430,6 @@ fn what_a_system_has_wrong_is_named() {
                 .replace("<D:Elements>", &format!("<D:Elements>{inner}")),
             "s.o to b.input: a table follows a linear transformation",
         ),
-        (String::new(), "it has no FMUs"),
     ] {
         pack(&bench, "wrong.ssp", &structure("1.0", &text, volt), FMUS);
         let message = bench.refusal(&["simulate", "wrong.ssp"]);

@@ -110,6 +110,11 @@ pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -
             ParameterSet { name: "connected parameters".to_owned(), parameters, ..ParameterSet::default() };
         member.parameters.push((set, member.location.clone()));
     }
+    if elements.fmus.is_empty() {
+        let numbers =
+            elements.starts.iter().filter_map(|(place, start)| Some((place, start.value.number()?)));
+        numbers.for_each(|(place, number)| drive(scenario, &elements.name(place), number));
+    }
     let connectors = &elements.all[0].connectors;
     let position = |input: &Input| connectors.iter().position(|connector| connector.name == input.name);
     scenario.inputs.sort_by_key(|input| position(input).unwrap_or(connectors.len()));

@@ -115,7 +115,7 @@ fn of_structure(structure: &Path, base: Base, times: Times, unpacked: &mut Unpac
     let mut elements = Elements::default();
     elements.add(system, None, &[base], unpacked)?;
     if elements.fmus.is_empty() {
-        bail!("it has no FMUs");
+        complain(&format!("note: {name} has no FMUs: the values of its connectors are recorded"));
     }
     connected::connect(&mut elements, &mut scenario, &name)?;
     scenario.fmus = elements.fmus.into_iter().map(|fmu| fmu.member).collect();
