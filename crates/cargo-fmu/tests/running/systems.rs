@@ -4,6 +4,7 @@
 use std::fs::{self, File};
 use std::io::Write;
 
+use fmu_package::{Fmu, Platform};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -353,15 +354,21 @@ fn packages_and_structures_are_components() {
 fn a_structure_runs_where_it_is() {
     let bench = bench();
     fs::create_dir_all(bench.path("a/b")).unwrap();
-    fs::rename(bench.path("giver.fmu"), bench.path("a/giver.fmu")).unwrap();
-    let system = elements(&[component("a", "../giver.fmu", "")], &[connection("a.level", "a.input", "")]);
+    let fmu = Fmu {
+        model_identifier: "careless",
+        model_description: DESCRIPTION,
+        libraries: vec![(Platform::host().unwrap(), library().to_vec())],
+        files: vec![("resources/own.ssv".to_owned(), parameter_set("flag", "Boolean", "true").into_bytes())],
+    };
+    fmu.write(File::create(bench.path("a/own.fmu")).unwrap()).unwrap();
+    let binding = "<D:ParameterBindings><D:ParameterBinding source=\"resources/own.ssv\" sourceBase=\"component\"/>\
+                   </D:ParameterBindings>";
+    let system = elements(&[component("a", "../own.fmu", binding)], &[connection("a.level", "a.input", "")]);
     let text = structure("1.0", &system, "");
     bench.write("a/b/any.ssd", &text);
-    // An input of 0, as the level is at first.
-    assert_eq!(run(&bench, "a/b/any.ssd", "level,input").0, [0.0, 0.0]);
-    let binding = "<D:ParameterBindings><D:ParameterBinding source=\"modelDescription.xml\" sourceBase=\"component\"/>\
-                   </D:ParameterBindings></D:Component>";
-    bench.write("a/b/any.ssd", &text.replace("</D:Component>", binding));
+    // The input is 0, as the level is at first.
+    assert_eq!(run(&bench, "a/b/any.ssd", "level,input,flag").0, [0.0, 0.0, 1.0]);
+    bench.write("a/b/any.ssd", &text.replace("resources/own.ssv", "modelDescription.xml"));
     let message = bench.refusal(&["simulate", "a/b/any.ssd"]);
     let reason =
         "the component a: modelDescription.xml: the root element is fmiModelDescription, not ParameterSet";

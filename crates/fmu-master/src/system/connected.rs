@@ -12,7 +12,7 @@ use fmu_package::{
 };
 use fmu_terms::like;
 
-use super::elements::{Elements, Part, Place, Start};
+use super::elements::{Elements, Part, Place, Start, SystemFmu};
 use crate::scenario::{Input, Location, Scenario, Signal};
 
 /// A connection to a connector.
@@ -38,88 +38,121 @@ struct Origin<'a> {
     /// The items of its enumeration, if known.
     items: &'a [(String, i32)],
     function: Function,
-    location: Location,
+}
+
+/// What a scenario's FMUs get.
+#[derive(Default)]
+struct Connected {
+    connections: Vec<Connection>,
+    inputs: Vec<Input>,
+    /// By the FMU.
+    parameters: BTreeMap<usize, Vec<Parameter>>,
 }
 
 /// Connects a scenario's FMUs, and gives values to the parameters and inputs that depend on connectors of systems.
 pub fn connect(elements: &mut Elements, scenario: &mut Scenario, system: &str) -> Result<()> {
     let edges = edges(elements, system)?;
-    let mut connections = vec![];
-    let mut parameters: BTreeMap<usize, Vec<Parameter>> = BTreeMap::new();
+    let mut connected = Connected::default();
     for (target, edge) in &edges {
-        let Part::Fmu(taker) = elements.all[target.0].part else { continue };
-        let origin = origin(target, &edges, elements)?;
-        let takers = elements.variables(taker, &target.1);
-        // A missing one is refused when the FMU is loaded.
-        let is_input = takers.first().is_none_or(|variable| variable.causality == Causality::Input);
-        let giver = match elements.all[origin.place.0].part {
-            Part::Fmu(giver) if is_input => Some(giver),
-            Part::Fmu(_) => {
-                let [from, to] = &edge.ports;
-                let message =
-                    format!("{} is a parameter, which cannot have the value of {}", to.name, from.name);
-                return Err(edge.location.error(message));
-            }
-            _ => None,
-        };
-        let inputs = names(&takers, &target.1);
-        let outputs = match giver {
-            Some(giver) => names(&elements.variables(giver, &origin.place.1), &origin.place.1),
-            None => inputs.iter().map(|input| input.replacen(&target.1, &origin.place.1, 1)).collect(),
-        };
-        if inputs.len() != outputs.len() {
-            let [from, to] = &edge.ports;
-            let message =
-                format!("{} has {} elements, {} {}", from.name, outputs.len(), to.name, inputs.len());
-            return Err(edge.location.error(message));
-        }
-        let fmu = &elements.fmus[taker];
-        for (position, (output, input)) in outputs.into_iter().zip(inputs).enumerate() {
-            let place = (origin.place.0, output);
-            let start = elements.starts.get(&place).filter(|_| giver.is_none()).zip(takers.get(position));
-            let value = start.map(|(start, variable)| value(start, &origin, variable, &fmu.description));
-            let value = origin.location.locate(value.transpose())?;
-            let is_signal = is_input && !matches!(value, Some(Value::String(_)));
-            let output = if giver.is_some() { place.1 } else { elements.name(&place) };
-            match (value.map(|value| (value.number(), value)), takers.get(position)) {
-                (Some((Some(number), _)), _) if is_signal => drive(scenario, &output, number),
-                (Some((_, value)), Some(variable)) if !is_signal => {
-                    parameters.entry(taker).or_default().push(Parameter {
-                        name: input.clone(),
-                        description: String::new(),
-                        value: of_variable(value, &origin.function, variable),
-                    });
-                }
-                _ => {}
-            }
-            if is_signal {
-                connections.push(Connection {
-                    source: giver.map(|giver| elements.fmus[giver].member.name.clone()),
-                    output,
-                    target: fmu.member.name.clone(),
-                    input,
-                    conversion: Conversion::Function(origin.function.clone()),
-                    location: edge.location.clone(),
-                });
-            }
+        if let Part::Fmu(taker) = elements.all[target.0].part {
+            let origin = origin(target, &edges, elements)?;
+            edge.location.locate(connected.add(taker, &target.1, edge, &origin, elements))?;
         }
     }
+    if elements.fmus.is_empty() {
+        for (place, start) in &elements.starts {
+            start
+                .value
+                .number()
+                .into_iter()
+                .for_each(|number| connected.drive(&elements.name(place), number));
+        }
+    }
+    let Connected { connections, mut inputs, parameters } = connected;
     for (fmu, parameters) in parameters {
         let member = &mut elements.fmus[fmu].member;
         let set =
             ParameterSet { name: "connected parameters".to_owned(), parameters, ..ParameterSet::default() };
         member.parameters.push((set, member.location.clone()));
     }
-    if elements.fmus.is_empty() {
-        let numbers =
-            elements.starts.iter().filter_map(|(place, start)| Some((place, start.value.number()?)));
-        numbers.for_each(|(place, number)| drive(scenario, &elements.name(place), number));
-    }
     let connectors = &elements.all[0].connectors;
     let position = |input: &Input| connectors.iter().position(|connector| connector.name == input.name);
-    scenario.inputs.sort_by_key(|input| position(input).unwrap_or(connectors.len()));
+    inputs.sort_by_key(|input| position(input).unwrap_or(connectors.len()));
+    scenario.inputs = inputs;
     scenario.connections = Some(connections);
     Ok(())
+}
+
+impl Connected {
+    /// Adds a connection to a connector of an FMU, or to each of its elements.
+    fn add(
+        &mut self,
+        taker: usize,
+        connector: &str,
+        edge: &Edge,
+        origin: &Origin<'_>,
+        elements: &Elements,
+    ) -> Result<()> {
+        let [from, to] = &edge.ports;
+        let takers = elements.variables(taker, connector);
+        // A missing one is refused when the FMU is loaded.
+        let is_input = takers.first().is_none_or(|variable| variable.causality == Causality::Input);
+        let (index, source) = &origin.place;
+        let giver = match elements.all[*index].part {
+            Part::Fmu(giver) if is_input => Some(giver),
+            Part::Fmu(_) => bail!("{} is a parameter, which cannot have the value of {}", to.name, from.name),
+            _ => None,
+        };
+        let inputs = names(&takers, connector);
+        let outputs = match giver {
+            Some(giver) => names(&elements.variables(giver, source), source),
+            None => inputs.iter().map(|input| input.replacen(connector, source, 1)).collect(),
+        };
+        if inputs.len() != outputs.len() {
+            bail!("{} has {} elements, {} {}", from.name, outputs.len(), to.name, inputs.len());
+        }
+        let SystemFmu { member, description } = &elements.fmus[taker];
+        for (position, (output, input)) in outputs.into_iter().zip(inputs).enumerate() {
+            let place = (*index, output);
+            let variable = takers.get(position);
+            let start = elements.starts.get(&place).filter(|_| giver.is_none()).zip(variable);
+            let value =
+                start.map(|(start, variable)| value(start, origin, variable, description)).transpose()?;
+            if let (Some(value), Some(variable)) = (&value, variable)
+                && (!is_input || matches!(value, Value::String(_)))
+            {
+                let value = of_variable(value.clone(), &origin.function, variable);
+                let parameter = Parameter { name: input, description: String::new(), value };
+                self.parameters.entry(taker).or_default().push(parameter);
+                continue;
+            }
+            if !is_input {
+                continue;
+            }
+            let output = if giver.is_some() { place.1 } else { elements.name(&place) };
+            if let Some(number) = value.and_then(|value| value.number()) {
+                self.drive(&output, number);
+            }
+            self.connections.push(Connection {
+                source: giver.map(|giver| elements.fmus[giver].member.name.clone()),
+                output,
+                target: member.name.clone(),
+                input,
+                conversion: Conversion::Function(origin.function.clone()),
+                location: edge.location.clone(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Holds a connector at its value.
+    fn drive(&mut self, name: &str, value: f64) {
+        if self.inputs.iter().all(|known| known.name != name) {
+            let location = Location::argument(&format!("the system's {name}"));
+            let course = Signal::Constant(value).into();
+            self.inputs.push(Input { name: name.to_owned(), course, location });
+        }
+    }
 }
 
 /// The names of variables; that of their connector if there are none.
@@ -128,15 +161,6 @@ fn names(variables: &[&FmuVariable], connector: &str) -> Vec<String> {
         return vec![connector.to_owned()];
     }
     variables.iter().map(|variable| variable.name.clone()).collect()
-}
-
-/// Holds a connector at its value.
-fn drive(scenario: &mut Scenario, name: &str, value: f64) {
-    if scenario.inputs.iter().all(|known| known.name != name) {
-        let location = Location::argument(&format!("the system's {name}"));
-        let course = Signal::Constant(value).into();
-        scenario.inputs.push(Input { name: name.to_owned(), course, location });
-    }
 }
 
 /// The connections by their targets.
@@ -218,12 +242,7 @@ fn origin<'a>(
         let names = format!("{} to {}", giver.name, taker.name);
         edge.location.locate(step().with_context(|| names))?;
     }
-    Ok(Origin {
-        place: first.source.clone(),
-        items: &first.ports[0].items,
-        function,
-        location: first.location.clone(),
-    })
+    Ok(Origin { place: first.source.clone(), items: &first.ports[0].items, function })
 }
 
 /// The conversion between two units; the identity where one of them or its definition is missing.

@@ -2,35 +2,20 @@
 //! with the values that parameter sets give to them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
-use fmu_io::reading;
+use anyhow::{Context, Result};
 use fmu_io::terminal::complain;
 use fmu_package::{
     ComponentKind, ConnectionDescription, ConnectorDescription, Content, ElementDescription, FmuDescription,
-    FmuVariable, MappingEntry, Parameter, ParameterBinding, ParameterMapping, ParameterSet, Resource,
-    SystemDescription, Unit, Value, archive, is_known_unit, unit_conversion,
+    FmuVariable, MappingEntry, Parameter, ParameterBinding, ParameterMapping, ParameterSet, Unit, Value,
+    is_known_unit, unit_conversion,
 };
 
-use super::unpacked::Unpacked;
+use super::files::{Base, Unpacked};
 use crate::scenario::{Location, Member};
 
 /// The most files around a structure: one that contains itself ends here.
 const DEEPEST: usize = 10;
-
-/// The folder of a structure.
-#[derive(Clone)]
-pub struct Base {
-    /// The folder of the package, or that of the structure if it is not packed.
-    root: PathBuf,
-    /// The structure's folder in it.
-    folder: String,
-    /// Whether no path leaves the root.
-    is_package: bool,
-}
 
 /// The elements, found by their indices.
 #[derive(Default)]
@@ -79,10 +64,12 @@ pub struct Start {
     pub unit: Option<Unit>,
 }
 
-/// A parameter set on its way.
+/// A parameter on its way from a set.
 struct Given<'a> {
     parameter: &'a Parameter,
+    /// Those of the set.
     units: &'a [Unit],
+    /// How it is mapped, if it is.
     entry: Option<&'a MappingEntry>,
 }
 
@@ -93,47 +80,6 @@ struct Taken {
     fitted: BTreeMap<usize, Vec<Parameter>>,
     /// The parameters whose unit nothing defines.
     without_unit: Vec<String>,
-}
-
-impl Base {
-    /// The folder of a package.
-    pub fn of_package(root: PathBuf) -> Self {
-        Self { root, folder: String::new(), is_package: true }
-    }
-
-    /// The folder of a structure that is not packed.
-    pub fn of_structure(structure: &Path) -> Self {
-        let root = structure.parent().unwrap_or(Path::new("")).to_owned();
-        Self { root, folder: String::new(), is_package: false }
-    }
-
-    /// The path from the root of a file that the structure names.
-    fn path(&self, path: &str) -> Result<String> {
-        let mut parts = vec![];
-        for part in self.folder.split('/').chain(path.split('/')) {
-            match part {
-                "" | "." => {}
-                ".." if parts.last().is_some_and(|last| *last != "..") => drop(parts.pop()),
-                part => parts.push(part),
-            }
-        }
-        let joined = parts.join("/");
-        if self.is_package && !archive::is_inside(&joined) {
-            bail!("'{path}' is not a file in the package");
-        }
-        Ok(joined)
-    }
-
-    fn file(&self, path: &str) -> Result<PathBuf> {
-        Ok(self.root.join(self.path(path)?))
-    }
-
-    /// The folder of another structure there.
-    fn of_inner(&self, structure: &str) -> Result<Self> {
-        let path = self.path(structure)?;
-        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();
-        Ok(Self { folder, ..self.clone() })
-    }
 }
 
 impl Elements {
@@ -168,7 +114,7 @@ impl Elements {
                 Part::Fmu(self.fmus.len() - 1)
             }
             Content::Component { kind, source } => {
-                let (inner, inner_base) = location.locate(open(base, &source, &kind, unpacked))?;
+                let (inner, inner_base) = location.locate(base.open(&source, &kind, unpacked))?;
                 if bases.len() > DEEPEST {
                     return Err(location.error(format!("there are more than {DEEPEST} systems around it")));
                 }
@@ -216,8 +162,8 @@ impl Elements {
                 Part::Fmu(fmu) => Some(self.fmus[fmu].member.file.as_path()),
                 _ => None,
             };
-            let set = location.locate(load(set, base, fmu, ParameterSet::parse))?;
-            let mapping = mapping.as_ref().map(|mapping| load(mapping, base, fmu, ParameterMapping::parse));
+            let set = location.locate(base.load(set, fmu, ParameterSet::parse))?;
+            let mapping = mapping.as_ref().map(|mapping| base.load(mapping, fmu, ParameterMapping::parse));
             let mapping = location.locate(mapping.transpose())?;
             let owner = format!("the parameter set '{}' of {what}", set.name);
             let in_set = Location::argument(&owner);
@@ -368,45 +314,4 @@ impl Given<'_> {
         let value = self.transformed(Value::Real(number, None));
         Ok(Start { value, unit: connector.unit.clone().or(own) })
     }
-}
-
-/// The structure of a component, and its folder.
-fn open(
-    base: &Base,
-    source: &str,
-    kind: &ComponentKind,
-    unpacked: &mut Unpacked,
-) -> Result<(SystemDescription, Base)> {
-    let (base, structure) = match kind {
-        ComponentKind::Package(structure) => {
-            (Base::of_package(unpacked.add(&base.file(source)?)?), structure.as_str())
-        }
-        _ => (base.clone(), source),
-    };
-    Ok((parse(&base.file(structure)?)?, base.of_inner(structure)?))
-}
-
-/// Reads a structure.
-pub fn parse(structure: &Path) -> Result<SystemDescription> {
-    let text = reading::text(structure)?;
-    SystemDescription::parse(&text).with_context(|| structure.display().to_string())
-}
-
-/// Reads what a structure contains or refers to; files in a component are in an FMU.
-fn load<T: Clone>(
-    resource: &Resource<T>,
-    base: &Base,
-    fmu: Option<&Path>,
-    parse: impl FnOnce(&str) -> std::io::Result<T>,
-) -> Result<T> {
-    let (text, path) = match resource {
-        Resource::Inline(content) => return Ok(content.clone()),
-        Resource::File(path) => (reading::text(&base.file(path)?)?, path),
-        Resource::InComponent(path) => {
-            let fmu = fmu.with_context(|| format!("'{path}' is not in an FMU"))?;
-            let mut archive = archive::open(BufReader::new(File::open(fmu)?))?;
-            (archive::read_text(&mut archive, path)?, path)
-        }
-    };
-    parse(&text).with_context(|| path.clone())
 }

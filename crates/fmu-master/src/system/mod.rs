@@ -2,7 +2,7 @@
 
 mod connected;
 mod elements;
-mod unpacked;
+mod files;
 
 use std::path::Path;
 
@@ -10,8 +10,9 @@ use anyhow::{Context, Result, bail};
 use fmu_io::terminal::{complain, number};
 use fmu_package::{DEFAULT_STRUCTURE, FmuDescription, SystemDescription};
 
-use self::elements::{Base, Elements};
-pub use self::unpacked::Unpacked;
+use self::elements::Elements;
+use self::files::Base;
+pub use self::files::Unpacked;
 use crate::scenario::{Location, Member, Scenario};
 
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
@@ -108,7 +109,7 @@ pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
 }
 
 fn of_structure(structure: &Path, base: Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
-    let SystemDescription { system, start_time, stop_time, step_size } = elements::parse(structure)?;
+    let SystemDescription { system, start_time, stop_time, step_size } = files::parse(structure)?;
     let own = Times { start: start_time, stop: stop_time, step: step_size };
     let name = system.name.clone();
     let mut scenario = times.or(own).scenario(&name)?;
