@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use fmu_package::connection::Conversion;
-use fmu_package::{FmuDescription, FmuVariable, Linear, ValueType};
+use fmu_package::{FmuDescription, FmuVariable, Function, ValueType};
 use fmu_record::{Column, Record};
 use fmu_terms::{Causality, like};
 
@@ -357,7 +357,7 @@ impl Found {
             Self::Variable { member, name } => declared(*member, name).into_iter().collect(),
             Self::Signal(_) => {
                 let takers =
-                    links.iter().filter(|link| link.is_from(name) && link.conversion == Linear::IDENTITY);
+                    links.iter().filter(|link| link.is_from(name) && link.conversion == Function::IDENTITY);
                 takers.filter_map(|link| declared(link.target, &link.connection.input)).collect()
             }
         };

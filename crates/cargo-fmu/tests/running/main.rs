@@ -17,6 +17,7 @@ mod careless;
 mod compiling;
 mod connections;
 mod misbehaving;
+mod systems;
 
 /// The valid part of the study.
 const GRID: &str = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:input\" = [1.0, 2.0]\n";
@@ -509,18 +510,14 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         (
             "startElement=\"first\"",
             "startElement=\"third\"",
-            "the connections of Chain: there is no FMU third",
+            "the connections of Chain: there is no element third",
         ),
         (
             "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
             "none.fmu\"><ssd:Connectors></",
             "the component second: cannot open chain.ssp/resources/none.fmu: ",
         ),
-        (
-            "name=\"drive\"",
-            "name=\"other\"",
-            "the parameter set any is for the system, which has no input drive",
-        ),
+        ("name=\"drive\"", "name=\"other\"", "the connections of Chain: Chain has no connector drive"),
     ] {
         write_system(&bench, old, new);
         let message = bench.refusal(&system);
