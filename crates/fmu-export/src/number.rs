@@ -14,6 +14,11 @@ const NOTHING: f64 = -0.0;
 ///
 /// Numbers compare by value. At a kink, such as that of [`Number::abs`] at 0, the derivative is that of the branch
 /// that gives the value.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a number of equations",
+    label = "not a `Number`",
+    note = "equations compute with `f64` and the exporter's own number types; `T::from` makes a number of an `f64`"
+)]
 pub trait Number:
     Copy
     + Debug

@@ -8,11 +8,11 @@
 //! use fmu_export::table::{Beyond, Curve};
 //! use fmu_export::{Dual, Error};
 //!
-//! let (speed, torque) = ([0.0, 100.0, 300.0], [50.0, 60.0, 20.0]);
+//! let (speed, torque) = ([0.0, 64.0, 128.0], [50.0, 60.0, 28.0]);
 //! let curve = Curve::new(&speed, &torque).beyond(Beyond::Extend);
 //! curve.check("the torque curve")?;
-//! let at = curve.at(Dual::new(200.0, 1.0));
-//! assert_eq!((at.value, at.derivative), (40.0, -0.2));
+//! let at = curve.at(Dual::new(96.0, 1.0));
+//! assert_eq!((at.value, at.derivative), (44.0, -0.5));
 //! # Ok::<(), Error>(())
 //! ```
 //!

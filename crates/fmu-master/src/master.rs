@@ -122,7 +122,7 @@ struct NoiseOn {
 
 /// The result of a complete run.
 pub struct Run {
-    /// A row for the start and for the end of each communication step.
+    /// A row for the start and for the end of each communication step, and those at events, if they are recorded.
     pub record: Record,
     /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
@@ -188,7 +188,10 @@ impl<'a> Master<'a> {
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
-        let recorder = Recorder::new(scenario, &loaded, &links, &mut notes)?;
+        let (recorder, selections) = Recorder::new(scenario, &loaded, &links, &mut notes)?;
+        for (coupled, selection) in members.iter_mut().zip(selections) {
+            coupled.instance.watch(selection)?;
+        }
         let rest = rest(scenario, &loaded, &mut notes)?;
         Ok(Self {
             scenario,
@@ -222,6 +225,17 @@ impl<'a> Master<'a> {
     pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
         let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
+    }
+
+    /// Records the rows before and after each event of the FMUs that report them, too.
+    pub fn record_events(&mut self) {
+        self.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
+    }
+
+    /// The names of the FMUs that report no events: in co-simulation, those without clocks.
+    pub fn without_events(&self) -> impl Iterator<Item = &str> {
+        let silent = self.members.iter().filter(|coupled| !coupled.instance.reports_events());
+        silent.map(|coupled| coupled.member.name.as_str())
     }
 
     /// Holds the signals at their present values.

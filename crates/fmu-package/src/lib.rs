@@ -5,6 +5,7 @@
 //! [checked](ParameterSet::fit) against an FMU, [`Merged`] FMUs, and [`connection`]s between FMUs.
 
 pub mod archive;
+mod build_description;
 pub mod connection;
 mod declared;
 mod fmu;
@@ -26,13 +27,14 @@ mod variable;
 mod variables;
 mod xml;
 
+pub use build_description::{BuildConfiguration, SourceFileSet, StaticLibrary};
 pub use declared::Declared;
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
 pub use identifier::{is_identifier, refuse_no_identifier};
 pub use library::Library;
 pub use merge::{Merged, Part};
-pub use model_description::{Enumeration, FmuDescription};
+pub use model_description::{Enumeration, FmuDescription, MODEL_DESCRIPTION};
 pub use parameter_mapping::{MappingEntry, ParameterMapping};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::{Architecture, Format, Platform};

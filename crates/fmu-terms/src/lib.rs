@@ -3,6 +3,7 @@
 mod interfaces;
 #[cfg(feature = "units")]
 mod likeness;
+mod names;
 #[cfg(feature = "units")]
 mod units;
 mod variables;
@@ -11,6 +12,7 @@ mod words;
 pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
 #[cfg(feature = "units")]
 pub use likeness::{like, nearest};
+pub use names::is_structured;
 #[cfg(feature = "units")]
 pub use units::{BASE_UNITS, BaseUnit, DisplayUnit, Linear, Unit, UnitTable, per_second, spelled};
 pub use variables::{Causality, DataType, Initial, IntervalVariability, MatchingRule, Variability};

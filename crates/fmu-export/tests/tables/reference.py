@@ -27,7 +27,7 @@ def show(*cells: object) -> None:
 
 
 def main() -> None:
-    """Places at knots, between them and in the first and last segment; slopes at knots are those to the right."""
+    """Places at knots, between them and in the outermost segments; slopes at knots are those to the right."""
     print("interpolation,row,column,value,slope")
     cubic = PchipInterpolator(KNOTS, VALUES)
     for x in [*KNOTS[:-1], *np.linspace(-0.95, 6.95, 32)]:
