@@ -324,15 +324,16 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link]) -> R
     if let Some(input) = scenario.inputs.iter().find(|input| input.name == name) {
         return signal(input, links, fmus).map(Found::Signal);
     }
-    if let Some((member, name)) = name.split_once(':') {
+    let is_output = |fmu: &Arc<Fmu>| fmu.names(Causality::Output).any(|output| output == name);
+    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
+    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
+    // A name may have a colon, too.
+    if let (None, Some((member, name))) = (member, name.split_once(':')) {
         let index = scenario.fmus.iter().position(|known| known.name == member);
         let index = index.with_context(|| format!("no FMU is named {member}"))?;
         fmus[index].variable(name)?;
         return Ok(Found::Variable { member: index, name: name.to_owned() });
     }
-    let is_output = |fmu: &Arc<Fmu>| fmu.names(Causality::Output).any(|output| output == name);
-    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
-    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
     // The signal for an FMU whose replacement does not have this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
 
-from fmu import ROOT, TARGET
+from fmu import ROOT, TARGET, Run
 
 DECLARATION = ROOT / "crates" / "fmu-export" / "tests" / "names-model" / "model.json"
 
@@ -67,3 +68,17 @@ def test_aliases_are_of_the_same_variable_and_no_unknowns(file: Path) -> None:
         assert is_fmi3 or (variables[alias].causality, variables[alias].start) == ("local", None)
     unknowns = [*description.outputs, *description.derivatives, *description.initialUnknowns]
     assert {unknown.variable.name for unknown in unknowns}.isdisjoint(alias for alias, _ in pairs)
+
+
+def test_the_runner_takes_each_name(file: Path, cargo_fmu: Run, tmp_path: Path) -> None:
+    """Also those with what separates names and values on its command line: commas within quotes."""
+    out = tmp_path / "names.csv"
+    wanted = {name: 100.0 + number for number, name in enumerate(PARAMETERS)}
+    values = [f"--set={name}={value}" for name, value in wanted.items()]
+    recorded = [name for name in PARAMETERS if name != "a,b"]
+    done = cargo_fmu("simulate", file, *values, f"--record={','.join(recorded)}", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    with out.open(encoding="utf-8", newline="") as text:
+        rows = list(csv.reader(text))
+    assert rows[0] == ["time", *recorded]
+    assert [float(cell) for cell in rows[-1][1:]] == [wanted[name] for name in recorded]

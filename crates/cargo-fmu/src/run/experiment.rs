@@ -103,7 +103,12 @@ impl Experiment {
             take_inputs(&mut scenario, &links, path)?;
         }
         for (name, value) in &self.values {
-            let location = Location::argument(&format!("--set {name}={value}"));
+            let text = format!("{name}={value}");
+            let location = Location::argument(&format!("--set {text}"));
+            // A name may have an equals sign, too.
+            let mut splits = text.match_indices('=').map(|(place, _)| (&text[..place], &text[place + 1..]));
+            let found = splits.find(|(name, _)| is_settable(&scenario, &fmus, &links, name));
+            let (name, value) = found.unwrap_or((name, value));
             set(&mut scenario, &fmus, &links, name, value, &location)?;
         }
         for path in &self.parameters {
@@ -187,6 +192,17 @@ fn take_inputs(scenario: &mut Scenario, links: &[Link], path: &Path) -> Result<(
         drive(&mut scenario.inputs, name, Course::Measured(measured), &location);
     }
     Ok(())
+}
+
+/// Whether a name is that of a variable or an array that can be set, or of an input's signal.
+fn is_settable(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], name: &str) -> bool {
+    let of_fmu = |(member, fmu): (&Member, &Arc<Fmu>)| {
+        let own = name.strip_prefix(&format!("{}:", member.name)).unwrap_or(name);
+        fmu.description().variable(own).is_some_and(FmuVariable::is_settable)
+    };
+    scenario.fmus.iter().zip(fmus).any(of_fmu)
+        || links.iter().any(|link| link.is_from(name))
+        || !elements(scenario, fmus, name).is_empty()
 }
 
 /// Sets a variable before initialization, or an input's signal.

@@ -112,16 +112,19 @@ impl Simulate {
 #[derive(Clone, Debug)]
 struct Names(Vec<String>);
 
-/// Splits names at commas that are not between brackets.
+/// Splits names at commas that are neither between brackets nor within quotes.
 fn names(text: &str) -> Result<Names, String> {
-    let mut depth = 0_u32;
+    let (mut depth, mut is_quoted, mut is_escaped) = (0_u32, false, false);
     let is_between = |letter: char| {
         match letter {
-            '[' => depth += 1,
-            ']' => depth = depth.saturating_sub(1),
+            _ if is_escaped => {}
+            '\'' => is_quoted = !is_quoted,
+            '[' if !is_quoted => depth += 1,
+            ']' if !is_quoted => depth = depth.saturating_sub(1),
             _ => {}
         }
-        letter == ',' && depth == 0
+        is_escaped = letter == '\\' && !is_escaped;
+        letter == ',' && depth == 0 && !is_quoted
     };
     let names: Vec<_> = text.split(is_between).map(str::to_owned).collect();
     if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
