@@ -1,5 +1,7 @@
 //! Integrates FMUs of Model Exchange with the exporter's integrator, from event to event.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow, bail};
@@ -11,7 +13,7 @@ use fmu_export::search::{Trajectory, first_event};
 use fmu_export::{DEFAULT_TOLERANCE, Events, Stops};
 use fmu_io::terminal::number;
 
-use super::c_boundary::Vector;
+use super::c_boundary::{Dependency, Vector};
 use super::calls::Calls;
 use super::columns::Columns;
 use super::derivative_check::{DerivativeCheck, Use, Wrong};
@@ -50,7 +52,8 @@ struct Equations {
     here: Vec<f64>,
     indicators: Vec<f64>,
     check: DerivativeCheck,
-    /// Where the Jacobian has elements.
+    /// Where the FMU says that the Jacobian has elements, and where it is taken to have them.
+    listed: Arc<Pattern>,
     pattern: Arc<Pattern>,
     /// The row of the Jacobian that its pattern may lack elements of.
     doubted: Option<usize>,
@@ -100,7 +103,7 @@ impl Equations {
     /// Warns if the FMU's dependencies of a derivative, which were doubted, lack a state: its full Jacobian tells.
     fn confirm_doubt(&mut self, calls: &mut Calls, row: usize, jacobian: &[f64]) {
         let fmu = Arc::clone(&calls.fmu);
-        let listed = fmu.pattern.row(row);
+        let listed = self.listed.row(row);
         let row_of = jacobian.chunks_exact(self.here.len()).nth(row).unwrap_or_default();
         let lacking = row_of.iter().enumerate().filter(|(column, element)| {
             **element != 0.0 && listed.binary_search(&u32::try_from(*column).unwrap_or(u32::MAX)).is_err()
@@ -119,6 +122,53 @@ impl Equations {
     }
 }
 
+/// Where the FMU says that the Jacobian has elements, if it has arrays of states and tells their elements' dependencies,
+/// which `ModelStructure` cannot.
+fn pattern_by_element(calls: &mut Calls) -> Result<Option<Pattern>> {
+    let fmu = Arc::clone(&calls.fmu);
+    let mut arrays = BTreeMap::<_, Range<usize>>::new();
+    for (place, state) in fmu.states.iter().enumerate() {
+        arrays.entry(state.reference).or_insert(place..place).end = place + 1;
+    }
+    if arrays.len() == fmu.states.len() || !fmu.has_capability("providesPerElementDependencies") {
+        return Ok(None);
+    }
+    let rows = rows_by_element(&arrays, |places| {
+        let (called, dependencies) = calls.handle.dependencies(fmu.states[places.start].derivative);
+        calls.check(&[], called)?;
+        Ok(dependencies)
+    });
+    let mut rows = rows?;
+    Ok(Some(Pattern::of_rows(rows.len(), |row, columns| columns.append(&mut rows[row]))))
+}
+
+/// The states on which each derivative depends, from the places of each array of states, and what its derivatives'
+/// elements depend on.
+fn rows_by_element(
+    arrays: &BTreeMap<ValueReference, Range<usize>>,
+    mut dependencies: impl FnMut(&Range<usize>) -> Result<Vec<Dependency>>,
+) -> Result<Vec<Vec<usize>>> {
+    let mut rows = vec![vec![]; arrays.values().map(ExactSizeIterator::len).sum()];
+    for places in arrays.values() {
+        for Dependency { element, on, element_of_it } in dependencies(places)? {
+            let Some(states) = arrays.get(&on) else { continue };
+            let (Some(derivatives), Some(states)) =
+                (elements(places, element), elements(states, element_of_it))
+            else {
+                bail!("fmi3GetVariableDependencies names an element that its variable does not have");
+            };
+            derivatives.for_each(|row| rows[row].extend(states.clone()));
+        }
+    }
+    Ok(rows)
+}
+
+/// The places of an array's element by its number from 1, or all of them if it is 0; none if there is no such element.
+fn elements(places: &Range<usize>, number: usize) -> Option<Range<usize>> {
+    let Some(before) = number.checked_sub(1) else { return Some(places.clone()) };
+    (before < places.len()).then(|| places.start + before..places.start + number)
+}
+
 impl Integration {
     /// Starts after the initialization, at its time (s), with the initial event.
     pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
@@ -128,6 +178,7 @@ impl Integration {
         let mut states: Vec<_> = calls.fmu.states.iter().map(|state| state.reference).collect();
         derivatives.dedup();
         states.dedup();
+        let listed = pattern_by_element(calls)?.map_or_else(|| Arc::clone(&calls.fmu.pattern), Arc::new);
         let mut begun = Self {
             integrator: Integrator::new(size),
             events: Events::new(indicators),
@@ -143,7 +194,8 @@ impl Integration {
                 here: vec![0.0; size],
                 indicators: vec![0.0; indicators],
                 check: DerivativeCheck::new(size),
-                pattern: Arc::clone(&calls.fmu.pattern),
+                listed: Arc::clone(&listed),
+                pattern: listed,
                 doubted: None,
             },
         };
@@ -484,5 +536,30 @@ impl Trajectory for Path<'_> {
         read_indicators(calls, &mut equations.indicators, time)?;
         let read = |indicators: &mut [f64]| indicators.copy_from_slice(&equations.indicators);
         Ok(self.events.find_changes(time, &[], read)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn depends(element: usize, on: ValueReference, element_of_it: usize) -> Dependency {
+        Dependency { element, on, element_of_it }
+    }
+
+    #[test]
+    fn derivatives_of_arrays_depend_on_what_the_fmu_says_of_their_elements() {
+        // Three states, then two; 9 is an input.
+        let arrays = BTreeMap::from([(4, 0..3), (7, 3..5)]);
+        let rows = rows_by_element(&arrays, |places| {
+            Ok(match places.start {
+                0 => vec![depends(1, 4, 2), depends(1, 9, 1), depends(3, 7, 0)],
+                _ => vec![depends(0, 4, 3), depends(2, 7, 1)],
+            })
+        });
+        assert_eq!(rows.unwrap(), [vec![1], vec![], vec![3, 4], vec![2], vec![2, 3]]);
+        for wrong in [depends(4, 4, 1), depends(1, 7, 3)] {
+            assert!(rows_by_element(&arrays, |_| Ok(vec![wrong])).is_err(), "{wrong:?}");
+        }
     }
 }

@@ -169,6 +169,9 @@ functions! {
     Directional2: fmi2 { get: fmi2GetDirectionalDerivative }
     Directional3: fmi3 { get: fmi3GetDirectionalDerivative }
 
+    /// Dependencies by element.
+    Dependencies3: fmi3 { count: fmi3GetNumberOfVariableDependencies, get: fmi3GetVariableDependencies }
+
     /// Of Event Mode in FMI 3.0.
     Events3: fmi3 {
         enter_event_mode: fmi3EnterEventMode,
@@ -232,6 +235,7 @@ pub struct Functions {
     pub strings3: Option<Strings3>,
     pub directional2: Option<Directional2>,
     pub directional3: Option<Directional3>,
+    pub dependencies3: Option<Dependencies3>,
     pub events3: Option<Events3>,
     symbols: Symbols,
     // The callbacks of freed instances, for later ones. Dropped after the library, whose code may use them until it is
@@ -285,6 +289,7 @@ impl Functions {
                 strings3: is_fmi3.then(|| Strings3::load(it).ok()).flatten(),
                 directional2: (!is_fmi3).then(|| Directional2::load(it).ok()).flatten(),
                 directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
+                dependencies3: is_fmi3.then(|| Dependencies3::load(it).ok()).flatten(),
                 events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
                 symbols,
                 callbacks: Mutex::default(),

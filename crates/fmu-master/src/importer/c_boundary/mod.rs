@@ -30,6 +30,8 @@ use self::logger::{CallbackFunctions, log_message, text_at};
 use super::messages::{Called, Function, Message, Status};
 use super::numbers::Numbers;
 
+/// The most dependencies of a variable that are read, of some 24 bytes each.
+const MOST_DEPENDENCIES: usize = 10_000_000;
 /// The status of a function that the FMU's interface does not have; no caller gets there.
 const MISUSED: c_int = 3;
 
@@ -62,6 +64,14 @@ pub struct Handle {
     callbacks: Arc<CallbackFunctions>,
     // The FMU may keep pointers to these.
     _texts: [CString; 3],
+}
+
+/// What an element of a variable depends on; elements count from 1, and 0 is all of them (FMI 3.0.2, section 2.2.10).
+#[derive(Clone, Copy, Debug)]
+pub struct Dependency {
+    pub element: usize,
+    pub on: ValueReference,
+    pub element_of_it: usize,
 }
 
 /// The FMU's answer after updating its discrete states.
@@ -481,6 +491,35 @@ impl Handle {
             }
         };
         self.call("GetDirectionalDerivative", call)
+    }
+
+    /// What a variable of FMI 3.0 depends on.
+    pub fn dependencies(&self, of: ValueReference) -> (Called, Vec<Dependency>) {
+        let mut count = 0;
+        // SAFETY: the component is alive, the place to write to is ours.
+        let called = self.call("GetNumberOfVariableDependencies", |component| unsafe {
+            self.functions
+                .dependencies3
+                .as_ref()
+                .map_or(MISUSED, |it| (it.count)(component, of, &raw mut count))
+        });
+        // More than all pairs of elements of the largest arrays are none.
+        if !called.status.succeeded() || count > MOST_DEPENDENCIES {
+            return (called, vec![]);
+        }
+        let (mut elements, mut independents) = (vec![0; count], vec![0; count]);
+        let (mut elements_of_independents, mut kinds) = (vec![0; count], vec![0; count]);
+        // SAFETY: the component is alive, and each place to write to is ours and has as many elements as is said.
+        let called = self.call("GetVariableDependencies", |component| unsafe {
+            self.functions.dependencies3.as_ref().map_or(MISUSED, |it| {
+                let (elements, independents) = (elements.as_mut_ptr(), independents.as_mut_ptr());
+                let (others, kinds) = (elements_of_independents.as_mut_ptr(), kinds.as_mut_ptr());
+                (it.get)(component, of, elements, independents, others, kinds, count)
+            })
+        });
+        let pairs = elements.into_iter().zip(independents.into_iter().zip(elements_of_independents));
+        let dependency = |(element, (on, element_of_it))| Dependency { element, on, element_of_it };
+        (called, pairs.map(dependency).collect())
     }
 
     /// Gets numbers of a type.
