@@ -18,7 +18,7 @@ use super::packing::{
 use crate::compile::{Compiled, compile};
 use crate::metadata::{Metadata, Package};
 use crate::sources::{self, Module};
-use crate::target::{Build, Made, WebAssembly};
+use crate::target::{Build, Made, Profile, WebAssembly};
 use crate::{licenses, validate};
 
 /// What to export, and the output folder; nothing is built yet.
@@ -33,7 +33,7 @@ pub struct Plan {
     /// `None` leaves it to the environment.
     pub(super) versions: Vec<Option<Version>>,
     pub(super) interfaces: Option<Interfaces>,
-    pub(super) profile: String,
+    pub(super) profile: Profile,
     pub(super) binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     pub(super) models: BTreeMap<String, Package>,
