@@ -29,7 +29,7 @@ use crate::error::Error;
 use crate::floating_point::in_default_environment;
 use crate::logger::{Delivery, Logger};
 use crate::model::Model;
-use crate::panics::contain;
+use crate::panics::{contain, with_cause};
 use crate::resources::Resources;
 use crate::status::Status;
 use crate::tape::Tape;
@@ -177,7 +177,7 @@ impl<M: Model> Instance<M> {
     fn report_failure(&mut self, failure: Result<Answer, Error>, function: &Function) -> Status {
         let error = match failure {
             Ok(Ok(status)) => return status,
-            Ok(Err(error)) => error,
+            Ok(Err(error)) => with_cause(error, ""),
             Err(panic) => {
                 self.memory.phase = Phase::Error;
                 Error::new(format!("{panic}; reset the instance"))

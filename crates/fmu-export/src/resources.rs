@@ -78,10 +78,12 @@ fn check_size(size: u64, most: u64) -> Result<(), String> {
 /// The path of a file URI (RFC 8089), or of a location without a scheme.
 fn path(location: &[u8]) -> Option<PathBuf> {
     let location = str::from_utf8(location).ok()?;
-    let Some(rest) = location.strip_prefix("file:") else {
+    let rest = match location.split_once(':') {
+        // Schemes have no case.
+        Some((scheme, rest)) if scheme.eq_ignore_ascii_case("file") => rest,
         // A Windows drive has one letter.
-        let has_scheme = location.find(':').is_some_and(|end| end > 1 && !location[..end].contains('/'));
-        return (!has_scheme && !location.is_empty()).then(|| Path::new(location).to_path_buf());
+        Some((scheme, _)) if scheme.len() > 1 && !scheme.contains('/') => return None,
+        _ => return (!location.is_empty()).then(|| Path::new(location).to_path_buf()),
     };
     let encoded = match rest.strip_prefix("//") {
         None => rest,
@@ -123,6 +125,7 @@ mod tests {
         for (location, expected) in [
             ("file:///tmp/a%20fmu/resources", Some("/tmp/a fmu/resources")),
             ("file:/tmp/resources", Some("/tmp/resources")),
+            ("FILE:///tmp/resources", Some("/tmp/resources")),
             ("file://localhost/tmp/resources", Some("/tmp/resources")),
             ("file:///C:/fmu%C3%A4/resources", Some("C:/fmuä/resources")),
             ("/tmp/resources", Some("/tmp/resources")),
@@ -132,6 +135,8 @@ mod tests {
             ("file:///tmp/%zz", None),
             ("file:///tmp/%e", None),
             ("file:tmp", None),
+            ("filé:/tmp", None),
+            (":tmp", Some(":tmp")),
             ("file://", None),
             ("", None),
         ] {
