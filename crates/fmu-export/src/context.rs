@@ -5,7 +5,10 @@ use core::fmt;
 use crate::display::Shown;
 use crate::error::Error;
 use crate::logger;
-use crate::resources::Resources;
+use crate::resources::{self, Resources};
+
+/// The longest file that a model reads unless it asks for more.
+const MOST_BYTES: u64 = 256 << 20;
 
 /// The arguments of `fmi2SetupExperiment`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,9 +56,10 @@ impl<'a> Context<'a> {
     /// The content of a file in the FMU's `resources` folder, given its path there; at most 256 MiB.
     ///
     /// # Errors
-    /// If the file cannot be read, is too large or is not a file, or if there is no FMU.
+    /// If the path leads out of the folder, if the file cannot be read, is too large or is not a file, or if there is no
+    /// FMU.
     pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
-        self.resource_up_to(name, 256 << 20)
+        self.resource_up_to(name, MOST_BYTES)
     }
 
     /// The content of a file in the FMU's `resources` folder, up to a size in bytes.
@@ -69,6 +73,23 @@ impl<'a> Context<'a> {
                 "the resource {name} is part of the FMU, but the model runs without one"
             ))),
         }
+    }
+
+    /// The content of a user's file, such as one that a String parameter names: a path that is absolute, or relative to
+    /// the importer's current folder; at most 256 MiB. Data that belong to the FMU are [resources](Self::resource).
+    ///
+    /// # Errors
+    /// If the file cannot be read, is too large or is not a file.
+    pub fn file(&self, path: &str) -> Result<Vec<u8>, Error> {
+        self.file_up_to(path, MOST_BYTES)
+    }
+
+    /// The content of a user's file, up to a size in bytes.
+    ///
+    /// # Errors
+    /// As [`Context::file`].
+    pub fn file_up_to(&self, path: &str, most: u64) -> Result<Vec<u8>, Error> {
+        resources::file(path, most)
     }
 
     /// Requests the end of the simulation at a time (s) in the present step.

@@ -7,9 +7,10 @@ use crate::context::{Context, Experiment};
 use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
+use crate::resources::Resources;
 use crate::variables::Variables;
 
-/// A model with its variables and messages. Unlike in an FMU, values are not checked.
+/// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
 ///
 /// ```ignore
 /// let mut simulation = Simulation::<Lag>::default();
@@ -71,7 +72,9 @@ impl<F: Fmu> Simulation<F> {
         let Self { model, variables, inputs, experiment, messages, .. } = self;
         self.taken = Some(variables.clone());
         let mut log = log_to(messages);
-        model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        model.initialize(variables, inputs, &mut context)
     }
 
     /// Advances by a communication step of a size in seconds with constant inputs. Clocks whose interval does not change
@@ -104,7 +107,9 @@ impl<F: Fmu> Simulation<F> {
         let Self { model, variables, inputs, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
         let mut log = log_to(messages);
-        let ticked = model.tick(*time, variables, inputs, &mut Context::new(*experiment, &mut log));
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let ticked = model.tick(*time, variables, inputs, &mut context);
         clock(variables).ticks = false;
         ticked
     }
@@ -119,7 +124,8 @@ impl<F: Fmu> Simulation<F> {
         *left = None;
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
-        let mut context = Context::new(*experiment, &mut log);
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;
