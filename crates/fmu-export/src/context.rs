@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::display::Shown;
+use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::logger;
 use crate::resources::{self, Resources};
@@ -27,6 +27,9 @@ crate::persistent!(Experiment { start_time, stop_time, tolerance });
 pub struct Context<'a> {
     /// The experiment as set up.
     pub experiment: Experiment,
+    /// The time of messages, in s: that of the event, sample or tick; in a [`Model`](crate::Model)'s own step, of its
+    /// start.
+    pub time: f64,
     /// Receives a category's name and a message.
     log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>),
     resources: Option<&'a Resources>,
@@ -37,12 +40,18 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// A context outside any FMU, for calling a model directly.
     pub fn new(experiment: Experiment, log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>)) -> Self {
-        Self { experiment, log, resources: None, end: None }
+        Self { experiment, time: experiment.start_time, log, resources: None, end: None }
     }
 
     /// This context with the files of an FMU.
     pub(crate) fn with_resources(self, resources: &'a Resources) -> Self {
         Self { resources: Some(resources), ..self }
+    }
+
+    /// This context at a time in s.
+    #[inline]
+    pub(crate) fn at(self, time: f64) -> Self {
+        Self { time, ..self }
     }
 
     /// This context with another logger.
@@ -113,14 +122,18 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Warns the user of something that may affect the results.
+    /// Warns the user of something that may affect the results. The text gets the time, and is not repeated at once.
     pub fn warn(&mut self, message: fmt::Arguments<'_>) {
-        (self.log)(logger::WARNING, message);
+        self.log(logger::WARNING, message);
     }
 
-    /// Logs an event, if debug logging is on.
+    /// Logs an event, if debug logging is on. The text gets the time, and is not repeated at once.
     pub fn event(&mut self, message: fmt::Arguments<'_>) {
-        (self.log)(logger::EVENT, message);
+        self.log(logger::EVENT, message);
+    }
+
+    fn log(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
+        (self.log)(category, format_args!("at {} s: {message}", Seconds(self.time)));
     }
 }
 

@@ -309,6 +309,7 @@ impl<M: Model> Instance<M> {
         self.memory = Memory::new(self.memory.instance_type);
         self.may_roll_back = false;
         self.logged_inputs.clear();
+        self.logger.begin_again();
         Ok(Status::Ok)
     }
 

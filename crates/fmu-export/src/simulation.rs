@@ -108,7 +108,7 @@ impl<F: Fmu> Simulation<F> {
         clock(variables).ticks = true;
         let mut log = log_to(messages);
         let resources = Resources::of::<VariablesOf<F>>();
-        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let mut context = Context::new(*experiment, &mut log).at(*time).with_resources(&resources);
         let ticked = model.tick(*time, variables, inputs, &mut context);
         clock(variables).ticks = false;
         ticked
@@ -125,7 +125,7 @@ impl<F: Fmu> Simulation<F> {
         let mut log = log_to(messages);
         let step = Step { start: *time, size, inputs };
         let resources = Resources::of::<VariablesOf<F>>();
-        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let mut context = Context::new(*experiment, &mut log).at(*time).with_resources(&resources);
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;

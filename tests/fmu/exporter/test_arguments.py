@@ -269,7 +269,7 @@ def test_start_values_of_states(make: Make, start: str, expected: float) -> None
     instance, other = make().choose(motion__start=start), make()
     assert instance.set({"motion.position": 0.75, "tank.level": 0.5}) == Status.OK
     instance.enter()
-    warned = [] if start == "given" else ["the start value of motion.position is not used"]
+    warned = [] if start == "given" else ["at 0 s: the start value of motion.position is not used"]
     instance.call(*instance.getting("motion.position"))
     other.restore(instance.snapshot())
     for each in (instance, other):

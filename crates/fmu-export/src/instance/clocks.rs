@@ -69,11 +69,11 @@ impl<M: Model> Instance<M> {
         let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
         let mut log = |category, message: core::fmt::Arguments<'_>| {
             // A recomputed tick logs it once.
-            if recent_messages.is_new(&format!("{time:?} {position} {message}")) {
+            if recent_messages.is_new(&format!("{position} {message}")) {
                 status = status.max(logger.message(category, message));
             }
         };
-        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
+        let mut context = Context::new(memory.experiment, &mut log).at(time).with_resources(&self.resources);
         memory.model.tick(time, &mut memory.variables, memory.inputs.latest(), &mut context)?;
         memory.end = context.end()?.or(memory.end);
         memory.clock_mut(position).ticks = false;

@@ -135,7 +135,8 @@ impl<M: Model> Instance<M> {
             let mut log = |category, message: core::fmt::Arguments<'_>| {
                 status = status.max(logger.message(category, message));
             };
-            let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
+            let mut context =
+                Context::new(memory.experiment, &mut log).at(time).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance stays in this state.
             let phase = mem::replace(&mut memory.phase, Phase::Error);
             let event =

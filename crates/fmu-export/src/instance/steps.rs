@@ -56,7 +56,7 @@ impl<M: Model> Instance<M> {
         let of_inputs = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;
-        let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
+        let mut context = Context::new(memory.experiment, &mut log).at(start).with_resources(&self.resources);
         let event =
             step(&mut memory.model, &mut memory.variables, &of_inputs, &mut memory.events, &mut context)?;
         let asked = context.end()?;

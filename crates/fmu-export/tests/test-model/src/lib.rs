@@ -408,6 +408,9 @@ impl Model for TestModel {
     ) -> Result<(), Error> {
         fail(variables, Place::Event)?;
         end_at_no_time(variables, context);
+        if inputs.note == "told" {
+            context.event(format_args!("{}", inputs.note));
+        }
         let end = variables.parameters.events.end;
         if self.last < end && end <= event.time {
             context.terminate(end);
