@@ -67,6 +67,9 @@ pub struct Export {
     /// Include the models as C in the FMUs, for platforms without a library; see docs/sources.md
     #[arg(long)]
     sources: bool,
+    /// Omit the descriptions of types from FMI 3.0, which FMPy below 0.3.24 cannot read
+    #[arg(long)]
+    no_type_descriptions: bool,
     /// The folder in cargo's target folder [default: fmu].
     #[arg(skip)]
     folder: Option<&'static str>,
@@ -104,9 +107,22 @@ impl Export {
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        let Self { wasm, sources, .. } = self;
+        let Self { wasm, sources, no_type_descriptions, .. } = self;
         let profile = profile.unwrap_or_default();
-        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, profile, binaries, models, out })
+        let describes_types = !no_type_descriptions;
+        Ok(Plan {
+            metadata,
+            builds,
+            wasm,
+            sources,
+            describes_types,
+            versions,
+            interfaces,
+            profile,
+            binaries,
+            models,
+            out,
+        })
     }
 
     /// Lists all missing tools before starting.
