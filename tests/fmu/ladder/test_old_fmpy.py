@@ -28,8 +28,8 @@ print(result[name][-1])
 def old_fmpy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for PYTHONPATH; what FMPy needs is the tests'."""
     folder = tmp_path_factory.mktemp("fmpy")
-    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", folder]
-    subprocess.run([*install, f"fmpy=={OLD}"], check=True)
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", "--no-deps"]
+    subprocess.run([*install, "--target", folder, f"fmpy=={OLD}"], check=True)
     return folder
 
 
