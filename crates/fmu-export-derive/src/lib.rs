@@ -8,7 +8,9 @@ use syn::{Data, DataEnum, DeriveInput, Error, Field, Fields, Index, Member, pars
 /// Implements `fmu_export::Persistent` for a struct or enum whose fields implement it; an enum's fields also need a
 /// `Default`, from which a variant is read.
 ///
-/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` recomputes it.
+/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` recomputes it. One
+/// with `#[persistent(serde)]`, of another crate's type, is saved by its `serde::Serialize` and
+/// `serde::Deserialize` (feature `serde` of `fmu-export`).
 #[proc_macro_derive(Persistent, attributes(persistent))]
 pub fn derive_persistent(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
@@ -19,8 +21,9 @@ fn implementation(mut input: DeriveInput) -> Result<TokenStream, Error> {
     let name = &input.ident;
     let body = match &input.data {
         Data::Struct(structure) => {
-            let members = persisted(&structure.fields)?;
-            quote!(#(::fmu_export::Persistent::persist(&mut self.#members, archive)?;)*)
+            let fields = persisted(&structure.fields)?;
+            let calls = fields.iter().map(|(member, call)| quote!(#call(&mut self.#member, archive)?;));
+            quote!(#(#calls)*)
         }
         Data::Enum(enumeration) if !enumeration.variants.is_empty() => {
             variants(&name.to_string(), enumeration)?
@@ -62,12 +65,12 @@ fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
         numbers.push(quote!(Self::#ident { .. } => #number));
         let all = variant.fields.members();
         beginnings.push(quote!(#number => Self::#ident { #(#all: ::core::default::Default::default()),* }));
-        let members = persisted(&variant.fields)?;
+        let (members, calls): (Vec<_>, Vec<_>) = persisted(&variant.fields)?.into_iter().unzip();
         let bindings = (0..members.len()).map(|position| format_ident!("field_{position}"));
         let bindings: Vec<_> = bindings.collect();
         fields.push(quote! {
             Self::#ident { #(#members: #bindings,)* .. } => {
-                #(::fmu_export::Persistent::persist(#bindings, archive)?;)*
+                #(#calls(#bindings, archive)?;)*
             }
         });
     }
@@ -86,26 +89,43 @@ fn variants(name: &str, enumeration: &DataEnum) -> Result<TokenStream, Error> {
     })
 }
 
-/// The fields that are not skipped.
-fn persisted(fields: &Fields) -> Result<Vec<Member>, Error> {
+/// The fields that are not skipped, each with the function that persists it.
+fn persisted(fields: &Fields) -> Result<Vec<(Member, TokenStream)>, Error> {
     let mut persisted = vec![];
     for (index, field) in fields.iter().enumerate() {
-        if !is_skipped(field)? {
-            persisted.push(field.ident.clone().map_or(Member::Unnamed(Index::from(index)), Member::Named));
-        }
+        let call = match way(field)? {
+            Way::Persistent => quote!(::fmu_export::Persistent::persist),
+            Way::Serde => quote!(::fmu_export::persistence::persist_by_serde),
+            Way::Skip => continue,
+        };
+        let member = field.ident.clone().map_or(Member::Unnamed(Index::from(index)), Member::Named);
+        persisted.push((member, call));
     }
     Ok(persisted)
 }
 
-/// Whether a field has the attribute `#[persistent(skip)]`.
-fn is_skipped(field: &Field) -> Result<bool, Error> {
-    let mut skipped = false;
+/// How a field is persisted.
+enum Way {
+    Persistent,
+    Serde,
+    Skip,
+}
+
+/// As the attribute `#[persistent(...)]` says.
+fn way(field: &Field) -> Result<Way, Error> {
+    let mut way = Way::Persistent;
     for attribute in field.attrs.iter().filter(|attribute| attribute.path().is_ident("persistent")) {
         attribute.parse_nested_meta(|meta| {
-            skipped = meta.path.is_ident("skip");
-            let unknown = || meta.error(format!("expected `skip`, found `{}`", meta.path.to_token_stream()));
-            if skipped { Ok(()) } else { Err(unknown()) }
+            way = match &meta.path {
+                path if path.is_ident("skip") => Way::Skip,
+                path if path.is_ident("serde") => Way::Serde,
+                path => {
+                    let found = path.to_token_stream();
+                    return Err(meta.error(format!("expected `skip` or `serde`, found `{found}`")));
+                }
+            };
+            Ok(())
         })?;
     }
-    Ok(skipped)
+    Ok(way)
 }

@@ -12,6 +12,7 @@
 //   equations, integration                the trait of models of equations, and how they are integrated
 //   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
 //   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
+//   table, space                          tables for equations, and vectors and rotations
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, calling_sequence, variables
@@ -40,6 +41,8 @@ mod events;
 pub mod floating_point;
 pub mod fmi2;
 pub mod fmi3;
+#[doc = include_str!("generic_code.md")]
+pub mod generic_code {}
 mod inputs;
 mod instance;
 mod integrated;
@@ -56,9 +59,11 @@ mod saved_states;
 pub mod search;
 mod serialized_state;
 mod simulation;
+pub mod space;
 mod status;
 pub mod steady_state;
 mod stops;
+pub mod table;
 mod tape;
 mod time;
 #[doc(hidden)]

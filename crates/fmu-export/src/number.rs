@@ -3,6 +3,7 @@
 use core::cmp::Ordering;
 use core::f64::consts::{LN_2, LN_10};
 use core::fmt::Debug;
+use core::iter::{Product, Sum};
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A summand that changes no value, not even the sign of 0. It carries an operand's contribution to the derivative
@@ -13,6 +14,11 @@ const NOTHING: f64 = -0.0;
 ///
 /// Numbers compare by value. At a kink, such as that of [`Number::abs`] at 0, the derivative is that of the branch
 /// that gives the value.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a number of equations",
+    label = "not a `Number`",
+    note = "equations compute with `f64` and the exporter's own number types; `T::from` makes a number of an `f64`"
+)]
 pub trait Number:
     Copy
     + Debug
@@ -34,13 +40,17 @@ pub trait Number:
     + SubAssign
     + MulAssign
     + DivAssign
+    + Sum
+    + for<'a> Sum<&'a Self>
+    + Product
+    + for<'a> Product<&'a Self>
 {
     /// The value only.
     #[must_use]
     fn value(self) -> f64;
 
     /// A function of this number, given its value and derivative there, for functions that this trait does not have,
-    /// such as table interpolation.
+    /// such as an integral; [`table`](crate::table) has interpolation.
     #[must_use]
     fn mapped(self, value: f64, derivative: f64) -> Self;
 
@@ -415,6 +425,31 @@ macro_rules! arithmetic {
             }
         }
 
+        impl ::core::iter::Sum for $number {
+            /// Begins as that of `f64` does.
+            fn sum<I: Iterator<Item = Self>>(numbers: I) -> Self {
+                numbers.fold(Self::from(-0.0), Add::add)
+            }
+        }
+
+        impl<'a> ::core::iter::Sum<&'a Self> for $number {
+            fn sum<I: Iterator<Item = &'a Self>>(numbers: I) -> Self {
+                numbers.copied().sum()
+            }
+        }
+
+        impl ::core::iter::Product for $number {
+            fn product<I: Iterator<Item = Self>>(numbers: I) -> Self {
+                numbers.fold(Self::from(1.0), Mul::mul)
+            }
+        }
+
+        impl<'a> ::core::iter::Product<&'a Self> for $number {
+            fn product<I: Iterator<Item = &'a Self>>(numbers: I) -> Self {
+                numbers.copied().product()
+            }
+        }
+
         $(
             impl $operation for $number {
                 type Output = Self;
@@ -565,6 +600,18 @@ mod tests {
             abs(),
             clamp(-1.0, 1.0),
         );
+    }
+
+    #[test]
+    fn sums_and_products_are_those_of_f64() {
+        let numbers = [0.1, 0.7, -1.3, 1e-17];
+        let duals = numbers.map(|number| Dual::new(number, 1.0));
+        let (sum, product): (Dual, Dual) = (duals.iter().sum(), duals.into_iter().product());
+        assert_eq!(sum.value.to_bits(), numbers.iter().sum::<f64>().to_bits());
+        assert_eq!(product.value.to_bits(), numbers.iter().product::<f64>().to_bits());
+        assert_eq!(sum.derivative.to_bits(), 4.0_f64.to_bits());
+        let none: [Dual; 0] = [];
+        assert_eq!(none.iter().sum::<Dual>().value.to_bits(), [0.0; 0].iter().sum::<f64>().to_bits());
     }
 
     #[test]

@@ -45,6 +45,12 @@ impl<'a> Archive<'a> {
         matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
     }
 
+    /// Whether values are read and replaced; else they are written.
+    #[must_use]
+    pub fn is_reading(&self) -> bool {
+        matches!(self.0, Direction::Reading(_))
+    }
+
     /// Writes bytes, or replaces them by the next ones read.
     ///
     /// # Errors
@@ -75,6 +81,33 @@ impl<'a> Archive<'a> {
             }
         }
     }
+}
+
+/// Persists a value by serde, in the format of `postcard`, which keeps the bits of each number. What is read takes no
+/// more memory than its type does for as many bytes.
+///
+/// # Errors
+/// When the value cannot be written, or the bytes are not such a value.
+#[cfg(feature = "serde")]
+pub fn persist_by_serde<T>(value: &mut T, archive: &mut Archive<'_>) -> Result<(), Error>
+where
+    T: serde::Serialize + serde::de::DeserializeOwned,
+{
+    let name = core::any::type_name::<T>();
+    let failed = |error| Error::new(format!("{name} in the serialized state: {error}"));
+    if !archive.is_reading() {
+        let mut bytes = postcard::to_allocvec(value).map_err(failed)?;
+        archive.length(bytes.len())?;
+        return archive.bytes(&mut bytes);
+    }
+    let mut bytes = vec![0; archive.length(0)?];
+    archive.bytes(&mut bytes)?;
+    let (read, rest) = postcard::take_from_bytes(&bytes).map_err(failed)?;
+    if !rest.is_empty() {
+        return Err(Error::new(format!("{name} in the serialized state ends too early")));
+    }
+    *value = read;
+    Ok(())
 }
 
 fn no_memory(_: TryReserveError) -> Error {
@@ -328,5 +361,43 @@ mod tests {
         let mut read = Some(Gear::Low);
         read.persist(&mut Archive::reading(&bytes_of(&mut Some(Gear::High)))).unwrap();
         assert_eq!(read, Some(Gear::High));
+    }
+
+    /// Of a crate that knows serde alone.
+    #[cfg(feature = "serde")]
+    #[derive(Clone, Debug, Default, serde::Deserialize, serde::Serialize)]
+    struct World {
+        bodies: Vec<[f64; 2]>,
+        name: String,
+    }
+
+    #[cfg(feature = "serde")]
+    #[derive(Clone, Debug, Default, crate::Persistent)]
+    struct Simulated {
+        #[persistent(serde)]
+        world: World,
+        steps: u32,
+    }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn a_foreign_type_is_persisted_by_serde_bit_for_bit() {
+        let not_a_number = f64::from_bits(0x7ff8_0000_dead_beef);
+        let world = World { bodies: vec![[-0.0, not_a_number], [1e-310, 0.1]], name: "Ä".to_owned() };
+        let bytes = bytes_of(&mut Simulated { world: world.clone(), steps: 7 });
+        let mut read = Simulated::default();
+        let mut archive = Archive::reading(&bytes);
+        read.persist(&mut archive).unwrap();
+        assert!(archive.is_exhausted());
+        let bits = |world: &World| world.bodies.concat().into_iter().map(f64::to_bits).collect::<Vec<_>>();
+        assert_eq!((bits(&read.world), read.world.name, read.steps), (bits(&world), world.name, 7));
+        for place in 0..bytes.len() {
+            assert!(Simulated::default().persist(&mut Archive::reading(&bytes[..place])).is_err(), "{place}");
+            let (mut damaged, mut other) = (bytes.clone(), Simulated::default());
+            damaged[place] ^= 0xff;
+            if other.persist(&mut Archive::reading(&damaged)).is_ok() {
+                assert_ne!(bytes_of(&mut other), bytes, "{place}");
+            }
+        }
     }
 }

@@ -115,11 +115,14 @@ fn lock(folder: &Path) -> Option<File> {
 }
 
 fn remove_abandoned(prefix: &str) {
+    let age = |entry: &DirEntry| {
+        let metadata = entry.metadata().ok().filter(fs::Metadata::is_dir)?;
+        metadata.modified().ok()?.elapsed().ok()
+    };
+    // The name first: there may be thousands of other files.
     let is_abandoned = |entry: &DirEntry| {
-        let metadata = entry.metadata().ok().filter(fs::Metadata::is_dir);
-        let age = metadata.and_then(|metadata| metadata.modified().ok()?.elapsed().ok());
         entry.file_name().to_string_lossy().starts_with(prefix)
-            && age.is_some_and(|age| age > UNLOCKED)
+            && age(entry).is_some_and(|age| age > UNLOCKED)
             && lock(&entry.path()).is_some()
     };
     for entry in fs::read_dir(env::temp_dir()).into_iter().flatten().flatten().filter(is_abandoned) {

@@ -94,7 +94,7 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
 /// When the package or an FMU in it cannot be read, connected units do not convert, a parameter set of
 /// the system sets something other than its inputs, or the run does not end after it starts.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Folder)> {
-    let folder = extract(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let folder = extract(path, |_| true).with_context(|| format!("cannot read {}", path.display()))?;
     let scenario =
         of_structure(folder.path(), times).with_context(|| format!("the system in {}", path.display()));
     let mut scenario = scenario.map_err(|error| named(&error, path, &folder))?;

@@ -1,6 +1,6 @@
 //! ZIP archives: reproducible writing, and safe reading of untrusted ones.
 //!
-//! An archive is read if [validation](crate::validation) finds no error in its entries: paths that escape the
+//! An archive is read if [validation](crate::validation) finds no error in its list of entries: paths that escape the
 //! archive's folder, links, duplicate paths and huge sizes are rejected.
 
 use std::collections::BTreeMap;
@@ -8,20 +8,21 @@ use std::fs::{self, File};
 use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::Path;
 
-use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to, utf_8};
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken};
 use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-use crate::validation::archive::{Files, normalized};
+use crate::validation::archive::{Files, normalized, unpack};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
+use crate::xml;
 
-/// Opens the archive of an FMU or a system, and unpacks each entry once to check it.
+/// Opens the archive of an FMU or a system.
 ///
 /// # Errors
-/// When it is not a ZIP archive, or an entry is harmful or damaged; the message names it.
+/// When it is not a ZIP archive, or its list has a harmful entry; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
     let mut report = Report::default();
     let files = Files::open(reader, &mut report);
@@ -36,7 +37,7 @@ pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
     }
 }
 
-/// The text of an entry.
+/// The text of an XML entry, in any encoding that it declares.
 ///
 /// # Errors
 /// When there is no such entry, or it is not text, too large or damaged.
@@ -52,9 +53,19 @@ fn read_text_up_to<R: Read + Seek>(
     let index = archive.file_names().position(|name| name.is_ok_and(|name| normalized(&name) == path));
     let entry = index.and_then(|index| archive.by_index(index).ok());
     let entry = entry.ok_or_else(|| broken(format!("it contains no {path}")))?;
-    up_to(largest, entry)
-        .and_then(utf_8)
+    content(entry, largest)
+        .and_then(xml::decode)
+        .map(|(text, _)| text)
         .map_err(|error| broken(format!("its {path} cannot be read: {error}")))
+}
+
+fn content<R: Read>(entry: ZipFile<'_, R>, largest: u64) -> io::Result<Vec<u8>> {
+    if entry.size() > largest {
+        return Err(broken(format!("it is larger than {largest} bytes")));
+    }
+    let mut content = vec![];
+    unpack(entry, &mut content)?;
+    Ok(content)
 }
 
 /// All files of an [opened](open) archive, by path. Their sizes are subtracted from `left`, a budget that several
@@ -73,34 +84,38 @@ pub fn read_files<R: Read + Seek>(
         if entry.is_dir() {
             continue;
         }
-        let mut content = vec![];
-        let read = entry
-            .take(*left + 1)
-            .read_to_end(&mut content)
-            .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
-        *left = left.checked_sub(read as u64).ok_or_else(|| {
+        *left = left.checked_sub(entry.size()).ok_or_else(|| {
             broken(format!("its {path} would exceed the memory limit of {LARGEST_CONTENT} bytes"))
         })?;
+        let content = content(entry, LARGEST_CONTENT)
+            .map_err(|error| broken(format!("its {path} cannot be read: {error}")))?;
         files.insert(path, content);
     }
     Ok(files)
 }
 
-/// Extracts an [opened](open) archive to an empty folder.
+/// Extracts those entries of an [opened](open) archive whose paths are needed to an empty folder.
 ///
 /// # Errors
-/// When an entry cannot be read or written; the message names it.
-pub fn extract<R: Read + Seek>(archive: &mut ZipArchive<R>, folder: &Path) -> io::Result<()> {
+/// When an entry is damaged or cannot be written; the message names it.
+pub fn extract<R: Read + Seek>(
+    archive: &mut ZipArchive<R>,
+    folder: &Path,
+    is_needed: impl Fn(&str) -> bool,
+) -> io::Result<()> {
     for index in 0..archive.len() {
-        let mut entry = archive.by_index(index).map_err(plain)?;
+        let entry = archive.by_index(index).map_err(plain)?;
         let path = path_of(&entry)?;
+        if !is_needed(&path) {
+            continue;
+        }
         let target = folder.join(&path);
-        let mut extract = || {
+        let extract = || {
             if path.is_empty() || path.ends_with('/') {
                 return fs::create_dir_all(&target);
             }
             target.parent().map_or(Ok(()), fs::create_dir_all)?;
-            io::copy(&mut entry, &mut File::create_new(&target)?).map(drop)
+            unpack(entry, &mut File::create_new(&target)?)
         };
         extract().map_err(|error| {
             io::Error::new(error.kind(), format!("its entry '{path}' cannot be extracted: {error}"))
@@ -202,7 +217,7 @@ mod tests {
         assert_eq!(read_text(&mut opened, "a.txt").unwrap(), "text");
         let files = read_files(&mut opened, &mut LARGEST_CONTENT.clone()).unwrap();
         assert_eq!(files.keys().collect::<Vec<_>>(), ["a.txt", "b/c", "d"]);
-        let folder = Folder::filled(".archive-", |folder| extract(&mut opened, folder)).unwrap();
+        let folder = Folder::filled(".archive-", |folder| extract(&mut opened, folder, |_| true)).unwrap();
         assert!(["a.txt", "b/c", "d"].iter().all(|path| folder.path().join(path).is_file()));
         let twice = refusal(archive(&["a", "./a"]));
         assert_eq!(twice, "its entry './a': another entry has this path");
@@ -261,14 +276,17 @@ mod tests {
     #[test]
     fn a_damaged_entry_is_refused() {
         let central = |bytes: &[u8]| bytes.windows(4).rposition(|window| window == b"PK\x01\x02").unwrap();
-        for (what, offset, message) in [
-            ("checksum", 16, "its entry 'b': it cannot be unpacked: "),
-            ("size", 24, "its entry 'b': its size is not what the archive states"),
-        ] {
+        for (offset, message) in [(16, "Invalid checksum"), (24, "its size is not what the archive states")] {
             let mut bytes = archive(&["a", "b"]);
             let place = central(bytes.get_ref()) + offset;
             bytes.get_mut()[place] ^= 1;
-            assert!(refusal(bytes.clone()).starts_with(message), "{what}: {}", refusal(bytes));
+            let mut opened = open(bytes).unwrap();
+            let extracted = Folder::filled(".archive-", |folder| extract(&mut opened, folder, |_| true));
+            let extracted = extracted.err().unwrap().to_string();
+            assert_eq!(extracted, format!("its entry 'b' cannot be extracted: {message}"));
+            let read = format!("its b cannot be read: {message}");
+            assert_eq!(read_text(&mut opened, "b").unwrap_err().to_string(), read);
+            assert_eq!(read_files(&mut opened, &mut LARGEST_CONTENT.clone()).unwrap_err().to_string(), read);
         }
     }
 

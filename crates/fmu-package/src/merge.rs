@@ -14,6 +14,7 @@ use crate::library::{self, Library};
 use crate::model_description::{FmuDescription, MODEL_DESCRIPTION};
 use crate::platform::Platform;
 use crate::platform_list::PlatformList;
+use crate::xml;
 
 /// An FMU to merge.
 #[derive(Clone, Debug)]
@@ -127,8 +128,8 @@ impl Part {
         let bytes = self.files.get(MODEL_DESCRIPTION);
         let bytes =
             bytes.ok_or_else(|| broken(format!("there is no {MODEL_DESCRIPTION} in {}", self.name)))?;
-        let text = str::from_utf8(bytes).map_err(io::Error::other);
-        text.and_then(FmuDescription::parse)
+        xml::decode(bytes.clone())
+            .and_then(|(text, _)| FmuDescription::parse(&text))
             .map_err(|error| broken(format!("{MODEL_DESCRIPTION} in {} cannot be read: {error}", self.name)))
     }
 

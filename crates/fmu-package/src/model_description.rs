@@ -78,7 +78,7 @@ pub struct Enumeration {
 }
 
 impl FmuDescription {
-    /// Reads an FMU's description, and checks the whole archive.
+    /// Reads an FMU's description.
     ///
     /// # Errors
     /// When the file does not exist, is not an FMU, or its description is broken; the message names the file.

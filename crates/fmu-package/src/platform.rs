@@ -167,9 +167,29 @@ impl Platform {
     /// The path of the library for this program's processor in an FMU of FMI 2.0 or 3.0.
     #[must_use]
     pub fn library_path(self, model_identifier: &str, is_fmi3: bool) -> String {
+        self.path_in(&self.folder_for_host(is_fmi3), model_identifier)
+    }
+
+    /// Its folder in `binaries/` of an FMU of FMI 2.0 or 3.0 for this program's processor.
+    fn folder_for_host(self, is_fmi3: bool) -> String {
         let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));
-        let folder = own.map_or_else(|| self.folder().to_owned(), |own| self.tuple(own));
-        self.path_in(&folder, model_identifier)
+        own.map_or_else(|| self.folder().to_owned(), |own| self.tuple(own))
+    }
+
+    /// Whether an importer for this platform has a use for a file of an FMU: any but the libraries for another platform,
+    /// the sources and the documentation.
+    #[must_use]
+    pub fn needs(self, path: &str) -> bool {
+        let (top, below) = path.split_once('/').unwrap_or((path, ""));
+        let folder = below.split('/').next().unwrap_or_default();
+        match top {
+            "sources" | "documentation" => false,
+            "binaries" => {
+                [false, true].into_iter().any(|is_fmi3| self.folder_for_host(is_fmi3) == folder)
+                    || folder.parse::<Self>().is_err()
+            }
+            _ => true,
+        }
     }
 
     /// The path of a library in a folder of `binaries/`.
@@ -188,5 +208,30 @@ impl FromStr for Platform {
             let message = format!("FMI 2.0 has no platform '{folder}'; it has {known}");
             io::Error::new(io::ErrorKind::InvalidInput, message)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_platforms_libraries_and_what_is_for_people_are_not_needed() {
+        for platform in Platform::ALL {
+            for own in [false, true].map(|is_fmi3| platform.library_path("a", is_fmi3)) {
+                assert!(platform.needs(&own), "{own}");
+            }
+            for path in
+                ["modelDescription.xml", "resources/sources/a.c", "extra/a", "binaries/", "binaries/data/a"]
+            {
+                assert!(platform.needs(path), "{path}");
+            }
+            for path in ["sources/a.c", "documentation/index.html"] {
+                assert!(!platform.needs(path), "{path}");
+            }
+        }
+        for folder in ["win64", "darwin64", "aarch64-darwin"] {
+            assert!(!Platform::Linux64.needs(&format!("binaries/{folder}/a")), "{folder}");
+        }
     }
 }

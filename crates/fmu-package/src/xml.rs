@@ -4,7 +4,8 @@
 use std::io;
 use std::str::FromStr;
 
-use fmu_io::reading::broken;
+use encoding_rs::{Encoding, UTF_8};
+use fmu_io::reading::{broken, utf_8};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use roxmltree::{Document, Node};
@@ -17,6 +18,8 @@ const MOST_ELEMENTS: usize = 2_000_000;
 const MOST_ATTRIBUTES: usize = 100;
 /// The most namespaces in a document: each element holds those of all ancestors.
 const MOST_NAMESPACES: usize = 1000;
+/// The most bytes in which an XML declaration is looked for.
+const LONGEST_DECLARATION: usize = 1000;
 /// Attributes whose values may be long.
 const LISTS_AND_PROSE: &[&str] =
     &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
@@ -30,6 +33,34 @@ pub(crate) enum Problem {
     DocumentType,
     Limit,
     Syntax,
+}
+
+/// The text of an XML file, and its encoding: UTF-8 if its bytes are, whatever the file declares, else the one of its
+/// byte order mark or its declaration (XML 1.0, appendix F).
+///
+/// # Errors
+/// When it is in neither.
+pub(crate) fn decode(bytes: Vec<u8>) -> io::Result<(String, &'static Encoding)> {
+    let declared = || {
+        let beginning = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST_DECLARATION)]);
+        Encoding::for_label(declared_encoding(&beginning)?.as_bytes())
+    };
+    let marked = Encoding::for_bom(&bytes).map(|(encoding, _)| encoding);
+    if let Some(encoding) = marked.or_else(declared)
+        && str::from_utf8(&bytes).is_err()
+        && let Some(text) = encoding.decode_without_bom_handling_and_without_replacement(&bytes)
+    {
+        return Ok((text.into_owned(), encoding));
+    }
+    Ok((utf_8(bytes)?, UTF_8))
+}
+
+/// The encoding that a document declares, if any.
+pub(crate) fn declared_encoding(text: &str) -> Option<String> {
+    match Reader::from_str(text).read_event() {
+        Ok(Event::Decl(declaration)) => Some(declaration.encoding()?.ok()?.into_owned()),
+        _ => None,
+    }
 }
 
 /// A document, or the reason why it is refused, with the line.
@@ -181,5 +212,31 @@ mod tests {
         assert_eq!(refusal("<a>\n<b>"), cut);
         let message = "it has a document type definition".to_owned();
         assert_eq!(refusal("<!DOCTYPE a><a/>"), (Problem::DocumentType, 1, message));
+    }
+
+    fn decoded(bytes: &[u8]) -> (String, &'static str) {
+        let (text, encoding) = decode(bytes.to_vec()).unwrap();
+        (text, encoding.name())
+    }
+
+    #[test]
+    fn texts_are_decoded_as_they_declare_unless_they_are_utf_8() {
+        let latin = "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?><unit name=\"°C\"/>";
+        let bytes: Vec<_> = latin.chars().map(|character| u8::try_from(character).unwrap()).collect();
+        assert_eq!(decoded(&bytes), (latin.to_owned(), "windows-1252"));
+        assert_eq!(decoded(latin.as_bytes()), (latin.to_owned(), "UTF-8"));
+        let utf_16: Vec<_> =
+            "\u{feff}<unit name=\"°C\"/>".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(decoded(&utf_16), ("\u{feff}<unit name=\"°C\"/>".to_owned(), "UTF-16LE"));
+    }
+
+    #[test]
+    fn texts_in_no_known_encoding_are_refused_with_their_line() {
+        for declaration in
+            ["", "<?xml version=\"1.0\" encoding=\"UTF-8\"?>", "<?xml version=\"1.0\" encoding=\"X\"?>"]
+        {
+            let bytes = [declaration.as_bytes(), b"\n<unit name=\"\xb0C\"/>"].concat();
+            assert_eq!(decode(bytes).unwrap_err().to_string(), "its line 2 is not UTF-8");
+        }
     }
 }

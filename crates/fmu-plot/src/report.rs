@@ -4,17 +4,22 @@ use fmu_xml::page::Document;
 
 use crate::figure::{self, Figure, escaped};
 
-/// The reports' additions to the FMUs' pages: plotly figures. Without a hovering pointer, plots always show their
+/// The reports' additions to the FMUs' pages: plotly figures. On a telephone a row's first cell is a line of its own, and
+/// the class `pairs` has a line for every two cells. Without a hovering pointer, plots always show their
 /// toolbars, which would otherwise cover the legend; print hides them.
 const STYLE: &str = "
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 1rem; }
 .panel { min-width: 0; } .plot { width: 100%; } .panel .title { margin: .8rem 0 0 64px; font-weight: 600; font-size: .9rem; }
 .modebar:focus-within { opacity: 1 !important; }
-.panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; }
+.panel .legend { display: flex; flex-wrap: wrap; gap: 0 1.2rem; margin: 0 0 -.6rem 64px; font-size: .85rem; } .legend label { display: flex; align-items: center; gap: .4rem; } .legend span { width: 1.6rem; } .legend .dot { width: .5rem; height: .5rem; border-radius: 50%; }
 @media (hover: none) { .panel .legend { margin-bottom: 0; } } @media print { .modebar { display: none; } }
 body, figure { max-width: none; } table { max-width: 90rem; }
 td.number { font-variant-numeric: tabular-nums; } .caption { max-width: none; color: var(--faint); font-size: .9rem; }
 .holds, .differs, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
+@media (max-width: 30rem) {
+  .wide tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid var(--rule); } .wide :is(th, td) { flex: 1 1 0; min-width: 0; white-space: normal; overflow-wrap: anywhere; border: 0; }
+  .wide :is(th, td):first-child { flex: 0 0 100%; padding-bottom: 0; } .wide th:empty { display: none; } .pairs tr td:nth-child(n) { flex: 0 0 50%; }
+}
 details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow-x: auto; }
 @media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }
 ";

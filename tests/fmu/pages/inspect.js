@@ -111,17 +111,18 @@
     if (document.activeElement !== control || control.tabIndex < 0) unreachable.add(name(control));
     else if (getComputedStyle(control).outlineStyle === "none") unmarked.add(name(control));
   }
-  const cut = new Set();
+  const cut = new Set(), scrolled = new Set();
   for (const element of [...document.querySelectorAll("main *")].filter(isShown)) {
     const { overflowX, backgroundAttachment } = getComputedStyle(element);
     if (!["auto", "scroll"].includes(overflowX) || element.scrollWidth <= element.clientWidth) continue;
     if (!backgroundAttachment.includes("local")) cut.add(name(element));
+    if (element.querySelector("table")) scrolled.add(name(element));
     element.focus({ preventScroll: true });
     if (!element.contains(document.activeElement) && !element.querySelector("a[href]")) unreachable.add(name(element));
   }
   document.activeElement.blur();
 
-  const lists = { faint, small, broken, split, wide, unreachable, unmarked, cut };
+  const lists = { faint, small, broken, split, wide, unreachable, unmarked, cut, scrolled };
   return {
     ...Object.fromEntries(Object.entries(lists).map(([rule, found]) => [rule, [...found]])),
     texts: judged.size,

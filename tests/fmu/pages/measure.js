@@ -1,4 +1,5 @@
-// What of a page is wider than its window, which numbers break, and which plots and controls are in view.
+// What of a page is wider than its window, which numbers break, which texts of the drawing lie over others or over the
+// edge of a part, and which plots and controls are in view.
 () => {
   const isShown = (element) => element.checkVisibility({ opacityProperty: true, visibilityProperty: true })
     && !element.closest(".hidden, .modebar") && element.getClientRects().length > 0;
@@ -24,6 +25,20 @@
       if (lines.size > 1) broken.push(node.data);
     }
   }
+  const boxOf = (element) => {
+    const { left, right, top, bottom } = element.getBoundingClientRect();
+    // A fifth each is above digits and below the line.
+    const margin = element.localName === "text" ? (bottom - top) / 5 : 0;
+    return { left, right, top: top + margin, bottom: bottom - margin };
+  };
+  const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const isIn = (a, b) => a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom;
+  const drawn = [...document.querySelectorAll("#engine :is(text, rect)")].filter(isShown);
+  const texts = drawn.filter((element) => element.localName === "text" && element.textContent);
+  const crossing = texts.flatMap((text, index) => drawn
+    .filter((other) => other.localName === "rect" || texts.indexOf(other) > index)
+    .filter((other) => meet(boxOf(text), boxOf(other)) && !isIn(boxOf(text), boxOf(other)))
+    .map((other) => `${name(text)} over ${name(other)}`));
   const inView = (element) => {
     const { top, bottom, left, right } = element.getBoundingClientRect();
     return top >= 0 && left >= 0 && bottom <= innerHeight && right <= innerWidth;
@@ -31,5 +46,5 @@
   const plots = [...document.querySelectorAll(".plot")];
   const names = plots.filter(inView).map((plot) => plot.data.at(-1).name);
   const others = [...document.querySelectorAll("input[type=range], #engine")].filter(inView);
-  return { wide: shown.filter(isWide).map(name), broken, plots: names, others: others.map(({ id }) => id), texts: shown.length };
+  return { wide: shown.filter(isWide).map(name), broken, crossing, plots: names, others: others.map(({ id }) => id), texts: shown.length };
 }

@@ -124,7 +124,8 @@ def measured(page: Page, width: int, height: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_fits_its_window(paused: Page, width: int, height: int) -> None:
-    """No element is wider, and no number breaks, after some seconds with both cursors."""
+    """No element is wider, no number breaks, and no text of the drawing lies over another or over the edge of
+    a part, after some seconds with both cursors."""
     run(paused, 400)
     for index, time in enumerate(["1", "4.2625"]):
         paused.locator("#cursors input").nth(index).fill(time)
@@ -135,7 +136,7 @@ def test_fits_its_window(paused: Page, width: int, height: int) -> None:
     )
     found = measured(paused, width, height)
     paused.screenshot(path=PICTURES / f"loop-{width}.png")
-    assert (found["wide"], found["broken"]) == ([], [])
+    assert (found["wide"], found["broken"], found["crossing"]) == ([], [], [])
     for index in range(2):
         paused.locator("#cursors input").nth(index).fill("")
         paused.locator("#cursors input").nth(index).press("Enter")
@@ -146,9 +147,9 @@ def test_slider_and_answer_are_in_one_view(paused: Page) -> None:
     1366 pixels on the engine, too; wider windows show more plots."""
     found = {size[0]: measured(paused, *size) for size in SIZES}
     assert "boost_reference" in found[390]["others"]
-    assert "boost_pressure" in found[390]["plots"]
+    assert "Boost pressure" in found[390]["plots"]
     for width in [1100, 1366, 1536, 1920, 2560]:
-        assert {"boost_pressure", "hp_wastegate_pwm"} <= set(found[width]["plots"]), width
+        assert {"Boost pressure", "HP wastegate PWM"} <= set(found[width]["plots"]), width
         assert set(DRIVES) <= set(found[width]["others"]), width
         assert width == 1100 or "engine" in found[width]["others"], width
     ticks = [text for text in paused.locator(".xtick").all_text_contents() if text]
@@ -355,7 +356,7 @@ def test_cursors_show_values_and_their_difference(paused: Page) -> None:
     rows = paused.evaluate(
         "[0.5, 2].map((time) => live.run.columns.get('engine_torque')[Math.round(time * 80)])"
     )
-    torque = paused.locator(".legend label:has-text('engine_torque') output").text_content()
+    torque = paused.locator(".legend label:has-text('Engine torque') output").text_content()
     numbers = [
         float(text.strip("ABΔ\u00a0 ").replace("\u2212", "-"))
         for text in torque.removesuffix("\u00a0N·m").split(",")

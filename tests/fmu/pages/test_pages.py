@@ -21,6 +21,9 @@ WIDTHS = [360, 390, 1100, 1366, 1536, 1920, 2560]
 PICTURED = [360, 1366, 2560]
 """Of these widths, one of a telephone and two of screens, there are pictures to look at."""
 
+FITTING = ["identification", "study", "sweep"]
+"""Whose tables are no matrices, and have short cells."""
+
 LONGEST = 4000
 """Pixels of a page that its picture shows."""
 
@@ -95,6 +98,11 @@ def test_controls_are_reached_by_keyboard_and_marked(visit: Visit) -> None:
 
 def test_cut_lines_show_that_they_scroll(visit: Visit) -> None:
     assert_none(visit, "cut")
+
+
+@pytest.mark.parametrize("visit", itertools.product(FITTING, ["light"]), ids="-".join, indirect=True)
+def test_tables_fit_their_window(visit: Visit) -> None:
+    assert_none(visit, "scrolled")
 
 
 def test_names_break_between_words(visit: Visit) -> None:

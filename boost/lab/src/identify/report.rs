@@ -9,7 +9,7 @@ use fmu_plot::{Cell, Report, Table};
 use fmu_record::numbers::{estimate, number, quantity};
 
 const STYLE: &str = "
-.wide { max-width: 58rem; margin: 1.8rem 0; } .wide table { margin: 0; min-width: 30rem; }
+.wide { max-width: 58rem; margin: 1.8rem 0; } .wide table { margin: 0; }
 ";
 
 #[derive(Serialize)]

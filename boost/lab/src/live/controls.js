@@ -1,6 +1,7 @@
 // The controls: what drives the loop, each made from its FMU's declaration.
 
-const words = name => name.split(".").at(-1).replaceAll("_", " ").replace(/^./, letter => letter.toUpperCase());
+// A variable's name in words.
+const words = name => name.split(".").at(-1).replaceAll("_", " ").replace(/\b(?:hp|lp|pwm)\b|^./g, letters => letters.toUpperCase());
 const inUnit = (text, unit) => `${text} ${UNITS[unit] ?? unit}`.trim();
 
 function make(kind, properties = {}, ...children) {

@@ -10,7 +10,7 @@ function shown(variable, value) {
   const { unit, factor, offset } = variable.display;
   const number = factor * value + offset;
   // No minus sign for zero.
-  const digits = { minimumFractionDigits: DECIMALS[unit] ?? 2, maximumFractionDigits: DECIMALS[unit] ?? 2, signDisplay: "negative" };
+  const digits = { minimumFractionDigits: DECIMALS[unit] ?? 2, maximumFractionDigits: DECIMALS[unit] ?? 2, signDisplay: "negative", useGrouping: "min2" };
   return `${number.toLocaleString("en", digits).replace("-", "−")} ${UNITS[unit] ?? unit}`.trim();
 }
 

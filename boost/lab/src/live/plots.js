@@ -79,7 +79,7 @@ class Cursors {
 
   // A line's values, in a unit.
   read(time, values, shown, unit) {
-    const text = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: false }).replace("-", "−");
+    const text = (value, digits) => value.toLocaleString("en", { maximumSignificantDigits: digits, useGrouping: "min2" }).replace("-", "−");
     const found = this.times.map(placed => placed >= time[0] ? shown(values[time.findLastIndex(instant => instant <= placed)]) : undefined);
     const parts = found.map((value, index) => (value === undefined ? "" : `${"AB"[index]}\u00a0${text(value, DIGITS[0])}`));
     if (!found.includes(undefined)) parts.push(`Δ\u00a0${text(found[1] - found[0], DIGITS[1])}`);
@@ -105,12 +105,17 @@ class Plots {
   async show(run, template, held) {
     const length = run.scenario.steps * run.scenario.step;
     Object.assign(this, { run, held, lines: undefined, length: Math.min(length, 10 * VIEW), scrolls: length > 10 * VIEW });
+    const named = text => text.replace(/^[\w.]+/, words);
     const thin = line => ({ ...line, zorder: -1, opacity: HELD_OPACITY, line: { ...line.line, width: 1 }, hoverinfo: "skip" });
     // Each plot says the unit of time, since those below it may be out of view.
-    await this.fill(template, ({ data, layout }) => ({
-      data: held ? data.concat(data.map(thin)) : data,
-      layout: { ...layout, xaxis: { ...layout.xaxis, title: undefined, ticksuffix: " s" } },
-    }));
+    await this.fill(template, ({ data, layout: { xaxis, yaxis, ...layout } }) => {
+      const lines = data.map(line => ({ ...line, name: named(line.name) }));
+      return {
+        data: held ? lines.concat(lines.map(thin)) : lines,
+        layout: { ...layout, xaxis: { ...xaxis, title: undefined, ticksuffix: " s" }, yaxis: { ...yaxis, exponentformat: "none" } },
+      };
+    });
+    for (const label of this.figure.querySelectorAll(".legend label")) label.lastChild.textContent = named(label.lastChild.textContent.trim());
     for (const plot of this.panels) {
       plot.on("plotly_relayout", change => this.follow(plot, change));
       plot.on("plotly_click", ({ points: [{ x }] }) => {

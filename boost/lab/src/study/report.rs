@@ -1,6 +1,7 @@
 //! A study's results: a table of all cases, and a report with the distributions and the cases outside the criteria.
 
 use std::io::{self, Write};
+use std::iter;
 
 use serde::Serialize;
 
@@ -15,7 +16,7 @@ use fmu_master::measure::greatest;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{axis, number, quantity};
 
-/// The shares of the cases below the quantiles of the tables.
+/// The shares of the cases below the quantiles of the tables, of which a study has those that it has cases for.
 const QUANTILES: [f64; 6] = [0.5, 0.9, 0.95, 0.99, 0.999, 1.0];
 /// Drawn values in a row of a case's table.
 const DRAWN_IN_ROW: usize = 3;
@@ -56,7 +57,7 @@ struct JsonStrategy {
     strategy: String,
     criteria: Vec<Criterion>,
     /// Quantiles by measure, in the order of `shares`.
-    shares: [f64; QUANTILES.len()],
+    shares: Vec<f64>,
     quantiles: Vec<(String, Vec<f64>)>,
 }
 
@@ -69,15 +70,16 @@ struct JsonCase {
     cause: Option<String>,
 }
 
-/// The quantile: the smallest value not exceeded by at least this share of the values.
-fn quantile(ascending: &[f64], share: f64) -> f64 {
+/// How many of a number of values are up to the quantile of a share.
+fn rank(share: f64, values: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to the number of values
-    let rank = (share * ascending.len() as f64).ceil() as usize;
-    ascending.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+    let rank = (share * values as f64).ceil() as usize;
+    rank
 }
 
-fn quantiles(ascending: &[f64]) -> [String; QUANTILES.len()] {
-    QUANTILES.map(|share| format!("{:.2}", quantile(ascending, share)))
+/// The quantile: the smallest value not exceeded by at least this share of the values.
+fn quantile(ascending: &[f64], share: f64) -> f64 {
+    ascending.get(rank(share, ascending.len()).saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
 impl StudyReport<'_> {
@@ -107,6 +109,16 @@ impl StudyReport<'_> {
         values
     }
 
+    /// Those of [`QUANTILES`] that are not the worst case under another name.
+    fn shares(&self) -> impl Iterator<Item = f64> {
+        let cases = self.outcomes.len();
+        QUANTILES.into_iter().filter(move |&share| share >= 1.0 || rank(share, cases) < cases)
+    }
+
+    fn quantiles(&self, ascending: &[f64]) -> impl Iterator<Item = String> {
+        self.shares().map(|share| format!("{:.2}", quantile(ascending, share)))
+    }
+
     /// The criteria as lines of text.
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -121,11 +133,11 @@ impl StudyReport<'_> {
             for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    text += &format!("           {name} ({unit}): {}\n", quantiles(&values).join(", "));
+                    text += &format!("           {name} ({unit}): {}\n", join(self.quantiles(&values)));
                 }
             }
         }
-        text += &format!("  quantiles: {}\n", shares().join(", "));
+        text += &format!("  quantiles: {}\n", join(self.shares().map(share_name)));
         text
     }
 
@@ -133,12 +145,12 @@ impl StudyReport<'_> {
         let strategies = (0..self.study.strategies.len()).map(|strategy| JsonStrategy {
             strategy: self.strategy_name(strategy),
             criteria: self.criteria(strategy),
-            shares: QUANTILES,
+            shares: self.shares().collect(),
             quantiles: (0..DISTRIBUTIONS.len())
                 .map(|measure| {
                     let values = self.ascending(strategy, measure);
                     let name = format!("{} ({})", DISTRIBUTIONS[measure].0, DISTRIBUTIONS[measure].1);
-                    (name, QUANTILES.map(|share| quantile(&values, share)).to_vec())
+                    (name, self.shares().map(|share| quantile(&values, share)).collect())
                 })
                 .collect(),
         });
@@ -219,13 +231,17 @@ impl StudyReport<'_> {
         }
         report.table(&table);
         report.section("Quantiles");
-        let mut table = Table::new([String::new(), String::new()].into_iter().chain(shares()));
+        let mut table = Table::new(iter::once(String::new()).chain(self.shares().map(share_name)));
         for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
             for strategy in strategies.clone() {
                 let values = self.ascending(strategy, measure);
                 if !values.is_empty() {
-                    let labels = [format!("{name} ({unit})").into(), (&names[strategy]).into()];
-                    table.row(labels.into_iter().chain(quantiles(&values).map(|text| Cell::number(&text))));
+                    let strategy = match &names[..] {
+                        [_] => String::new(),
+                        names => format!(", {}", names[strategy]),
+                    };
+                    let numbers = self.quantiles(&values).map(|text| Cell::number(&text));
+                    table.row(iter::once(format!("{name} ({unit}){strategy}").into()).chain(numbers));
                 }
             }
         }
@@ -235,7 +251,7 @@ impl StudyReport<'_> {
     fn distributions(&self, report: &mut Report) {
         let panel = |measure: usize| {
             let (name, unit, ..) = DISTRIBUTIONS[measure];
-            let mut panel = Panel::new(&format!("{name} ({unit})"), "share of cases (%)").y_range(0.0, 100.0);
+            let mut panel = Panel::new(unit, "share of cases (%)").title(name).y_range(0.0, 100.0);
             for strategy in 0..self.study.strategies.len() {
                 let values = self.ascending(strategy, measure);
                 let count = values.len() as f64;
@@ -343,7 +359,7 @@ impl StudyReport<'_> {
         let drawn = case.drawn.iter().zip(self.study.cases.units());
         let drawn: Vec<_> =
             drawn.map(|((name, value), unit)| [name.into(), Cell::number(&quantity(*value, unit))]).collect();
-        let mut table = Table::default();
+        let mut table = Table::default().class("pairs");
         drawn.chunks(DRAWN_IN_ROW).for_each(|row| table.row(row.concat()));
         report.table(&table);
         let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
@@ -463,9 +479,12 @@ fn traces(explained: &Explained) -> Figure {
         .shared_x()
 }
 
-fn shares() -> [String; QUANTILES.len()] {
-    QUANTILES
-        .map(|share| if share < 1.0 { format!("{} %", number(100.0 * share)) } else { "worst".to_owned() })
+fn share_name(share: f64) -> String {
+    if share < 1.0 { format!("{} %", number(100.0 * share)) } else { "worst".to_owned() }
+}
+
+fn join(texts: impl Iterator<Item = String>) -> String {
+    texts.collect::<Vec<_>>().join(", ")
 }
 
 /// Spearman's rank correlation of values without ties.

@@ -1,5 +1,6 @@
 //! A layer of a neural network, y = tanh(W u + b), with weights from a file.
 
+use fmu_export::table::Table;
 use fmu_export::{Context, Equations, Error, Number, Persistent};
 
 fmu_export::fmu!(equations {Type});
@@ -18,7 +19,7 @@ impl Equations for {Type} {
         variables: &mut Variables,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        self.rows = rows(&String::from_utf8_lossy(&context.resource("weights.csv")?))?;
+        self.rows = Table::resource(context, "weights.csv")?.rows();
         let (count, length) = (variables.outputs.y.len(), 1 + variables.inputs.u.len());
         if self.rows.len() == count && self.rows.iter().all(|row| row.len() == length) {
             Ok(())
@@ -37,15 +38,6 @@ impl Equations for {Type} {
             *y = sum.tanh();
         }
     }
-}
-
-fn rows(csv: &str) -> Result<Vec<Vec<f64>>, Error> {
-    let number = |text: &str| {
-        let refused = |error| Error::new(format!("weights.csv: '{text}': {error}"));
-        text.trim().parse().map_err(refused)
-    };
-    let row = |line: &str| line.split(',').map(number).collect();
-    csv.lines().map(row).collect()
 }
 
 #[cfg(test)]

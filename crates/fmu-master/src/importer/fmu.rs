@@ -72,7 +72,8 @@ impl Fmu {
         if !path.exists() {
             bail!("there is no such file");
         }
-        let folder = extract(path)?;
+        let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
+        let folder = extract(path, |entry| platform.needs(entry))?;
         let description = folder.path().join("modelDescription.xml");
         if !description.is_file() {
             bail!("there is no modelDescription.xml in it");
@@ -86,7 +87,6 @@ impl Fmu {
             bail!("it is an FMI {version} FMU; only FMI 2.0 and 3.0 are supported");
         }
         let (interface, identifier) = chosen(&description, interface)?;
-        let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
         let name = platform.library_path(identifier, is_fmi3);
         let library = folder.path().join(&name);
         if !library.is_file() {

@@ -11,11 +11,11 @@ use fmu_package::archive;
 /// A unique prefix: leftovers of killed processes are recognized by it and removed.
 const PREFIX: &str = ".unpacked-by-fmu-master-";
 
-/// The extracted archive, which is removed when dropped.
-pub fn extract(path: &Path) -> Result<Folder> {
+/// The entries of an archive whose paths are needed; the folder is removed when dropped.
+pub fn extract(path: &Path, is_needed: impl Fn(&str) -> bool) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;
-    Ok(Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder))?)
+    Ok(Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?)
 }
 
 /// The `file` URI (RFC 8089) of a folder, as `fmi2Instantiate` takes it.

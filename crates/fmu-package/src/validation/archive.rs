@@ -3,9 +3,11 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 
-use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, up_to, utf_8};
+use encoding_rs::UTF_8;
+use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to};
+use zip::read::ZipFile;
 use zip::{CompressionMethod, ZipArchive};
 
 use super::report::{Place, Report};
@@ -13,6 +15,7 @@ use super::rules::{
     ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
     ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
 };
+use crate::xml;
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
 const TOP: &[&str] = &[
@@ -35,7 +38,7 @@ pub(crate) struct Files<R = BufReader<File>> {
 }
 
 impl<R: Read + Seek> Files<R> {
-    /// Opens an archive and reports problems with its entries; none if nothing can be read.
+    /// Opens an archive and reports problems with its list of entries; none if nothing can be read.
     pub fn open(mut reader: R, report: &mut Report) -> Option<Self> {
         if reader.seek(SeekFrom::End(0)).is_ok_and(|length| length > LARGEST_CONTENT) {
             report.add(&LIMIT, Place::default(), "the archive is larger than 1 GiB");
@@ -81,7 +84,7 @@ impl<R: Read + Seek> Files<R> {
         Some(files)
     }
 
-    /// Checks an entry and keeps it if readable. Returns whether the limit is met.
+    /// Checks what the list says of an entry. Returns whether the limit is met.
     fn add(
         &mut self,
         index: usize,
@@ -137,24 +140,21 @@ impl<R: Read + Seek> Files<R> {
         if is_folder {
             return true;
         }
-        self.entries.insert(path.clone(), None);
-        if is_link || is_encrypted || !is_known {
-            return true;
-        }
-        match self.unpacked_size(index, size + 1) {
-            Ok(unpacked) if unpacked == size => {
-                self.entries.insert(path, Some(index));
-            }
-            Ok(_) => report.add(&ARCHIVE_DAMAGED, place, "its size is not what the archive states"),
-            Err(error) => report.add(&ARCHIVE_DAMAGED, place, format!("it cannot be unpacked: {error}")),
-        }
+        let is_readable = !is_link && !is_encrypted && is_known;
+        self.entries.insert(path, is_readable.then_some(index));
         true
     }
 
-    /// The size of an entry in bytes, up to a maximum; a wrong checksum is an error.
-    fn unpacked_size(&mut self, index: usize, most: u64) -> io::Result<u64> {
-        let entry = self.archive.by_index(index).map_err(io::Error::other)?;
-        io::copy(&mut entry.take(most), &mut io::sink())
+    /// Unpacks each entry once, reports those that are damaged, and forgets them.
+    pub fn unpack(&mut self, report: &mut Report) {
+        for (path, readable) in &mut self.entries {
+            let Some(index) = *readable else { continue };
+            let entry = self.archive.by_index(index).map_err(io::Error::other);
+            if let Err(error) = entry.and_then(|entry| unpack(entry, &mut io::sink())) {
+                *readable = None;
+                report.add(&ARCHIVE_DAMAGED, Place::file(path), format!("it cannot be unpacked: {error}"));
+            }
+        }
     }
 
     pub fn into_archive(self) -> ZipArchive<R> {
@@ -175,20 +175,38 @@ impl<R: Read + Seek> Files<R> {
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
-    /// The text of an existing file; if it cannot be read, none, and a report why.
+    /// The text of an existing XML file; if it cannot be read, none, and a report why.
     pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {
             report.add(&LIMIT, Place::file(path), "it is larger than 64 MiB");
             return None;
         }
-        match up_to(LARGEST_TEXT, entry).and_then(utf_8) {
-            Ok(text) => Some(text),
+        match up_to(LARGEST_TEXT, entry).and_then(xml::decode) {
+            Ok((text, encoding)) => {
+                if encoding != UTF_8 {
+                    let message = format!("its bytes are {}, not UTF-8", encoding.name());
+                    report.add(&XML_ENCODING, Place::file(path), message);
+                }
+                Some(text)
+            }
             Err(error) => {
                 report.add(&XML_ENCODING, Place::file(path), error.to_string());
                 None
             }
         }
+    }
+}
+
+/// Writes an entry's content.
+///
+/// # Errors
+/// When it cannot be read or written, or its size or checksum is not what the archive states.
+pub(crate) fn unpack(entry: ZipFile<'_, impl Read>, writer: &mut impl Write) -> io::Result<()> {
+    let size = entry.size();
+    match io::copy(&mut entry.take(size + 1), writer)? {
+        unpacked if unpacked == size => Ok(()),
+        _ => Err(broken("its size is not what the archive states")),
     }
 }
 

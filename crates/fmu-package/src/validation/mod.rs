@@ -40,6 +40,7 @@ pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
     if let Some(mut files) = archive::Files::open(BufReader::new(file), &mut report) {
+        files.unpack(&mut report);
         check(&mut files, importers, &mut report);
     }
     Ok(report)

@@ -2,13 +2,11 @@
 
 use std::cell::OnceCell;
 
-use quick_xml::Reader;
-use quick_xml::events::Event;
 use roxmltree::{Document, Node};
 
 use super::report::{Place, Report};
 use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
-use crate::xml::{Problem, parse};
+use crate::xml::{Problem, declared_encoding, parse};
 
 /// The longest attribute value in bytes, unless a list or prose: findings quote them.
 const LONGEST_VALUE: usize = 10_000;
@@ -29,7 +27,7 @@ impl<'d> Xml<'d> {
         let in_line = |line| Place { line: Some(line), ..Place::file(file) };
         // A byte order mark is allowed.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        if let Some(encoding) = encoding(text).filter(|name| !name.eq_ignore_ascii_case("utf-8")) {
+        if let Some(encoding) = declared_encoding(text).filter(|name| !name.eq_ignore_ascii_case("utf-8")) {
             report.add(&XML_ENCODING, in_line(1), format!("it declares the encoding {encoding}"));
         }
         match parse(text, LONGEST_VALUE) {
@@ -55,13 +53,5 @@ impl<'d> Xml<'d> {
             self.lines.get_or_init(|| self.text.match_indices('\n').map(|(place, _)| place + 1).collect());
         let line = 1 + lines.partition_point(|&start| start <= node.range().start);
         Place { line: Some(line), ..Place::file(self.file) }
-    }
-}
-
-/// The encoding that a document declares, if any.
-fn encoding(text: &str) -> Option<String> {
-    match Reader::from_str(text).read_event() {
-        Ok(Event::Decl(declaration)) => Some(declaration.encoding()?.ok()?.into_owned()),
-        _ => None,
     }
 }

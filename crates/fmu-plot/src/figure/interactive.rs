@@ -175,15 +175,14 @@ impl Line {
     /// The legend entry, which toggles the line.
     fn entry(&self, index: usize) -> Option<String> {
         let label = Some(escaped(&self.label)).filter(|label| !label.is_empty())?;
-        let look = match self.marks {
-            Marks::Dots => "dotted",
-            _ if self.is_dashed => "dashed",
-            _ => "solid",
+        let color = self.color.name();
+        let sample = match self.marks {
+            Marks::Dots => format!("class=\"dot\" style=\"background:var({color})\""),
+            _ if self.is_dashed => format!("style=\"border-top:3px dashed var({color})\""),
+            _ => format!("style=\"border-top:3px solid var({color})\""),
         };
         Some(format!(
-            "<label><input type=\"checkbox\" checked value=\"{index}\"><span style=\"border-top:3px {look} \
-             var({})\"></span>{label}</label>\n",
-            self.color.name()
+            "<label><input type=\"checkbox\" checked value=\"{index}\"><span {sample}></span>{label}</label>\n"
         ))
     }
 }

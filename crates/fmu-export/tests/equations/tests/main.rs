@@ -4,6 +4,7 @@ mod allocations;
 mod arrays;
 mod calculated_parameters;
 mod event_mode;
+mod foreign_state;
 mod intermediate_update;
 mod look_ahead;
 mod rod;

@@ -117,7 +117,8 @@ impl Fmu {
         assert!(path.is_file(), "{} is missing: bash tests/run exports it", path.display());
         let description = FmuDescription::read(&path).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        archive::extract(&mut archive::open(File::open(&path).unwrap()).unwrap(), folder.path()).unwrap();
+        archive::extract(&mut archive::open(File::open(&path).unwrap()).unwrap(), folder.path(), |_| true)
+            .unwrap();
         let identifier =
             description.interfaces[0].1.iter().find(|(name, _)| name == "modelIdentifier").unwrap();
         let platform = Platform::host().unwrap();
