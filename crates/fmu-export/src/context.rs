@@ -27,11 +27,7 @@ crate::persistent!(Experiment { start_time, stop_time, tolerance });
 pub struct Context<'a> {
     /// The experiment as set up.
     pub experiment: Experiment,
-    /// The time of messages, in s: that of the event, sample or tick; in a [`Model`](crate::Model)'s own step, of its
-    /// start.
-    pub time: f64,
-    /// Receives a category's name and a message.
-    log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>),
+    log: &'a mut dyn Log,
     resources: Option<&'a Resources>,
     /// When the model requested the end, in s.
     pub(crate) end: Option<f64>,
@@ -39,8 +35,8 @@ pub struct Context<'a> {
 
 impl<'a> Context<'a> {
     /// A context outside any FMU, for calling a model directly.
-    pub fn new(experiment: Experiment, log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>)) -> Self {
-        Self { experiment, time: experiment.start_time, log, resources: None, end: None }
+    pub fn new(experiment: Experiment, log: &'a mut dyn Log) -> Self {
+        Self { experiment, log, resources: None, end: None }
     }
 
     /// This context with the files of an FMU.
@@ -48,17 +44,8 @@ impl<'a> Context<'a> {
         Self { resources: Some(resources), ..self }
     }
 
-    /// This context at a time in s.
-    #[inline]
-    pub(crate) fn at(self, time: f64) -> Self {
-        Self { time, ..self }
-    }
-
     /// This context with another logger.
-    pub(crate) fn with_log<'b>(
-        &'b self,
-        log: &'b mut dyn FnMut(&'static str, fmt::Arguments<'_>),
-    ) -> Context<'b> {
+    pub(crate) fn with_log<'b>(&'b self, log: &'b mut dyn Log) -> Context<'b> {
         Context { log, ..*self }
     }
 
@@ -122,17 +109,60 @@ impl<'a> Context<'a> {
         }
     }
 
+    /// Messages from here on are of a time in s. Events, samples and ticks set it; in a [`Model`](crate::Model)'s own
+    /// step, it is the start, unless the model sets it.
+    pub fn at(&mut self, time: f64) {
+        self.log.at(time);
+    }
+
     /// Warns the user of something that may affect the results. The text gets the time, and is not repeated at once.
     pub fn warn(&mut self, message: fmt::Arguments<'_>) {
-        self.log(logger::WARNING, message);
+        self.log.message(logger::WARNING, message);
     }
 
     /// Logs an event, if debug logging is on. The text gets the time, and is not repeated at once.
     pub fn event(&mut self, message: fmt::Arguments<'_>) {
-        self.log(logger::EVENT, message);
+        self.log.message(logger::EVENT, message);
+    }
+}
+
+/// Receives a model's messages. Functions of a category and a message do, and ignore the time.
+pub trait Log {
+    /// The messages that follow are of a time in s.
+    fn at(&mut self, time: f64) {
+        let _ = time;
     }
 
-    fn log(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
+    /// Receives a message in a category.
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>);
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for F {
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
+        self(category, message);
+    }
+}
+
+/// Messages that begin with their time, which is not the context's: the compiler would then keep that in memory even in
+/// steps without messages, which are short.
+pub(crate) struct Timed<F> {
+    /// In s.
+    time: f64,
+    log: F,
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Timed<F> {
+    pub(crate) fn new(time: f64, log: F) -> Self {
+        Self { time, log }
+    }
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for Timed<F> {
+    fn at(&mut self, time: f64) {
+        self.time = time;
+    }
+
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
         (self.log)(category, format_args!("at {} s: {message}", Seconds(self.time)));
     }
 }

@@ -22,7 +22,7 @@ use std::ffi::CString;
 use fmu_terms::InstanceType;
 
 use crate::calling_sequence::{Function, Phase};
-use crate::context::{Context, Experiment};
+use crate::context::{Context, Experiment, Timed};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
@@ -330,11 +330,11 @@ impl<M: Model> Instance<M> {
             Phase::InitializationMode => {
                 let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
                 // A warning is given once; otherwise the status is fmi2OK.
-                let mut log = |category, message: core::fmt::Arguments<'_>| {
+                let mut log = Timed::new(memory.experiment.start_time, |category, message| {
                     if recent_messages.is_new(&message.to_string()) {
                         status = status.max(logger.message(category, message));
                     }
-                };
+                });
                 let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
                 memory.end = context.end()?;

@@ -212,7 +212,7 @@ impl<S: Sampled> SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        context.time = time;
+        context.at(time);
         let Some(position) = clock else {
             let sample = Sample { number: self.executed, time };
             self.executed += 1;
