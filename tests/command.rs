@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use fmu_package::{End, SystemDescription};
+use fmu_package::{Content, ElementDescription, End, Kind, SystemDescription};
 
 #[path = "../crates/cargo-fmu/tests/support/mod.rs"]
 mod support;
@@ -254,17 +254,39 @@ fn the_files_of_two_fmus_go_together() {
         arguments.extend(files.iter().flat_map(|file| ["--connections", file]));
         let output = boost_fmu_in(&folder, &arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let mut system = zip::ZipArchive::new(fs::File::open(folder.join("Boost.ssp")).unwrap()).unwrap();
-        let mut structure = String::new();
-        system.by_name("SystemStructure.ssd").unwrap().read_to_string(&mut structure).unwrap();
-        let connections = SystemDescription::parse(&structure).unwrap().connections.into_iter();
+        let system = system_of(&folder.join("Boost.ssp"));
+        let Content::System { connections, .. } = system.content else { panic!("{system:?}") };
         let name = |end: End| format!("{}:{}", end.component.unwrap_or_default(), end.connector);
-        let described =
-            connections.map(|each| (name(each.start), name(each.end), each.transformation.factor));
+        let described = connections
+            .into_iter()
+            .map(|each| (name(each.start), name(each.end), each.transformation.linear().factor));
         systems.push(described.collect::<Vec<_>>());
     }
     let [one, other] = <[_; 2]>::try_from(systems).unwrap();
     assert_eq!(one, other);
+
+    // For masters that zero inputs: one input remains, and the plant's speed is no connector any more.
+    let files = ["--connections", "plant.toml", "--connections", "controller.toml"];
+    let couple = ["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu"];
+    let output = boost_fmu_in(&folder, &[&couple[..], &files, &["--inputs", "boost_reference"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let system = system_of(&folder.join("Boost.ssp"));
+    let names = |element: &ElementDescription| -> Vec<_> {
+        let inputs = element.connectors.iter().filter(|connector| connector.kind == Some(Kind::Input));
+        inputs.map(|connector| connector.name.clone()).collect()
+    };
+    assert_eq!(names(&system), ["boost_reference"]);
+    let Content::System { elements, connections, .. } = &system.content else { panic!("{system:?}") };
+    assert_eq!(
+        elements.iter().map(names).collect::<Vec<_>>(),
+        [vec!["target", "boost_pressure_signal"], vec!["hp_wastegate_pwm"]]
+    );
+    assert_eq!(connections.iter().filter(|connection| connection.start.component.is_none()).count(), 1);
+    let output = boost_fmu_in(&folder, &[&couple[..], &files, &["--inputs", "boost_refrence"]].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    let reason =
+        "--inputs boost_refrence: the system has no such input; it has boost_reference, engine_speed";
+    assert!(message.contains(reason), "{message}");
     // bar to Pa, 1 to %, rpm to rad/s and Pa to kPa.
     for expected in [
         ("Law:duty", "Engine:hp_wastegate_pwm", 100.0),
@@ -277,6 +299,14 @@ fn the_files_of_two_fmus_go_together() {
         // Up to the rounding of a quotient.
         assert!((factor / expected.2 - 1.0).abs() < 4.0 * f64::EPSILON, "{expected:?}: {factor}");
     }
+}
+
+/// The root system of a package.
+fn system_of(package: &Path) -> ElementDescription {
+    let mut archive = zip::ZipArchive::new(fs::File::open(package).unwrap()).unwrap();
+    let mut structure = String::new();
+    archive.by_name("SystemStructure.ssd").unwrap().read_to_string(&mut structure).unwrap();
+    SystemDescription::parse(&structure).unwrap().system
 }
 
 /// The names in a folder.

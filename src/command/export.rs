@@ -26,7 +26,16 @@ pub fn run(interface: &Interface, export: Export, parameters: &[PathBuf]) -> Res
             Ok(written.contains(fmu) && FmuDescription::read(fmu)?.co_simulation_identifier().is_some())
         };
         if is_member(&plant)? && is_member(&controller)? {
-            ssp::run(interface, &plant, &controller, &[], parameters, Some(&package))?;
+            let parameters = parameters.to_vec();
+            let system = ssp::Arguments {
+                plant,
+                controller,
+                connections: vec![],
+                parameters,
+                inputs: None,
+                out: Some(package),
+            };
+            ssp::run(interface, &system)?;
             is_bound = true;
         }
     }

@@ -56,24 +56,7 @@ enum Command {
         write_connections: Option<PathBuf>,
     },
     /// Write the coupled system of any plant and any controller
-    Ssp {
-        /// The plant
-        #[arg(long, value_name = "FILE.fmu")]
-        plant: PathBuf,
-        /// The controller
-        #[arg(long, value_name = "FILE.fmu")]
-        controller: PathBuf,
-        /// Connections for FMUs with other names or units, written by `check --write-connections`; may be given several
-        /// times
-        #[arg(long, value_name = "FILE.toml")]
-        connections: Vec<PathBuf>,
-        /// Parameter sets, each bound to the FMU that has its parameters
-        #[arg(long, value_name = "FILE.ssv")]
-        parameters: Vec<PathBuf>,
-        /// The file to write [default: Boost.ssp]
-        #[arg(long, value_name = "FILE.ssp")]
-        out: Option<PathBuf>,
-    },
+    Ssp(ssp::Arguments),
 }
 
 /// Runs the command. Returns false when `check` finds that an FMU does not fit.
@@ -86,8 +69,6 @@ pub fn run() -> Result<bool> {
         Command::Check { file, role, connections, write_connections } => {
             check::run(interface, &file, role, &connections, write_connections.as_deref())
         }
-        Command::Ssp { plant, controller, connections, parameters, out } => {
-            ssp::run(interface, &plant, &controller, &connections, &parameters, out.as_deref()).map(|()| true)
-        }
+        Command::Ssp(arguments) => ssp::run(interface, &arguments).map(|()| true),
     }
 }

@@ -1,29 +1,49 @@
 //! `ssp`: the coupled system of any plant and controller, as an SSP package (System Structure and Parameterization).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use boost_interface::{Compatibility, Interface, Role};
+use clap::Args;
 use fmu_io::{reading, writing};
-use fmu_package::{FmuDescription, ParameterSet, SystemPackage, connection};
+use fmu_package::{FmuDescription, Kind, ParameterSet, SystemPackage, SystemStructure, connection};
 
 use super::coupling::{Member, couple};
 
 /// The system's name.
 pub const SYSTEM: &str = "Boost";
 
+/// What is coupled, and how.
+#[derive(Args)]
+pub struct Arguments {
+    /// The plant
+    #[arg(long, value_name = "FILE.fmu")]
+    pub plant: PathBuf,
+    /// The controller
+    #[arg(long, value_name = "FILE.fmu")]
+    pub controller: PathBuf,
+    /// Connections for FMUs with other names or units, written by `check --write-connections`; may be given several
+    /// times
+    #[arg(long, value_name = "FILE.toml")]
+    pub connections: Vec<PathBuf>,
+    /// Parameter sets, each bound to the FMU that has its parameters
+    #[arg(long, value_name = "FILE.ssv")]
+    pub parameters: Vec<PathBuf>,
+    /// The only inputs of the system, for masters that set unconnected inputs to zero: those behind the others keep
+    /// their start values [default: all]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub inputs: Option<Vec<String>>,
+    /// The file to write [default: Boost.ssp]
+    #[arg(long, value_name = "FILE.ssp")]
+    pub out: Option<PathBuf>,
+}
+
 /// Writes the package of two FMUs.
-pub fn run(
-    interface: &Interface,
-    plant: &Path,
-    controller: &Path,
-    connections: &[PathBuf],
-    parameter_files: &[PathBuf],
-    out: Option<&Path>,
-) -> Result<()> {
-    let out = out.map_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")), Path::to_path_buf);
-    let fmus = [plant, controller].map(Path::to_path_buf);
-    let inputs = [&fmus, connections, parameter_files].concat();
+pub fn run(interface: &Interface, arguments: &Arguments) -> Result<()> {
+    let Arguments { plant, controller, connections, parameters, inputs: exposed, out } = arguments;
+    let out = out.clone().unwrap_or_else(|| PathBuf::from(format!("{SYSTEM}.ssp")));
+    let fmus = [plant, controller].map(PathBuf::clone);
+    let inputs = [&fmus, &connections[..], &parameters[..]].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
     let connections = connection::read_all(connections)?;
     let compatibility = |role, description| Compatibility::new(interface, role, description, &connections);
@@ -40,9 +60,23 @@ pub fn run(
             compatibility.role.name()
         );
     }
-    let package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameter_files)?;
+    let mut package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameters)?;
+    if let Some(exposed) = exposed {
+        refuse_unknown(exposed, &package.structure)?;
+        package.structure = package.structure.with_inputs(exposed);
+    }
     writing::write(&out, |writer| package.write(writer))?;
     cargo_fmu::say(&out, "")
+}
+
+/// Rejects names that are no inputs of the system.
+fn refuse_unknown(names: &[String], structure: &SystemStructure) -> Result<()> {
+    let inputs = structure.system.connectors.iter().filter(|connector| connector.kind == Kind::Input);
+    let inputs: Vec<_> = inputs.map(|connector| connector.name.as_str()).collect();
+    match names.iter().find(|name| !inputs.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => bail!("--inputs {name}: the system has no such input; it has {}", inputs.join(", ")),
+    }
 }
 
 fn package(

@@ -87,15 +87,18 @@ BOOST_STEPS = [
 BOOST_STEPS_END = float(scenario("figure_13")["stop_time"])
 
 
-def ssp_of_fmpy(plant: Instance, controller: Instance) -> Master:
+def ssp_of_fmpy(plant: Instance, controller: Instance, *, only_reference: bool = False) -> Master:
     """The same as FMPy's SSP runs it: each FMU is initialized alone, zeros are passed in the first step, both
-    step at once, and inputs of the system are a step late."""
+    step at once, and inputs of the system are a step late. The reference may be its only input."""
     for instance in (controller, plant):
         instance.start()
-        instance.set(dict.fromkeys(instance.fmu.named("input"), 0.0))
+        hidden = OPERATING_POINT if only_reference else {}
+        instance.set({name: 0.0 for name in instance.fmu.named("input") if name not in hidden})
         instance.slave.doStep(0.0, SAMPLE_TIME)
     reference = staircase(*BOOST_STEPS)
-    inputs = {"boost_reference": lambda time: reference(time - SAMPLE_TIME), **constants(OPERATING_POINT)}
+    inputs = {"boost_reference": lambda time: reference(time - SAMPLE_TIME)}
+    if not only_reference:
+        inputs |= constants(OPERATING_POINT)
     return Master([controller, plant], SAMPLE_TIME, start_time=SAMPLE_TIME, inputs=inputs, at_once=True)
 
 

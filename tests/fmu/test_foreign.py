@@ -69,12 +69,12 @@ def clone(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "target" / "foreign").mkdir()
     (folder / "target" / "release").symlink_to(TARGET.resolve() / "debug")
     made = [line for line in LINES if line.split()[0] in ("pythonfmu", "cargo")]
-    assert len(made) == 8
+    assert len(made) == 9
     for line in made:
         documents.run(line, folder)
-    # By the lines for the system of both FMUs with other parameters.
+    # By the lines for the system of both FMUs with other parameters, and with one input.
     written = {path.name for path in (folder / "target").iterdir() if path.is_file()}
-    assert written == {"plant.ssv", "paper.ssp"}
+    assert written == {"plant.ssv", "paper.ssp", "reference.ssp"}
     return folder
 
 

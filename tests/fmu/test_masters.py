@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.ssp.simulation import simulate_ssp
 
-from fmu import ROOT, documents
+from fmu import ROOT, Run, documents
 from fmu.documents import run
 from fmu.experiments import (
     BOOST_STEPS,
@@ -160,3 +161,25 @@ def test_every_number_equals_that_of_the_tests_master(
     assert report == f"overshoot {up} kPa up, {down} kPa down; at the end 125.00 kPa"
     assert f"python {path}\n```\n\n```text\n{report}\n```" in PAGE
     assert re.search(rf"^\| \[{master}\]\(.*\| {up}, {down} kPa \|$", PAGE, re.MULTILINE)
+
+
+def test_a_system_of_one_input_needs_no_other_in_fmpy(
+    boost_fmu: Run, exported: Path, tmp_path: Path, plant: Make, controller: Make
+) -> None:
+    """FMPy sets each input that it is shown to zero."""
+    fmus = [
+        argument
+        for role in ("plant", "controller")
+        for argument in (f"--{role}", exported / f"Boost{role.title()}.fmu")
+    ]
+    done = boost_fmu("ssp", *fmus, "--inputs", "boost_reference", "--out", "one.ssp", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    end = 40.0
+    result = simulate_ssp(str(tmp_path / "one.ssp"), stop_time=end, step_size=SAMPLE_TIME, input=INPUTS)
+    record = ssp_of_fmpy(plant(), controller(), only_reference=True).run(end)
+    reached = record["time"] > 0
+    for name in ("boost_pressure", "hp_wastegate_pwm"):
+        assert np.array_equal(result[name].view(np.uint64), record[name][reached].view(np.uint64)), name
+    # It is the reference that the plant follows, with the engine running from the first step.
+    reference = INPUTS["boost_reference"](end - 2 * SAMPLE_TIME)
+    assert abs(result["boost_pressure"][-1] - reference) < 500

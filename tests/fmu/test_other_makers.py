@@ -127,15 +127,16 @@ SOLUTIONS: dict[str, Callable[[np.ndarray], dict[str, np.ndarray]]] = {
 }
 
 
+IN_HUNDRED_STEPS = f"--interface me --tolerance {TOLERANCE!r} --stop-time 3 --step 0.03".split()
+
+
 @pytest.mark.parametrize("model", REFERENCE_FMUS)
 def test_reference_fmus_are_solved_by_model_exchange(
     other_makers: Path, simulate: Simulate, model: str
 ) -> None:
     """With directional derivatives, state events and time events."""
     file = other_makers / REFERENCE / f"{model}.fmu"
-    found = simulate(
-        file, "--interface", "me", "--tolerance", repr(TOLERANCE), "--stop-time", "3", "--step", "0.03"
-    )
+    found = simulate(file, *IN_HUNDRED_STEPS, "--no-events")
     time = found["time"]
     expected = SOLUTIONS[model.split("/")[1]](time)
     for name, column in expected.items():
@@ -143,6 +144,41 @@ def test_reference_fmus_are_solved_by_model_exchange(
         # bounce of the ball keeps the errors of time and speed, and there its speed may be either one.
         error = np.abs(found[name] - column) / (1 + np.abs(column))
         assert error.max() < 100 * TOLERANCE, (name, time[error.argmax()])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_texts_are_recorded(other_makers: Path, tmp_path: Path, version: int) -> None:
+    file, out = other_makers / REFERENCE / f"fmi{version}" / "Feedthrough.fmu", tmp_path / "out.csv"
+    text = 'Größe, "groß"'
+    arguments = ["--set", f"String_input={text}", "--record", "String_output,Int*_output", "--stop-time", "1"]
+    assert simulate_of_cargo(file, *arguments, "--step", "0.5", "--out", out).returncode == 0
+    names, *rows = csv.reader(csv_lines(out))
+    assert names[:2] == ["time", "String_output"]
+    assert [row[1] for row in rows] == [text] * 3
+
+
+@pytest.mark.parametrize("model", ["BouncingBall", "Stair"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_events_of_reference_fmus_are_recorded_as_fmpy_does(
+    other_makers: Path, simulate: Simulate, version: int, model: str
+) -> None:
+    """Row by row: before and after state events, and time events at communication points and between."""
+    file = other_makers / REFERENCE / f"fmi{version}" / f"{model}.fmu"
+    found = simulate(file, *IN_HUNDRED_STEPS)
+    expected = simulate_fmu(
+        file,
+        fmi_type="ModelExchange",
+        solver="CVode",
+        relative_tolerance=TOLERANCE,
+        stop_time=3.0,
+        step_size=0.03,
+        output_interval=0.03,
+        record_events=True,
+    )
+    assert len(expected) > 101
+    for name in expected.dtype.names:
+        # 1000 times both tolerances: CVode's errors add up over its steps.
+        assert np.allclose(found[name], expected[name], rtol=1000 * TOLERANCE, atol=1000 * TOLERANCE), name
 
 
 @pytest.mark.parametrize("model", ["MassSpringSystem", "Mass_Damper", "ramp"])

@@ -3,6 +3,7 @@ take the states that those serialize: in both versions of FMI."""
 
 from __future__ import annotations
 
+import subprocess
 import zipfile
 from collections.abc import Callable
 from ctypes import byref, c_size_t, c_uint8, c_void_p
@@ -15,6 +16,7 @@ from fmpy import read_model_description, simulate_fmu
 from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
 
 from fmu import TARGET
+from fmu.compile_sources import compile_sources
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
 from fmu.master import Fmu, Instance, Master, Reals
 from fmu.recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
@@ -85,6 +87,23 @@ def test_an_array_of_states(kind: str) -> None:
     assert results[0].shape == (21, 100)
     assert np.ptp(results[0]) > 100
     assert results[0].tobytes() == results[1].tobytes()
+
+
+@pytest.mark.parametrize(("sources", "name"), [("ladder", "VanDerPol"), ("diffusion/fmi3", "Diffusion")])
+def test_cargo_fmu_compiles_them_as_fmpy_does(tmp_path: Path, sources: str, name: str) -> None:
+    """Records of the library that it makes, of FMPy's and of the native one are equal, bit for bit."""
+    exported, by_fmpy = TARGET / "sources" / sources / f"{name}.fmu", tmp_path / "fmpy.fmu"
+    compile_sources(exported, by_fmpy)
+    compiled = tmp_path / "compiled.fmu"
+    command = TARGET / "debug" / "cargo-fmu"
+    subprocess.run([command, "compile", exported, "--out", compiled], check=True)
+    records = []
+    for fmu in (exported, by_fmpy, compiled):
+        record = tmp_path / "record.csv"
+        subprocess.run([command, "simulate", fmu, "--stop-time", "1", "--out", record], check=True)
+        records.append(record.read_bytes())
+    assert len(records[0].splitlines()) > 10
+    assert records[0] == records[1] == records[2]
 
 
 def module(path: Path) -> tuple[Callable[..., int], Callable[[bytes], int], Memory, Store]:

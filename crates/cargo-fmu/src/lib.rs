@@ -7,6 +7,7 @@
 //! say so.
 
 mod compile;
+mod compile_sources;
 mod export;
 mod info;
 mod licenses;
@@ -19,6 +20,7 @@ mod parameters;
 pub mod run;
 mod sources;
 mod target;
+mod threads;
 mod validate;
 
 use std::env;
@@ -30,6 +32,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_io::{temporary, terminal};
 
+pub use compile_sources::Compile;
 pub use export::{Export, Plan, say};
 pub use info::Info;
 pub use merge::Merge;
@@ -88,6 +91,11 @@ Examples:
         #[arg(long, value_name = "FILE.ssv", conflicts_with = "wasm")]
         parameters: Vec<PathBuf>,
     },
+    #[command(after_help = "\
+Examples:
+  cargo fmu compile decay.fmu                           # writes decay.linux64.fmu, on Linux
+  CC=clang cargo fmu compile decay.fmu --out own.fmu")]
+    Compile(Compile),
     #[command(after_help = "\
 Example:
   cargo fmu merge linux/decay.fmu windows/decay.fmu --out decay.fmu --ran win64='Windows 11, FMPy'")]
@@ -164,6 +172,7 @@ pub fn main() -> ExitCode {
         match command {
             Command::New(new) => new.run(),
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
+            Command::Compile(compile) => compile.run(),
             Command::Merge(merge) => merge.run(),
             Command::Info(info) => info.run(),
             Command::Validate(validate) => return validate.run(),

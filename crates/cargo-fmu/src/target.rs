@@ -144,6 +144,13 @@ fn triples(platform: Platform) -> &'static [&'static str] {
     }
 }
 
+/// Rust's name of this platform.
+pub fn host_triple() -> Result<&'static str> {
+    let all = triples(Build::host()?.platform);
+    let own = all.iter().find(|triple| triple.starts_with(consts::ARCH)).or(all.first());
+    own.copied().context("this platform has no Rust target")
+}
+
 /// A kind of build result.
 pub trait Made {
     /// Its name in messages.

@@ -553,7 +553,8 @@ fn info_says_why_a_file_is_no_fmu() {
     assert!(missing.contains("cannot open there is no such.fmu"), "{missing}");
 
     let folder = empty("a folder.fmu");
-    for arguments in [["info"].as_slice(), &["merge", "--out", "merged.fmu"], &["validate"], &["parameters"]]
+    for arguments in
+        [["info"].as_slice(), &["merge", "--out", "merged.fmu"], &["validate"], &["parameters"], &["compile"]]
     {
         let message = refusal(&[arguments, &[folder.to_str().unwrap()]].concat());
         assert!(message.contains("a folder.fmu: it is a folder"), "{message}");
@@ -592,7 +593,7 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         </fmiModelDescription>"#;
     let fmi3 = r#"<fmiModelDescription fmiVersion="3.0" modelName="C">
           <ModelVariables><Float64 name="p" causality="input" unit="Pa" start="1e5" min="0"
-            description="pressure"/></ModelVariables>
+            description="pressure"><Alias name="p2" description="at the outlet"/><Alias name="p3"/></Float64></ModelVariables>
         </fmiModelDescription>"#;
     for (name, xml, title, data_type) in
         [("fmi2.fmu", fmi2, "A & B", "Real"), ("fmi3.fmu", fmi3, "C", "Float64")]
@@ -604,6 +605,13 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         let row = table.lines().find(|line| line.starts_with("p ")).unwrap();
         let words: Vec<_> = row.split_whitespace().collect();
         assert_eq!(words, ["p", "input", data_type, "Pa", "1e5", "0..", "pressure"]);
+        let aliases: Vec<_> = table.lines().filter(|line| line.contains("alias of")).collect();
+        if name == "fmi3.fmu" {
+            let words = aliases.iter().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+            assert_eq!(words.collect::<Vec<_>>(), ["p2 alias of p: at the outlet", "p3 alias of p"]);
+        } else {
+            assert!(aliases.is_empty(), "{table}");
+        }
     }
 }
 
@@ -641,9 +649,12 @@ fn an_identifier_that_is_a_path_is_refused_by_every_command() {
     let evil =
         description("").replace(r#"modelIdentifier="Other""#, "modelIdentifier=\"../../evil\u{9b}2J\"");
     let evil = archive("evil.fmu", "modelDescription.xml", &evil);
-    for arguments in
-        [["parameters", &evil].as_slice(), &["info", &evil], &["merge", &evil, "--out", "merged.fmu"]]
-    {
+    for arguments in [
+        ["parameters", &evil].as_slice(),
+        &["info", &evil],
+        &["merge", &evil, "--out", "merged.fmu"],
+        &["compile", &evil],
+    ] {
         let (code, printed) = cargo_fmu_in(&folder, arguments);
         let reason = r"the modelIdentifier '../../evil\u{9b}2J' is not a C identifier";
         assert!(code == Some(2) && printed.contains(&evil) && printed.contains(reason), "{printed}");
@@ -732,7 +743,7 @@ fn too_large_contents_are_refused() {
         bytes[at + 24..at + 28].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]);
     }
     fs::write(&bomb, bytes).unwrap();
-    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"]] {
+    for arguments in [["info", &bomb].as_slice(), &["merge", &bomb, "--out", "no.fmu"], &["compile", &bomb]] {
         let message = refusal(arguments);
         assert!(message.contains("its entries exceed 1 GiB"), "{message}");
     }

@@ -233,10 +233,19 @@ fn info_is_told_as_json() {
         "variables": [{
             "name": "level", "valueReference": 7, "type": "Real", "dimensions": null, "declaredType": null,
             "causality": "input", "variability": null, "initial": null, "unit": "m", "start": "1", "min": "0", "max": null,
-            "description": "Of water",
+            "description": "Of water", "aliases": [],
         }],
     });
     assert_eq!(info, expected);
+    assert_described(&info, &["attributes", "defaultExperiment", "items"], &page());
+    let aliased = fmu(
+        "aliased.fmu",
+        "<fmiModelDescription fmiVersion=\"3.0\"><ModelVariables><Float64 name=\"a\"><Alias name=\"b\" \
+         description=\"of b\"/><Alias name=\"c\"/></Float64></ModelVariables></fmiModelDescription>",
+    );
+    let info = json(&["info", &aliased, "--format", "json"]);
+    let expected = json!([{ "name": "b", "description": "of b" }, { "name": "c", "description": null }]);
+    assert_eq!(info["variables"][0]["aliases"], expected);
     assert_described(&info, &["attributes", "defaultExperiment", "items"], &page());
 }
 

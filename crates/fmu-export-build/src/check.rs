@@ -8,13 +8,13 @@ pub(crate) mod model;
 pub(crate) mod units;
 pub(crate) mod variable;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
-use crate::declaration::{Declaration, Described};
+use crate::declaration::{Declaration, Described, VariableDeclaration};
 use crate::error::{Refusals, nearest};
-use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, snake_case, type_name, unique};
+use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique};
 use crate::texts::{label, text};
 use crate::value_type::ValueType;
 
@@ -34,6 +34,9 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         }
         if experiment.step_size.is_some_and(|size| size <= 0.0) {
             refusals.add("default_experiment.step_size", "must be greater than 0");
+        }
+        if experiment.tolerance.is_some_and(|tolerance| tolerance <= 0.0) {
+            refusals.add("default_experiment.tolerance", "must be greater than 0");
         }
     }
     if declaration.capabilities.serialize_state == Some(true) && !declaration.capabilities.get_and_set_state {
@@ -68,6 +71,13 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
                 refusals.add(key, format!("'{name}' would be 'Self' in Rust, which is a reserved word"));
             }
         }
+        let mut values = BTreeMap::new();
+        for (number, (item, value)) in enumeration.valued().enumerate() {
+            if let Some(other) = values.insert(value, &item.name) {
+                let reason = format!("{}: '{other}' also has the value {value}", item.name);
+                refusals.add(format!("{key}.items[{number}]"), reason);
+            }
+        }
         let variants = enumeration.items.iter().map(|item| pascal_case(&item.name));
         unique(&format!("{key}.items"), variants, refusals);
     }
@@ -84,7 +94,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
         }
         unique(list, names.iter().cloned(), refusals);
     }
-    let variables = declaration.variables.iter().map(|variable| snake_case(&variable.name));
+    let variables = declaration.variables.iter().map(VariableDeclaration::rust_name);
     let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
     for (number, component) in components.iter().enumerate() {
         if variables.contains(component) {

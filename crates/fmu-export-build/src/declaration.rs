@@ -18,7 +18,7 @@ use crate::value_type::ValueType;
 
 #[cfg(test)]
 use variable::start_schema;
-pub(crate) use variable::{Dimension, UnitNames, VariableDeclaration};
+pub(crate) use variable::{AliasDeclaration, Dimension, UnitNames, VariableDeclaration};
 
 /// A model: its name and variables.
 #[derive(Debug, Deserialize)]
@@ -205,6 +205,8 @@ pub(crate) struct DefaultExperiment {
     pub(crate) stop_time: Option<f64>,
     /// Communication step.
     pub(crate) step_size: Option<f64>,
+    /// Relative tolerance.
+    pub(crate) tolerance: Option<f64>,
 }
 
 /// Optional functions of FMI 2.0 co-simulation (section 4.3.1).
@@ -263,7 +265,7 @@ pub(crate) struct Described {
     pub(crate) description: String,
 }
 
-/// A type whose values are the items 1, 2, ….
+/// A type whose values are items.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -274,12 +276,24 @@ pub(crate) struct EnumerationDeclaration {
     pub(crate) items: Vec<ItemDeclaration>,
 }
 
+impl EnumerationDeclaration {
+    /// The items with their values.
+    pub(crate) fn valued(&self) -> impl Iterator<Item = (&ItemDeclaration, i32)> {
+        self.items.iter().scan(0_i32, |last, item| {
+            *last = item.value.unwrap_or(last.wrapping_add(1));
+            Some((item, *last))
+        })
+    }
+}
+
 /// A value of an enumeration.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ItemDeclaration {
     pub(crate) name: String,
+    /// Default: 1, or the one after that of the item before.
+    pub(crate) value: Option<i32>,
     pub(crate) description: Option<String>,
 }
 

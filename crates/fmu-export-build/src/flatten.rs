@@ -8,10 +8,9 @@ use fmu_terms::{Causality, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::variable;
-use crate::declaration::{ComponentDeclaration, Declaration, VariableDeclaration};
+use crate::declaration::{AliasDeclaration, ComponentDeclaration, Declaration, VariableDeclaration};
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Field, Part, Place, Scalar, derivative_description};
-use crate::names::snake_case;
+use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description};
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
@@ -136,7 +135,9 @@ impl<'a> Flat<'a> {
             let Some(field) = self.refusals.take(field) else { continue };
             let name = &variable.name;
             if let Some(other) = names.insert((field.place, field.name()), name) {
-                self.refusals.add(name_key, format!("{name}: its Rust name is that of '{other}'"));
+                let reason =
+                    format!("{name}: its Rust name is that of '{other}'; give it another 'rust_name'");
+                self.refusals.add(name_key, reason);
             }
             part.fields.push(field);
         }
@@ -154,16 +155,27 @@ impl<'a> Flat<'a> {
     ) -> Result<Field<'a>, Refusal> {
         let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
         let name = format!("{prefix}{}", declaration.name);
+        let describe = |text: &str| match part.description {
+            Some(component) => format!("{component}: {text}"),
+            None => text.to_owned(),
+        };
+        let aliases = |subscripts: &str| {
+            let alias = |alias: &AliasDeclaration| Alias {
+                name: format!("{prefix}{}{subscripts}", alias.name),
+                description: alias
+                    .description
+                    .as_deref()
+                    .or(declaration.description.as_deref())
+                    .map(describe),
+            };
+            declaration.aliases.iter().map(alias).collect::<Vec<_>>()
+        };
         let before = self.scalars.len();
         let checked =
             variable::check(self.declaration, declaration, start, before).map_err(|(of, reason)| {
                 let key = if of == "start" { start_key } else { format!("{key}.{of}") };
                 Refusal::new(key, if of == "name" { reason } else { format!("{name}: {reason}") })
             })?;
-        let describe = |text: &str| match part.description {
-            Some(component) => format!("{component}: {text}"),
-            None => text.to_owned(),
-        };
         let mut positions = Vec::new();
         for (number, (subscripts, indices)) in elements(&declaration.sizes).into_iter().enumerate() {
             let position = self.scalars.len();
@@ -184,13 +196,14 @@ impl<'a> Flat<'a> {
                 data_type: checked.data_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
+                aliases: aliases(&subscripts),
                 min: fixed.or(declaration.min),
                 max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
                 reinit: declaration.reinit,
                 strict: [declaration.strict_min, declaration.strict_max],
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
-                path: format!("{prefix}{}{indices}", snake_case(&declaration.name)),
+                path: format!("{prefix}{}{indices}", declaration.rust_name()),
                 ..Scalar::time()
             };
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
@@ -237,8 +250,11 @@ impl<'a> Flat<'a> {
             if checked.place == Place::States {
                 self.names.insert(format!("der({name})"), derivatives);
             }
-            if self.names.insert(name.clone(), positions.clone()).is_some() {
-                return Err(duplicate(&name, &key));
+            let names = aliases("").into_iter().map(|alias| alias.name);
+            for name in names.chain([name]) {
+                if self.names.insert(name.clone(), positions.clone()).is_some() {
+                    return Err(duplicate(&name, &key));
+                }
             }
         }
         self.pin(declaration, &positions, &key)?;
@@ -246,8 +262,11 @@ impl<'a> Flat<'a> {
     }
 
     fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {
-        if self.names.insert(scalar.name.clone(), vec![self.scalars.len()]).is_some() {
-            return Err(duplicate(&scalar.name, &scalar.key));
+        let aliases = scalar.aliases.iter().map(|alias| &alias.name);
+        for name in aliases.chain([&scalar.name]) {
+            if self.names.insert(name.clone(), vec![self.scalars.len()]).is_some() {
+                return Err(duplicate(name, &scalar.key));
+            }
         }
         self.scalars.push(scalar);
         Ok(())

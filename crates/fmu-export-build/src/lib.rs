@@ -62,6 +62,8 @@ pub struct Generated {
     pub terminals: Option<PathBuf>,
     /// The folder of files that the model reads at run time, `resources` in the same folder, if declared.
     pub resources: Option<PathBuf>,
+    /// The first variable whose name is not a structured name of FMI, if any: it makes the naming convention `flat`.
+    pub flat_name: Option<String>,
 }
 
 /// Generates a model's interface into the folder of its name in `OUT_DIR`. For build scripts. The environment
@@ -107,6 +109,12 @@ pub fn generate(declaration: impl AsRef<Path>) {
             let identifier = folder.and_then(|folder| folder.to_str()).unwrap_or_default();
             println!("cargo::rustc-env=FMU_VARIABLES_OF_{identifier}={}", generated.variables.display());
             println!("cargo::rustc-env=FMU_DECLARED={identifier}");
+            if let Some(name) = generated.flat_name {
+                println!(
+                    "cargo::warning={}: the naming convention is flat, since '{name}' is not a structured name",
+                    declaration.display()
+                );
+            }
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
             }
@@ -221,6 +229,7 @@ pub fn generate_into(
         drawing: put("model.svg", drawing.as_deref())?,
         terminals: put("terminalsAndIcons.xml", terminals.as_ref().map(String::as_bytes))?,
         resources: resources.is_some().then_some(resources_folder),
+        flat_name: model.flat_name().map(str::to_owned),
         sources: units_file
             .into_iter()
             .chain(fragment_sources)

@@ -5,11 +5,10 @@
 use std::collections::BTreeMap;
 
 use fmu_terms::{Causality, Initial, Variability};
-use fmu_terms::{Unit, Version};
+use fmu_terms::{Unit, Version, is_structured};
 
 use crate::declaration::{Declaration, Described, UnitNames, VariableDeclaration};
 use crate::interfaces::Fmi;
-use crate::names::snake_case;
 use crate::start::Start;
 use crate::value_type::ValueType;
 
@@ -67,7 +66,7 @@ impl Field<'_> {
 
     /// Its name in Rust.
     pub(crate) fn name(&self) -> String {
-        snake_case(&self.declaration.name)
+        self.declaration.rust_name()
     }
 }
 
@@ -88,6 +87,13 @@ pub(crate) enum Place {
     Clocks,
 }
 
+/// A further name of a scalar variable.
+#[derive(Clone)]
+pub(crate) struct Alias {
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
+}
+
 /// A scalar variable.
 #[derive(Default)]
 pub(crate) struct Scalar {
@@ -106,6 +112,7 @@ pub(crate) struct Scalar {
     pub(crate) data_type: ValueType,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
+    pub(crate) aliases: Vec<Alias>,
     pub(crate) min: Option<f64>,
     pub(crate) max: Option<f64>,
     pub(crate) nominal: Option<f64>,
@@ -185,6 +192,14 @@ impl Scalar {
 }
 
 impl<'a> Model<'a> {
+    /// The first variable whose name is not of the convention `structured`, if any: then all are `flat`.
+    pub(crate) fn flat_name(&self) -> Option<&str> {
+        let names = self.scalars.iter().flat_map(|scalar| {
+            [&scalar.name].into_iter().chain(scalar.aliases.iter().map(|alias| &alias.name))
+        });
+        names.map(String::as_str).find(|name| !is_structured(name))
+    }
+
     /// The arrays that are one variable each, by their elements' positions: in FMI 3.0 those whose elements share a
     /// unit, and the derivatives of states. None in FMI 2.0.
     pub(crate) fn arrays(&self) -> Vec<Vec<usize>> {

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use unicode_ident::{is_xid_continue, is_xid_start};
+use unicode_normalization::UnicodeNormalization as _;
+
 use crate::error::Refusals;
 
 /// Rust keywords, which cannot name fields.
@@ -16,8 +19,8 @@ const RESERVED: [&str; 51] = [
 /// The longest name, in bytes: longer ones are unreadable and slow to look up.
 const LONGEST_NAME: usize = 200;
 
-/// The characters of a variable's name.
-pub(crate) const OF_VARIABLES: &str = "letters, digits and underscores";
+/// The characters of a clock's name.
+pub(crate) const OF_CLOCKS: &str = "letters, digits and underscores";
 /// The characters of an enumeration item's name.
 pub(crate) const OF_ITEMS: &str = "letters, digits, underscores and spaces";
 
@@ -61,6 +64,31 @@ pub(crate) fn field_name(name: &str) -> Result<(), String> {
     not_reserved(name, name)
 }
 
+/// A variable's name in FMI, which another tool may dictate.
+pub(crate) fn variable_name(name: &str) -> Result<(), String> {
+    length(name)?;
+    if name.is_empty() {
+        return Err("it is empty".to_owned());
+    }
+    if name.contains(char::is_control) {
+        return Err(format!("{name:?} has a tab, line break or another control character"));
+    }
+    Ok(())
+}
+
+/// A variable's name in Rust, unless the declaration has another: what Rust does not allow becomes `_`, then snake case.
+pub(crate) fn rust_name(name: &str) -> String {
+    let allowed = |character| if is_xid_continue(character) { character } else { '_' };
+    let mut rust = snake_case(&name.nfc().map(allowed).collect::<String>());
+    if !rust.starts_with(|first| is_xid_start(first) || first == '_') {
+        rust.insert(0, '_');
+    }
+    if RESERVED.contains(&rust.as_str()) || rust.chars().all(|character| character == '_') {
+        rust.push('_');
+    }
+    rust
+}
+
 /// A name that is written differently in Rust; `made_of` describes its characters.
 pub(crate) fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
     length(name)?;
@@ -82,11 +110,11 @@ pub(crate) fn snake_case(name: &str) -> String {
     let mut snake = String::new();
     let mut after_lower = false;
     for character in name.chars() {
-        if character.is_ascii_uppercase() && after_lower {
+        if character.is_uppercase() && after_lower {
             snake.push('_');
         }
-        after_lower = character.is_ascii_lowercase() || character.is_ascii_digit();
-        snake.push(if character == ' ' { '_' } else { character.to_ascii_lowercase() });
+        after_lower = character.is_lowercase() || character.is_ascii_digit();
+        snake.extend((if character == ' ' { '_' } else { character }).to_lowercase());
     }
     snake
 }

@@ -253,7 +253,7 @@ impl<'m, 'a> Page<'m, 'a> {
             return String::new();
         }
         let tables = lines(enumerations.iter().map(|enumeration| {
-            let items = lines(enumeration.items.iter().zip(1..).map(|(item, value): (_, i32)| {
+            let items = lines(enumeration.valued().map(|(item, value)| {
                 let (name, meaning) = (&item.name, escape(item.description.as_deref().unwrap_or_default()));
                 format!("<tr><td>{value}</td><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
             }));

@@ -22,7 +22,9 @@ impl<'a> Flat<'a> {
             let mut look_up = |list: &str, names: &'a [String]| {
                 let mut elements = vec![BTreeSet::new(); positions.len()];
                 for (number, name) in names.iter().enumerate() {
-                    let found = Read::new(name).and_then(|read| {
+                    let is_whole = self.names.contains_key(name);
+                    let entry = if is_whole { Ok(Read::whole(name)) } else { Read::new(name) };
+                    let found = entry.and_then(|read| {
                         let found = look_up_read(&self.names, *component, &read.name, &mut used)?;
                         self.reads_elements |= read.is_of_elements();
                         let known = found.iter().map(|&position| &self.scalars[position]).next();
@@ -34,7 +36,11 @@ impl<'a> Flat<'a> {
                     let found = match found {
                         Ok(found) => found,
                         Err(reason) => {
-                            let reason = format!("{}: {reason}", without_subscripts(&first.name));
+                            let name = match sizes {
+                                [] => first.name.clone(),
+                                _ => without_subscripts(&first.name),
+                            };
+                            let reason = format!("{name}: {reason}");
                             self.refusals.add(format!("{}.{list}[{number}]", first.key), reason);
                             continue;
                         }

@@ -98,8 +98,7 @@ mod enumerations {{{texts}}}
 fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     let name = &enumeration.name;
     let (mut items, mut values) = (String::new(), Vec::new());
-    for (item, value) in enumeration.items.iter().zip(1..) {
-        let value: i32 = value;
+    for (item, value) in enumeration.valued() {
         let variant = pascal_case(&item.name);
         let description = item.description.as_ref().unwrap_or(&item.name);
         let _ = writeln!(items, "    /// {}\n    {variant} = {value},", markdown(description));

@@ -18,8 +18,12 @@ pub(crate) enum Start {
     Boolean(bool),
     String(String),
     Binary(Vec<u8>),
-    /// The position among the enumeration's items, from 0.
-    Item(usize),
+    /// An item of the enumeration.
+    Item {
+        /// From 0.
+        position: usize,
+        value: i32,
+    },
 }
 
 impl Start {
@@ -84,10 +88,12 @@ impl Start {
             ValueType::Standard(DataType::Binary) => bytes(text()?)
                 .map(Self::Binary)
                 .ok_or_else(|| format!("{value} does not consist of two hexadecimal digits per byte")),
-            ValueType::Enumeration(position) => {
+            ValueType::Enumeration(enumeration) => {
                 let name = text()?;
-                let items = || declaration.enumerations[position].items.iter().map(|item| item.name.as_str());
-                items().position(|item| item == name).map(Self::Item).ok_or_else(|| {
+                let enumeration = &declaration.enumerations[enumeration];
+                let found = enumeration.valued().enumerate().find(|(_, (item, _))| item.name == name);
+                found.map(|(position, (_, value))| Self::Item { position, value }).ok_or_else(|| {
+                    let items = || enumeration.items.iter().map(|item| item.name.as_str());
                     let known = items().collect::<Vec<_>>().join(", ");
                     let nearest = nearest(name, items());
                     format!("'{name}' is not one of {}'s items {known}{nearest}", variable.data_type)
@@ -107,7 +113,7 @@ impl fmt::Display for Start {
             Self::Boolean(value) => write!(formatter, "{value}"),
             Self::String(value) => formatter.write_str(value),
             Self::Binary(bytes) => bytes.iter().try_for_each(|byte| write!(formatter, "{byte:02x}")),
-            Self::Item(item) => write!(formatter, "{}", item + 1),
+            Self::Item { value, .. } => write!(formatter, "{value}"),
         }
     }
 }

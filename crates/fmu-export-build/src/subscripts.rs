@@ -44,8 +44,13 @@ impl Found<'_> {
 }
 
 impl<'a> Read<'a> {
+    /// A whole variable, whatever its name.
+    pub(crate) fn whole(name: &'a str) -> Self {
+        Self { name: name.into(), text: name, subscripts: Vec::new() }
+    }
+
     pub(crate) fn new(text: &'a str) -> Result<Self, String> {
-        let whole = Self { name: text.into(), text, subscripts: Vec::new() };
+        let whole = Self::whole(text);
         let Some((before, rest)) = text.split_once('[') else { return Ok(whole) };
         let Some((inside, after)) = rest.split_once(']') else { return Ok(whole) };
         let subscripts: Vec<_> =

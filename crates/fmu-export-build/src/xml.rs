@@ -43,6 +43,7 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
         Version::Three => ("3.0", "instantiationToken"),
     };
     let counts_indicators = fmi.version == Version::Two && fmi.interfaces.model_exchange();
+    let convention = if model.flat_name().is_none() { "structured" } else { "flat" };
     let identity = given([
         ("fmiVersion", Some(version.to_owned())),
         ("modelName", Some(model.identifier.clone())),
@@ -53,7 +54,7 @@ fn write(model: &Model<'_>, structure: &Structure, guid: &str) -> String {
         ("copyright", declaration.copyright.clone()),
         ("license", model.license.clone()),
         ("generationTool", Some(GENERATION_TOOL.to_owned())),
-        ("variableNamingConvention", Some("structured".to_owned())),
+        ("variableNamingConvention", Some(convention.to_owned())),
         (
             "numberOfEventIndicators",
             counts_indicators.then(|| declaration.event_indicators.len().to_string()),
@@ -107,7 +108,7 @@ fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
     element(writer, "TypeDefinitions", vec![], |writer| {
         enumerations.iter().try_for_each(|enumeration| {
             let items = |writer: &mut XmlWriter| {
-                enumeration.items.iter().zip(1_i32..).try_for_each(|(item, value)| {
+                enumeration.valued().try_for_each(|(item, value)| {
                     let attributes = given([
                         ("name", Some(item.name.clone())),
                         ("value", Some(value.to_string())),
@@ -140,6 +141,7 @@ fn write_experiment(writer: &mut XmlWriter, declaration: &Declaration) -> io::Re
     let attributes = given([
         ("startTime", experiment.start_time.map(float)),
         ("stopTime", experiment.stop_time.map(float)),
+        ("tolerance", experiment.tolerance.map(float)),
         ("stepSize", experiment.step_size.map(float)),
     ]);
     empty(writer, "DefaultExperiment", attributes)

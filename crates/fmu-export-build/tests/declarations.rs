@@ -17,13 +17,15 @@ use serde_json::{Value, json};
 const BATCH: usize = 500;
 
 #[rustfmt::skip]
-const NAMES: [&str; 70] = [
+const NAMES: [&str; 85] = [
     "value", "values", "states", "parameters", "inputs", "outputs", "locals", "clocks", "start", "derivatives", "variables",
     "generated", "enumerations", "fmi", "fmu_export", "core", "std", "alloc", "self_", "archive", "other", "function",
     "number", "nested", "index", "time", "default", "map", "combine", "of", "from_array", "to_array", "from_groups", "groups",
     "names", "count", "item", "reference", "position", "sums", "reals", "find", "zero", "real", "string", "boolean", "f64",
     "i32", "u8", "bool", "str", "char", "usize", "union", "raw", "auto", "safe", "macro_rules", "t", "T", "C", "c", "x_1",
     "aB", "a_b", "HTTPPort", "vec", "some", "none", "format",
+    // Such as other tools write.
+    "in", "type", "self", "a.b.c", "a[2].b", "'it\\'s [1]'", "1st", "a b", "größe", "Größe", "-", "_", "熱", "a\u{308}", "<&>",
 ];
 
 #[rustfmt::skip]
@@ -197,8 +199,11 @@ impl Random {
         let described: Vec<_> = enumerations
             .iter()
             .map(|(name, items)| {
-                let items: Vec<_> =
-                    items.iter().map(|item| json!({"name": item, "description": self.text()})).collect();
+                let item = |item| {
+                    let value = self.pick(&[None, Some(-4), Some(1), Some(i32::MAX)]);
+                    json!({"name": item, "description": self.text(), "value": value})
+                };
+                let items: Vec<_> = items.iter().map(item).collect();
                 json!({"name": name, "description": self.text(), "items": items})
             })
             .collect();

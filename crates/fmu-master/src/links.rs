@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{FmuDescription, FmuVariable, Linear, Unit, unit_conversion};
+use fmu_package::{FmuDescription, FmuVariable, Function, Linear, Unit, unit_conversion};
 use fmu_terms::{Causality, like};
 
 use crate::importer::Fmu;
@@ -26,7 +26,7 @@ pub struct Link {
     /// The position of the target.
     pub target: usize,
     /// From the output's value to the input's.
-    pub conversion: Linear,
+    pub conversion: Function,
 }
 
 /// The connections of a scenario with its FMUs, in their order.
@@ -123,9 +123,6 @@ impl Link {
         let source = source.transpose()?;
         let index = position(&connection.target)?;
         let taken = members[index].find(Causality::Input, &connection.input)?;
-        if source.is_some_and(|(giver, _)| giver == index) {
-            anyhow::bail!("{} is of the same FMU", connection.from());
-        }
         let output = source.map(|(giver, variable)| (variable, members[giver].description));
         Ok(Self {
             conversion: connection.function(output, (taken, members[index].description))?,
@@ -188,7 +185,7 @@ pub(crate) fn signal(input: &Input, links: &[Link], fmus: &[Arc<Fmu>]) -> Result
     let with_unit = takers.iter().find(|(_, variable)| !variable.unit.is_empty());
     input.location.locate(match with_unit.or(takers.first()) {
         Some((link, variable)) => {
-            input.course.fit(variable, fmus[link.target].description(), link.conversion)
+            input.course.fit(variable, fmus[link.target].description(), link.conversion.linear())
         }
         None => input.course.plain(),
     })

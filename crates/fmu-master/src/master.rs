@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_io::terminal::number;
-use fmu_package::Linear;
+use fmu_package::Function;
 use fmu_terms::{Causality, like};
 
 use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
@@ -18,8 +18,9 @@ use crate::recorder::Recorder;
 use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
 use fmu_record::{Column, Record};
 
-/// Exchanges of outputs and inputs during initialization: the outputs of one FMU, once it has its inputs, may change
-/// those of another, as a measured voltage changes a controller's duty.
+/// Exchanges of outputs and inputs during initialization, at least: the outputs of one FMU, once it has its inputs, may
+/// change those of another, as a measured voltage changes a controller's duty. In a chain of more FMUs there are as many
+/// exchanges as FMUs, so that the first one's outputs reach the last in any order.
 const INITIAL_EXCHANGES: usize = 2;
 
 /// The flag of FMUs for co-simulation whose steps may differ in size.
@@ -97,7 +98,7 @@ struct Driven {
     selection: Selection,
     signals: Vec<Signal>,
     /// From the signals to the inputs' values.
-    conversions: Vec<Linear>,
+    conversions: Vec<Function>,
     values: Vec<f64>,
 }
 
@@ -108,7 +109,7 @@ struct Wires {
     inputs: Selection,
     values: Vec<f64>,
     /// By position: conversions between different units.
-    conversions: Vec<(usize, Linear)>,
+    conversions: Vec<(usize, Function)>,
 }
 
 /// Noise on a connection.
@@ -121,7 +122,7 @@ struct NoiseOn {
 
 /// The result of a complete run.
 pub struct Run {
-    /// A row for the start and for the end of each communication step.
+    /// A row for the start and for the end of each communication step, and those at events, if they are recorded.
     pub record: Record,
     /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
@@ -149,11 +150,11 @@ impl<'a> Master<'a> {
             let wires = wires(scenario, &loaded, &links, index)?;
             let wired =
                 |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
-            let mut inputs: Vec<(&str, &Input, Linear)> = vec![];
+            let mut inputs: Vec<(&str, &Input, Function)> = vec![];
             for input in &member.inputs {
                 let found = has_input(fmu, &input.name);
                 if take_note(scenario, found, input, &mut notes)? {
-                    inputs.push((&input.name, input, Linear::IDENTITY));
+                    inputs.push((&input.name, input, Function::IDENTITY));
                 }
             }
             for input in &scenario.inputs {
@@ -167,26 +168,30 @@ impl<'a> Master<'a> {
                         )));
                     }
                     if !inputs.iter().any(|(own, ..)| *own == name) {
-                        inputs.push((name, input, *conversion));
+                        inputs.push((name, input, conversion.clone()));
                     }
                 }
             }
-            let fit = |&(name, input, conversion): &(&str, &Input, Linear)| {
-                input.location.locate(input.course.fit(fmu.variable(name)?, fmu.description(), conversion))
+            let fit = |(name, input, conversion): &(&str, &Input, Function)| {
+                let signal = input.course.fit(fmu.variable(name)?, fmu.description(), conversion.linear());
+                input.location.locate(signal)
             };
             let signals = inputs.iter().map(fit).collect::<Result<_>>()?;
             let driven = Driven {
                 selection: fmu.select(inputs.iter().map(|(name, ..)| *name))?,
                 values: vec![f64::NAN; inputs.len()],
                 signals,
-                conversions: inputs.iter().map(|(.., conversion)| *conversion).collect(),
+                conversions: inputs.into_iter().map(|(.., conversion)| conversion).collect(),
             };
             let mut instance = member.location.locate(fmu.instantiate(&member.name))?;
             instance.set_tolerance(scenario.tolerance);
             members.push(Coupled { member, instance, driven, wires });
         }
         let noise = noise(scenario, &members)?;
-        let recorder = Recorder::new(scenario, &loaded, &links, &mut notes)?;
+        let (recorder, selections) = Recorder::new(scenario, &loaded, &links, &mut notes)?;
+        for (coupled, selection) in members.iter_mut().zip(selections) {
+            coupled.instance.watch(selection)?;
+        }
         let rest = rest(scenario, &loaded, &mut notes)?;
         Ok(Self {
             scenario,
@@ -220,6 +225,17 @@ impl<'a> Master<'a> {
     pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
         let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
+    }
+
+    /// Records the rows before and after each event of the FMUs that report them, too.
+    pub fn record_events(&mut self) {
+        self.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
+    }
+
+    /// The names of the FMUs that report no events: in co-simulation, those without clocks.
+    pub fn without_events(&self) -> impl Iterator<Item = &str> {
+        let silent = self.members.iter().filter(|coupled| !coupled.instance.reports_events());
+        silent.map(|coupled| coupled.member.name.as_str())
     }
 
     /// Holds the signals at their present values.
@@ -295,7 +311,7 @@ impl<'a> Master<'a> {
         for &index in &prompt {
             self.members[index].begin(start_time, start_time, &[])?;
         }
-        for _ in 0..INITIAL_EXCHANGES {
+        for _ in 0..INITIAL_EXCHANGES.max(prompt.len()) {
             for &target in &prompt {
                 self.take(target, |source| prompt.contains(&source), false)?;
             }
@@ -399,14 +415,20 @@ impl<'a> Master<'a> {
     /// Sets an instance's inputs to the outputs of the others.
     fn take(&mut self, target: usize, from: impl Fn(usize) -> bool, is_measured: bool) -> Result<()> {
         for index in 0..self.members[target].wires.len() {
-            let [source, target_index] = [self.members[target].wires[index].source, target];
+            let source = self.members[target].wires[index].source;
             if !from(source) {
                 continue;
             }
-            let [source, taker] =
-                self.members.get_disjoint_mut([source, target_index]).context("two FMUs")?;
-            let wires = &mut taker.wires[index];
-            source.instance.read(&mut wires.outputs, &mut wires.values)?;
+            if source == target {
+                let Coupled { instance, wires, .. } = &mut self.members[target];
+                let wires = &mut wires[index];
+                instance.read(&mut wires.outputs, &mut wires.values)?;
+            } else {
+                let [giver, taker] = self.members.get_disjoint_mut([source, target]).context("two FMUs")?;
+                let wires = &mut taker.wires[index];
+                giver.instance.read(&mut wires.outputs, &mut wires.values)?;
+            }
+            let wires = &mut self.members[target].wires[index];
             for (position, conversion) in &wires.conversions {
                 wires.values[*position] = conversion.apply(wires.values[*position]);
             }
@@ -421,9 +443,11 @@ impl<'a> Master<'a> {
                 tap.brought = wires.values[tap.position];
                 wires.values[tap.position] += tap.added;
             }
-            taker.instance.write(&mut wires.inputs, &wires.values)?;
         }
-        Ok(())
+        // An FMU may be its own source: no output is read once an input is set.
+        let Coupled { instance, wires, .. } = &mut self.members[target];
+        let mut wires = wires.iter_mut().filter(|wires| from(wires.source));
+        wires.try_for_each(|wires| instance.write(&mut wires.inputs, &wires.values))
     }
 }
 
@@ -439,9 +463,9 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
-/// Rejects a signal that no input takes.
+/// Rejects a signal that no input takes, except in a system without FMUs, of which only signals are recorded.
 fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
-    if links.iter().any(|link| link.is_from(&input.name)) {
+    if scenario.fmus.is_empty() || links.iter().any(|link| link.is_from(&input.name)) {
         return Ok(());
     }
     let outside = links.iter().filter(|link| link.source.is_none());
@@ -485,7 +509,7 @@ impl Coupled<'_> {
         let Driven { selection, signals, conversions, values } = &mut self.driven;
         let mut is_changed = false;
         for ((signal, conversion), value) in signals.iter().zip(conversions).zip(values.iter_mut()) {
-            let now = converted(signal.at(time), *conversion);
+            let now = converted(signal.at(time), conversion);
             is_changed |= now.to_bits() != value.to_bits();
             *value = now;
         }
@@ -497,8 +521,8 @@ impl Coupled<'_> {
 }
 
 /// A converted value, bit-identical without a conversion.
-fn converted(value: f64, conversion: Linear) -> f64 {
-    if conversion == Linear::IDENTITY { value } else { conversion.apply(value) }
+fn converted(value: f64, conversion: &Function) -> f64 {
+    if *conversion == Function::IDENTITY { value } else { conversion.apply(value) }
 }
 
 /// The connections from other FMUs to an FMU, except to inputs driven by its own signals.
@@ -510,13 +534,15 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
         let between = links.iter().filter(|link| link.target == target && link.source == Some(source));
         let between: Vec<_> = between.filter(|link| !is_replaced(link)).collect();
         if !between.is_empty() {
-            let conversions = between.iter().map(|link| link.conversion).enumerate();
+            let conversions = between.iter().map(|link| link.conversion.clone()).enumerate();
             all.push(Wires {
                 source,
                 outputs: fmu.select(between.iter().map(|link| link.connection.output.as_str()))?,
                 inputs: fmus[target].select(between.iter().map(|link| link.connection.input.as_str()))?,
                 values: vec![0.0; between.len()],
-                conversions: conversions.filter(|(_, conversion)| *conversion != Linear::IDENTITY).collect(),
+                conversions: conversions
+                    .filter(|(_, conversion)| *conversion != Function::IDENTITY)
+                    .collect(),
             });
         }
     }

@@ -1,25 +1,31 @@
 //! What a scenario records, found by name among signals and variables.
 
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use fmu_package::connection::Conversion;
-use fmu_package::{FmuDescription, FmuVariable, Linear, ValueType};
+use fmu_package::{FmuDescription, FmuVariable, Function, ValueType};
 use fmu_record::{Column, Record};
 use fmu_terms::{Causality, like};
 
-use crate::importer::{Fmu, Instance, Selection};
+use crate::importer::{EventRow, Fmu, Instance, Selection};
 use crate::links::{Link, signal};
 use crate::noise::NoiseSource;
 use crate::scenario::{Scenario, Signal};
 
-/// Records rows.
+/// Records rows: at communication points, and before and after the events that instances watch. There, what belongs to
+/// another instance lies on the line between its own rows, or holds if it is discrete.
 pub struct Recorder {
     /// The sources of the columns, each a signal or an instance.
     sources: Vec<Source>,
-    selections: Vec<(Selection, Vec<f64>)>,
+    /// By member.
+    values: Vec<Vec<f64>>,
     row: Vec<f64>,
+    /// The time of the last communication point (s), if there was one, and its row.
+    last: Option<f64>,
+    last_row: Vec<f64>,
     /// By the index of the column.
     noise: Vec<(usize, NoiseSource)>,
     pub record: Record,
@@ -31,13 +37,13 @@ enum Source {
 }
 
 impl Recorder {
-    /// Names that replaced FMUs do not have become notes.
+    /// Returns also what it reads of each FMU. Names that replaced FMUs do not have become notes.
     pub fn new(
         scenario: &Scenario,
         fmus: &[Arc<Fmu>],
         links: &[Link],
         notes: &mut Vec<String>,
-    ) -> Result<Self> {
+    ) -> Result<(Self, Vec<Selection>)> {
         let mut names = vec![vec![]; fmus.len()];
         let mut sources = vec![];
         let mut columns = vec![];
@@ -114,44 +120,150 @@ impl Recorder {
                 return Err(panel.location.error(message));
             }
         }
-        let mut noise = vec![];
-        let noises = scenario.measurement_noise.iter().filter(|noise| !missing.contains(&&noise.name));
-        for measured in noises {
-            let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
-                let known = columns.iter().map(|column| column.name.as_str());
-                let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
-                return Err(measured.location.error(message));
-            };
-            noise.push((column, NoiseSource::new(measured)?));
-        }
-        let selections = names.iter().zip(fmus).map(|(names, fmu)| {
-            let selection = fmu.select(names.iter().map(String::as_str))?;
-            Ok((selection, vec![0.0; names.len()]))
-        });
+        let noise = measurement_noise(scenario, &columns, &missing)?;
+        let selections = names
+            .iter()
+            .zip(fmus)
+            .map(|(names, fmu)| fmu.select_with_texts(names.iter().map(String::as_str)));
         let selections = selections.collect::<Result<_>>()?;
-        Ok(Self { selections, row: vec![0.0; sources.len()], noise, record: Record::new(columns), sources })
+        let recorder = Self {
+            values: names.iter().map(|names| vec![0.0; names.len()]).collect(),
+            row: vec![0.0; sources.len()],
+            last: None,
+            last_row: vec![0.0; sources.len()],
+            noise,
+            record: Record::new(columns),
+            sources,
+        };
+        Ok((recorder, selections))
     }
 
-    /// Records a row at a time (s), from the instances in their order.
+    /// Records a row at a communication point (s), from the instances in their order, after those at events before it.
     pub fn take<'a>(&mut self, time: f64, instances: impl Iterator<Item = &'a mut Instance>) -> Result<()> {
-        for (instance, (selection, values)) in instances.zip(&mut self.selections) {
-            instance.read(selection, values)?;
+        let mut events = vec![];
+        for (index, (instance, values)) in instances.zip(&mut self.values).enumerate() {
+            values.copy_from_slice(instance.read_watched()?);
+            events.push(instance.take_events());
+            for (own, texts) in instance.watched_texts() {
+                let is_source = |source: &Source| matches!(source, Source::Instance { member, position } if (*member, *position) == (index, own));
+                if let Some(column) = self.sources.iter().position(is_source) {
+                    self.record.add_texts(column, texts);
+                }
+            }
         }
         for (value, source) in self.row.iter_mut().zip(&self.sources) {
             *value = match source {
                 Source::Signal(signal) => signal.at(time),
-                Source::Instance { member, position } => self.selections[*member].1[*position],
+                Source::Instance { member, position } => self.values[*member][*position],
             };
         }
         for (column, source) in &mut self.noise {
             self.row[*column] += source.draw();
         }
+        // Those of a run-in precede the record.
+        if let Some(last) = self.last
+            && events.iter().any(|rows| !rows.is_empty())
+        {
+            for (time, row) in self.at_events((last, time), events) {
+                self.record.push_event(time, &row);
+            }
+        }
         self.record.push(time, &self.row);
+        self.last = Some(time);
+        std::mem::swap(&mut self.row, &mut self.last_row);
         Ok(())
+    }
+
+    /// The rows at the members' events between two communication points (s).
+    fn at_events(&self, (begin, end): (f64, f64), mut events: Vec<Vec<EventRow>>) -> Vec<(f64, Vec<f64>)> {
+        for row in events.iter_mut().flatten() {
+            // Rounding may put them beside.
+            row.time = row.time.max(begin).min(end);
+        }
+        let mut times: Vec<_> = events.iter().flatten().map(|row| row.time).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let events = &events;
+        let course = |column| LazyCell::new(move || self.course(column, (begin, end), events));
+        let courses: Vec<_> = (0..self.sources.len()).map(course).collect();
+        let mut rows = vec![];
+        for time in times {
+            let at_time = |rows: &Vec<EventRow>| {
+                let first = rows.partition_point(|row| row.time < time);
+                first..rows.partition_point(|row| row.time <= time)
+            };
+            let at_time: Vec<_> = events.iter().map(|rows| &rows[at_time(rows)]).collect();
+            let mut count = at_time.iter().map(|rows| rows.len()).max().unwrap_or_default();
+            // The row of the communication point is the one after an event there.
+            if time >= end && at_time.iter().all(|rows| rows.last().is_none_or(|row| row.is_after)) {
+                count -= 1;
+            }
+            for index in 0..count {
+                let value = |(column, course): (usize, &LazyCell<_, _>)| match self.own(column) {
+                    Some((member, position)) if !at_time[member].is_empty() => {
+                        let rows = at_time[member];
+                        rows[index.min(rows.len() - 1)].values[position]
+                    }
+                    _ => Signal::at(course, time),
+                };
+                rows.push((time, courses.iter().enumerate().map(value).collect::<Vec<_>>()));
+            }
+        }
+        rows
+    }
+
+    /// The member and position that a column's values are read from at events; none where they are not.
+    fn own(&self, column: usize) -> Option<(usize, usize)> {
+        match self.sources[column] {
+            // A measurement with noise is taken at communication points.
+            Source::Instance { member, position } if self.noise.iter().all(|(noisy, _)| *noisy != column) => {
+                Some((member, position))
+            }
+            _ => None,
+        }
+    }
+
+    /// The course of a column between two communication points (s), with its own member's events in between.
+    fn course(&self, column: usize, (begin, end): (f64, f64), events: &[Vec<EventRow>]) -> Signal {
+        if let Source::Signal(signal) = &self.sources[column] {
+            return signal.clone();
+        }
+        let mut points = vec![(begin, self.last_row[column])];
+        if let Some((member, position)) = self.own(column) {
+            points.extend(events[member].iter().map(|row| (row.time, row.values[position])));
+        }
+        points.push((end, self.row[column]));
+        if self.record.columns()[column].is_discrete { Signal::Steps(points) } else { Signal::Lines(points) }
     }
 }
 
-/// An FMU's recordable variables of a causality: the numeric ones.
+/// The noise on columns; that on names which are missing is left out.
+fn measurement_noise(
+    scenario: &Scenario,
+    columns: &[Column],
+    missing: &[&String],
+) -> Result<Vec<(usize, NoiseSource)>> {
+    let mut noise = vec![];
+    for measured in &scenario.measurement_noise {
+        if missing.contains(&&measured.name) {
+            continue;
+        }
+        let Some(column) = columns.iter().position(|column| column.name == measured.name) else {
+            let known = columns.iter().map(|column| column.name.as_str());
+            let message = format!("{} is not recorded{}", measured.name, like(&measured.name, known));
+            return Err(measured.location.error(message));
+        };
+        if columns[column].is_text {
+            return Err(measured
+                .location
+                .error(format!("{} is a String, which has no noise", measured.name)));
+        }
+        noise.push((column, NoiseSource::new(measured)?));
+    }
+    Ok(noise)
+}
+
+/// An FMU's variables of a causality that are recorded by default: the numeric ones.
 fn numbers(fmu: &Fmu, causality: Causality) -> impl Iterator<Item = &FmuVariable> {
     fmu.description().of_causality(causality).filter(|variable| is_number(variable))
 }
@@ -160,7 +272,7 @@ fn is_number(variable: &FmuVariable) -> bool {
     !matches!(variable.value_type(), ValueType::String | ValueType::Other)
 }
 
-/// Resolves what `record` names if it is no variable: the elements of an array, or the numeric variables whose names fit a
+/// Resolves what `record` names if it is no variable: the elements of an array, or the variables whose names fit a
 /// pattern, in which `*` stands for any text. Each is of the first FMU that has it.
 fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, Found)> {
     let (only, wanted) = match name.split_once(':') {
@@ -169,14 +281,15 @@ fn several(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>]) -> Vec<(String, F
         }
         _ => (None, name),
     };
-    let is_wanted = |variable: &&FmuVariable| {
-        is_number(variable)
+    let is_wanted = |variable: &FmuVariable, fmu: &Fmu| {
+        fmu.can_tell(variable)
             && (variable.array() == Some(wanted) || wanted.contains('*') && fits(&variable.name, wanted))
     };
     let mut found = vec![];
     for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {
         if only.is_none_or(|only| only == member.name) {
-            found.extend(fmu.description().variables.iter().filter(is_wanted).map(|variable| {
+            let wanted = fmu.description().variables.iter().filter(|variable| is_wanted(variable, fmu));
+            found.extend(wanted.map(|variable| {
                 let column =
                     only.map_or_else(|| variable.name.clone(), |only| format!("{only}:{}", variable.name));
                 (column, Found::Variable { member: index, name: variable.name.clone() })
@@ -211,15 +324,16 @@ fn find(name: &str, scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link]) -> R
     if let Some(input) = scenario.inputs.iter().find(|input| input.name == name) {
         return signal(input, links, fmus).map(Found::Signal);
     }
-    if let Some((member, name)) = name.split_once(':') {
+    let is_output = |fmu: &Arc<Fmu>| fmu.names(Causality::Output).any(|output| output == name);
+    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
+    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
+    // A name may have a colon, too.
+    if let (None, Some((member, name))) = (member, name.split_once(':')) {
         let index = scenario.fmus.iter().position(|known| known.name == member);
         let index = index.with_context(|| format!("no FMU is named {member}"))?;
         fmus[index].variable(name)?;
         return Ok(Found::Variable { member: index, name: name.to_owned() });
     }
-    let is_output = |fmu: &Arc<Fmu>| fmu.names(Causality::Output).any(|output| output == name);
-    let is_known = |fmu: &Arc<Fmu>| fmu.description().variable(name).is_some();
-    let member = fmus.iter().position(is_output).or_else(|| fmus.iter().position(is_known));
     // The signal for an FMU whose replacement does not have this input.
     let mut own = scenario.fmus.iter().flat_map(|member| &member.inputs);
     if let (None, Some(input)) = (member, own.find(|input| input.name == name)) {
@@ -244,7 +358,7 @@ impl Found {
             Self::Variable { member, name } => declared(*member, name).into_iter().collect(),
             Self::Signal(_) => {
                 let takers =
-                    links.iter().filter(|link| link.is_from(name) && link.conversion == Linear::IDENTITY);
+                    links.iter().filter(|link| link.is_from(name) && link.conversion == Function::IDENTITY);
                 takers.filter_map(|link| declared(link.target, &link.connection.input)).collect()
             }
         };
@@ -269,6 +383,7 @@ pub fn column_of(name: &str, variable: &FmuVariable, description: &FmuDescriptio
     Column {
         display_unit: description.display_unit(variable).cloned(),
         is_discrete: variable.is_discrete(),
+        is_text: variable.value_type() == ValueType::String,
         items: match variable.value_type() {
             ValueType::Boolean => vec![("false".to_owned(), 0), ("true".to_owned(), 1)],
             ValueType::Enumeration => enumeration().map_or_else(Vec::new, |found| found.items.clone()),

@@ -124,6 +124,12 @@ pub fn extract<R: Read + Seek>(
     Ok(())
 }
 
+/// Whether a path stays in the folder of its archive, on every system.
+#[must_use]
+pub fn is_inside(path: &str) -> bool {
+    crate::validation::archive::is_inside(path)
+}
+
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {
     Ok(normalized(&entry.name().map_err(plain)?))
 }

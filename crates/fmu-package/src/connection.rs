@@ -25,6 +25,7 @@ use fmu_io::reading;
 use fmu_terms::{Linear, Unit};
 
 use crate::model_description::FmuDescription;
+use crate::transformation::Function;
 use crate::units::unit_conversion;
 use crate::variable::FmuVariable;
 
@@ -58,7 +59,7 @@ pub enum Conversion {
         to: Option<String>,
     },
     /// By a function.
-    Function(Linear),
+    Function(Function),
 }
 
 impl Conversion {
@@ -100,9 +101,9 @@ impl Connection {
         &self,
         from: Option<(&FmuVariable, &FmuDescription)>,
         (input, taker): (&FmuVariable, &FmuDescription),
-    ) -> Result<Linear> {
+    ) -> Result<Function> {
         let (from_unit, to_unit) = match &self.conversion {
-            Conversion::Function(function) => return Ok(*function),
+            Conversion::Function(function) => return Ok(function.clone()),
             Conversion::Units { from, to } => (from, to),
         };
         let declared: (&str, &[Unit]) =
@@ -110,10 +111,10 @@ impl Connection {
         let from_unit = from_unit.as_deref().unwrap_or(declared.0);
         let to_unit = to_unit.as_deref().unwrap_or(&input.unit);
         if from_unit.is_empty() || to_unit.is_empty() {
-            return Ok(Linear::IDENTITY);
+            return Ok(Function::IDENTITY);
         }
         let function = unit_conversion((from_unit, declared.1), (to_unit, &taker.units));
-        function.map_err(|reason| anyhow!("{} to {}: {reason}", self.from(), self.to()))
+        function.map(Function::from).map_err(|reason| anyhow!("{} to {}: {reason}", self.from(), self.to()))
     }
 }
 
@@ -128,8 +129,12 @@ impl Display for Connection {
                 let units = [("from_unit", from), ("to_unit", to)];
                 units.into_iter().try_for_each(|(key, unit)| unit.iter().try_for_each(|unit| line(key, unit)))
             }
-            Conversion::Function(Linear { factor, offset }) => {
+            Conversion::Function(Function::Linear(Linear { factor, offset })) => {
                 writeln!(formatter, "factor = {factor:?}\noffset = {offset:?}")
+            }
+            Conversion::Function(Function::Table(entries)) => {
+                let entries = entries.iter().map(|(from, to)| format!("[{from:?}, {to:?}]"));
+                writeln!(formatter, "table = [{}]", entries.collect::<Vec<_>>().join(", "))
             }
         }
     }
@@ -184,13 +189,18 @@ fn connection(node: &Node<'_>) -> Result<Connection> {
         factor => Ok(factor),
     });
     let offset = table.optional("offset").map(|node| node.number("a number"));
-    let conversion = match (factor.transpose()?, offset.transpose()?) {
-        (None, None) => Conversion::Units { from: from_unit, to: to_unit },
-        _ if from_unit.is_some() || to_unit.is_some() => {
-            return Err(node.location().error("give either units or a factor and an offset"));
+    let values = table.optional("table").map(|node| pairs(&node));
+    let has_units = from_unit.is_some() || to_unit.is_some();
+    let conversion = match (factor.transpose()?, offset.transpose()?, values.transpose()?) {
+        (None, None, None) => Conversion::Units { from: from_unit, to: to_unit },
+        (None, None, Some(entries)) if !has_units => Conversion::Function(Function::Table(entries)),
+        (factor, offset, None) if !has_units => {
+            let linear = Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) };
+            Conversion::Function(linear.into())
         }
-        (factor, offset) => {
-            Conversion::Function(Linear { factor: factor.unwrap_or(1.0), offset: offset.unwrap_or(0.0) })
+        _ => {
+            let message = "give either units, or a factor and an offset, or a table";
+            return Err(node.location().error(message));
         }
     };
     let connection = Connection {
@@ -203,6 +213,16 @@ fn connection(node: &Node<'_>) -> Result<Connection> {
     };
     table.finish()?;
     Ok(connection)
+}
+
+/// The entries of a table of values.
+fn pairs(node: &Node<'_>) -> Result<Vec<(f64, f64)>> {
+    const PAIR: &str = "a pair of a value and the one in its place";
+    let pair = |pair: &Node<'_>| {
+        let [from, to] = pair.list(PAIR)?.try_into().map_err(|_| pair.unexpected(PAIR))?;
+        Ok((from.number(PAIR)?, to.number(PAIR)?))
+    };
+    node.list("a list of pairs of values")?.iter().map(pair).collect()
 }
 
 /// Reads a file of connections.

@@ -5,6 +5,7 @@
 //! [checked](ParameterSet::fit) against an FMU, [`Merged`] FMUs, and [`connection`]s between FMUs.
 
 pub mod archive;
+mod build_description;
 pub mod connection;
 mod declared;
 mod fmu;
@@ -13,33 +14,40 @@ pub mod library;
 mod merge;
 mod model_description;
 mod parameter_fit;
+mod parameter_mapping;
 mod parameter_set;
 mod platform;
 mod platform_list;
 mod system_description;
 mod system_structure;
+mod transformation;
 mod units;
 pub mod validation;
 mod variable;
 mod variables;
 mod xml;
 
+pub use build_description::{BuildConfiguration, SourceFileSet, StaticLibrary};
 pub use declared::Declared;
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
 pub use identifier::refuse_no_identifier;
 pub use library::Library;
 pub use merge::{Merged, Part};
-pub use model_description::{Enumeration, FmuDescription};
+pub use model_description::{Enumeration, FmuDescription, MODEL_DESCRIPTION};
+pub use parameter_mapping::{MappingEntry, ParameterMapping};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::{Architecture, Format, Platform};
 pub use platform_list::PlatformList;
 pub use system_description::{
-    ComponentDescription, ConnectionDescription, ConnectorDescription, SystemDescription,
+    ComponentKind, ConnectionDescription, ConnectorDescription, Content, ElementDescription,
+    ParameterBinding, Resource, SystemDescription,
 };
 pub use system_structure::{
-    Connection, Connector, End, Kind, Placement, System, SystemComponent, SystemPackage, SystemStructure,
+    Connection, Connector, DEFAULT_STRUCTURE, End, Kind, Placement, System, SystemComponent, SystemPackage,
+    SystemStructure,
 };
-pub use units::unit_conversion;
+pub use transformation::{Function, Transformation};
+pub use units::{is_known_unit, unit_conversion};
 pub use variable::{Dimension, Element, FmuVariable, ValueType};
 pub use variables::Variables;

@@ -21,7 +21,7 @@ use crate::variables::Variables;
 use crate::xml::{self, attributes, children, listed, named, text};
 
 /// The path in the archive.
-pub(crate) const MODEL_DESCRIPTION: &str = "modelDescription.xml";
+pub const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
 /// The most array elements as variables, and the most event indicators.
 const MOST_SCALARS: usize = 2_000_000;
@@ -33,6 +33,8 @@ pub struct FmuDescription {
     pub attributes: Vec<(String, String)>,
     /// The interfaces, each with its attributes: identifier and capabilities.
     pub interfaces: Vec<(Interface, Vec<(String, String)>)>,
+    /// The source files that interfaces list (FMI 2.0), relative to `sources/`.
+    pub source_files: Vec<(Interface, Vec<String>)>,
     /// The attributes of `DefaultExperiment`.
     pub default_experiment: Vec<(String, String)>,
     /// The declared units.
@@ -104,8 +106,12 @@ impl FmuDescription {
             types.iter().map(|[declared, typed]| Enumeration::read(&text(*declared, "name"), *typed));
         let enumerations: Vec<_> = enumerations.collect::<io::Result<_>>()?;
         let types = by_name(&types);
-        let interfaces = children(root)
-            .filter_map(|child| Some((Interface::of(child.tag_name().name())?, attributes(child))));
+        let interfaces =
+            || children(root).filter_map(|child| Some((Interface::of(child.tag_name().name())?, child)));
+        let source_files = interfaces().map(|(interface, element)| {
+            let files = listed(element, "SourceFiles").map(|file| text(file, "name"));
+            (interface, files.collect::<Vec<_>>())
+        });
         let variables = listed(root, "ModelVariables").map(|variable| FmuVariable::read(variable, &types));
         let structure = || named(root, "ModelStructure").flat_map(children);
         let listed_as =
@@ -118,7 +124,8 @@ impl FmuDescription {
         let indicators = indicators.map(|listed| Declared::number(listed.attribute("valueReference")));
         let description = Self {
             attributes: attributes(root),
-            interfaces: interfaces.collect(),
+            interfaces: interfaces().map(|(interface, element)| (interface, attributes(element))).collect(),
+            source_files: source_files.filter(|(_, files)| !files.is_empty()).collect(),
             default_experiment: named(root, "DefaultExperiment").next().map(attributes).unwrap_or_default(),
             units: units::read(listed(root, "UnitDefinitions"))?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),

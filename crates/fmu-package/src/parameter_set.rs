@@ -1,4 +1,5 @@
-//! Parameter sets: the .ssv files of System Structure and Parameterization 1.0 (SSP, section 6).
+//! Parameter sets: the .ssv files of System Structure and Parameterization (SSP, section 6), read in versions 1.0 and
+//! 2.0, written in 1.0.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter};
@@ -11,12 +12,16 @@ use fmu_terms::Unit;
 use fmu_xml::{XmlWriter, document, element, empty, float};
 
 use crate::units;
-use crate::xml::{self, Element, children, named, text, wrong};
+use crate::variable::element_name;
+use crate::xml::{self, Element, check_version, children, named, number as attribute, text, wrong};
 
 /// The namespace of parameter sets.
 pub(crate) const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
 /// The namespace of elements common to SSP's files.
 pub(crate) const COMMON_NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
+
+/// The elements beside a parameter's value.
+const BESIDE: &[&str] = &["Annotations", "Dimension", "MetaData", "Signature"];
 
 /// Named values of parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -82,42 +87,64 @@ impl ParameterSet {
     /// When the file does not exist, or is not a parameter set; the message names the file.
     pub fn read(file: &Path) -> io::Result<Self> {
         let shown = file.display();
-        Self::parse(&reading::text(file)?)
-            .map_err(|error| broken(format!("{shown} is not a parameter set: {error}")))
+        let refuse = |reason: &str| broken(format!("{shown} is not a parameter set: {reason}"));
+        let set = Self::parse(&reading::text(file)?).map_err(|error| refuse(&error.to_string()))?;
+        if let Some(name) = set.repeated().next() {
+            return Err(refuse(&format!("the parameter {name} occurs twice")));
+        }
+        Ok(set)
     }
 
-    /// Reads the text of an .ssv file.
+    /// The names that occur again, which the standard forbids.
+    pub fn repeated(&self) -> impl Iterator<Item = &str> {
+        let mut names = BTreeSet::new();
+        self.parameters
+            .iter()
+            .map(|parameter| parameter.name.as_str())
+            .filter(move |name| !names.insert(*name))
+    }
+
+    /// Reads the text of an .ssv file, in which names may occur again.
     ///
     /// # Errors
-    /// When it is not XML, or not of a parameter set of SSP 1; the message names element or parameter.
+    /// When it is not XML, or not a parameter set of SSP; the message names element or parameter.
     pub fn parse(xml: &str) -> io::Result<Self> {
-        let document = xml::read(xml, "ParameterSet")?;
-        let root = document.root_element();
-        let version = text(root, "version");
-        if !version.starts_with("1.") {
-            return Err(wrong(root, &format!("parameter sets of version '{version}' are not supported")));
+        Self::of(xml::read(&xml::with_prefixes(xml), "ParameterSet")?.root_element())
+    }
+
+    /// The set of an element.
+    pub(crate) fn of(root: Element<'_>) -> io::Result<Self> {
+        check_version(root, "parameter sets")?;
+        let mut parameters = vec![];
+        for parameter in named(root, "Parameters").flat_map(|list| named(list, "Parameter")) {
+            let name = text(parameter, "name");
+            let refuse = |what: &str| wrong(parameter, &format!("the parameter {name} {what}"));
+            let mut values = children(parameter).filter(|child| !BESIDE.contains(&child.tag_name().name()));
+            let value = values.next().ok_or_else(|| refuse("has no value"))?;
+            if values.next().is_some() {
+                return Err(refuse("has a second value"));
+            }
+            let sizes = named(parameter, "Dimension").map(|dimension| attribute(dimension, "size"));
+            let sizes: Vec<usize> = sizes
+                .map(|size| size?.ok_or_else(|| refuse("has a dimension without a size")))
+                .collect::<io::Result<_>>()?;
+            let values = Value::read(value, !sizes.is_empty())
+                .map_err(|error| wrong(parameter, &format!("the parameter {name}: {error}")))?;
+            let count = sizes.iter().try_fold(1_usize, |product, size| product.checked_mul(*size));
+            if count != Some(values.len()) {
+                return Err(refuse("has not as many values as elements"));
+            }
+            let description = text(parameter, "description");
+            parameters.extend(values.into_iter().enumerate().map(|(position, value)| Parameter {
+                name: element_name(&name, position, &sizes),
+                description: description.clone(),
+                value,
+            }));
         }
-        let mut names = BTreeSet::new();
-        let parameters =
-            named(root, "Parameters").flat_map(|list| named(list, "Parameter")).map(|parameter| {
-                let name = text(parameter, "name");
-                let refuse = |what: &str| wrong(parameter, &format!("the parameter {name} {what}"));
-                if !names.insert(name.clone()) {
-                    return Err(refuse("occurs twice"));
-                }
-                let mut values = children(parameter).filter(|child| child.tag_name().name() != "Annotations");
-                let value = values.next().ok_or_else(|| refuse("has no value"))?;
-                if values.next().is_some() {
-                    return Err(refuse("has a second value"));
-                }
-                let value = Value::read(value)
-                    .map_err(|error| wrong(parameter, &format!("the parameter {name}: {error}")))?;
-                Ok(Parameter { description: text(parameter, "description"), value, name })
-            });
         Ok(Self {
             name: text(root, "name"),
             description: text(root, "description"),
-            parameters: parameters.collect::<io::Result<_>>()?,
+            parameters,
             units: units::read(named(root, "Units").flat_map(|list| named(list, "Unit")))?,
         })
     }
@@ -172,15 +199,30 @@ impl ParameterSet {
 }
 
 impl Value {
-    fn read(element: Element<'_>) -> io::Result<Self> {
-        let text = element.attribute("value").ok_or_else(|| broken("it has no value"))?;
+    /// The values of an element: one, or those of an array.
+    fn read(element: Element<'_>, is_array: bool) -> io::Result<Vec<Self>> {
+        let listed: Vec<_> = named(element, "Value").map(|value| value.text().unwrap_or_default()).collect();
+        let texts = match element.attribute("value") {
+            Some(list) if is_array && element.tag_name().name() != "String" => {
+                list.split_whitespace().collect()
+            }
+            Some(value) => vec![value],
+            None if listed.is_empty() => return Err(broken("it has no value")),
+            None => listed,
+        };
+        texts.into_iter().map(|text| Self::read_text(element, text)).collect()
+    }
+
+    fn read_text(element: Element<'_>, text: &str) -> io::Result<Self> {
         let no = |what: &str| broken(format!("'{text}' is not a {what}"));
         Ok(match element.tag_name().name() {
-            "Real" => {
+            "Real" | "Float64" | "Float32" => {
                 let value = text.trim().parse().map_err(|_| no("number"))?;
                 Self::Real(value, element.attribute("unit").map(str::to_owned))
             }
-            "Integer" => Self::Integer(text.trim().parse().map_err(|_| no("32-bit integer"))?),
+            "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
+                Self::Integer(text.trim().parse().map_err(|_| no("32-bit integer"))?)
+            }
             "Boolean" => match text.trim() {
                 "true" | "1" => Self::Boolean(true),
                 "false" | "0" => Self::Boolean(false),

@@ -171,7 +171,8 @@ impl Platform {
     }
 
     /// Its folder in `binaries/` of an FMU of FMI 2.0 or 3.0 for this program's processor.
-    fn folder_for_host(self, is_fmi3: bool) -> String {
+    #[must_use]
+    pub fn folder_for_host(self, is_fmi3: bool) -> String {
         let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));
         own.map_or_else(|| self.folder().to_owned(), |own| self.tuple(own))
     }

@@ -29,8 +29,8 @@ const OMSIMULATOR_NAMESPACE: &str =
 const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
-/// The structure that every tool reads (SSP, section 3).
-const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
+/// The structure that every package has, and every tool reads (SSP, section 3).
+pub const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 
 /// A system structure description: the system and its default simulation settings.
 #[derive(Clone, Debug)]
@@ -172,6 +172,27 @@ impl SystemStructure {
             [&connection.start, &connection.end].iter().all(|end| end.component.is_some())
         });
         structure
+    }
+
+    /// The structure with only these inputs of the system. It is for masters that set unconnected inputs to zero: those
+    /// behind the other inputs are no connectors any more, and keep their start values.
+    #[must_use]
+    pub fn with_inputs(mut self, names: &[String]) -> Self {
+        let System { connectors, components, connections, .. } = &mut self.system;
+        let is_hidden =
+            |connector: &Connector| connector.kind == Kind::Input && !names.contains(&connector.name);
+        let hidden: Vec<_> = connectors.extract_if(.., |connector| is_hidden(connector)).collect();
+        let is_from_hidden = |connection: &Connection| {
+            let End { component, connector } = &connection.start;
+            component.is_none() && hidden.iter().any(|known| known.name == *connector)
+        };
+        for Connection { end, .. } in connections.extract_if(.., |connection| is_from_hidden(connection)) {
+            for component in components.iter_mut().filter(|known| end.component.as_ref() == Some(&known.name))
+            {
+                component.connectors.retain(|known| known.name != end.connector);
+            }
+        }
+        self
     }
 
     /// The text of the .ssd file.

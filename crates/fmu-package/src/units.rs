@@ -41,6 +41,12 @@ pub(crate) fn find(name: &str, declared: &[Unit]) -> Option<Unit> {
     declared.iter().find(|unit| unit.name == name).cloned().or_else(shown)
 }
 
+/// Whether a unit is among declared ones, or in the [table](UnitTable).
+#[must_use]
+pub fn is_known_unit(name: &str, declared: &[Unit]) -> bool {
+    find(name, declared).is_some() || UnitTable::default().base(&spelled(name)).is_ok()
+}
+
 /// The conversion between two units, each with those declared beside it. A unit that is not defined there is one
 /// of the other's, or of the [table](UnitTable).
 ///

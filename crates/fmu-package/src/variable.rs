@@ -203,7 +203,7 @@ impl FmuVariable {
         };
         let array = Self { start: String::new(), dimensions: vec![], ..self.clone() };
         let element = |position: usize| Self {
-            name: format!("{}[{}]", self.name, indices(position, sizes)),
+            name: element_name(&self.name, position, sizes),
             start: start(position),
             element: Some(Element { position, size }),
             ..array.clone()
@@ -237,8 +237,11 @@ impl FmuVariable {
     }
 }
 
-/// The indices of an element of an array with these sizes, by its position in row-major order.
-fn indices(position: usize, sizes: &[usize]) -> String {
+/// The name of an element of an array with these sizes, by its position in row-major order; without sizes, the name.
+pub(crate) fn element_name(name: &str, position: usize, sizes: &[usize]) -> String {
+    if sizes.is_empty() {
+        return name.to_owned();
+    }
     let mut rest = position;
     let index = |size: &usize| {
         let index = rest % size + 1;
@@ -247,5 +250,5 @@ fn indices(position: usize, sizes: &[usize]) -> String {
     };
     let mut indices: Vec<_> = sizes.iter().rev().map(index).collect();
     indices.reverse();
-    indices.join(",")
+    format!("{name}[{}]", indices.join(","))
 }

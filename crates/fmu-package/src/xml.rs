@@ -1,13 +1,17 @@
 //! XML from any tool, parsed within limits that the parser itself does not have: unbounded entities, deep nesting and
 //! huge documents are refused.
 
+use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::io;
+use std::iter;
 use std::str::FromStr;
 
 use encoding_rs::{Encoding, UTF_8};
 use fmu_io::reading::{broken, utf_8};
 use quick_xml::Reader;
 use quick_xml::events::Event;
+use quick_xml::name::QName;
 use roxmltree::{Document, Node};
 
 /// The deepest nesting of elements; FMI and SSP schemas need a tenth.
@@ -125,6 +129,47 @@ fn scan(text: &str, longest_value: usize) -> Result<(), (Problem, u64, String)> 
     }
 }
 
+/// A document in which the root declares each namespace prefix that nothing declares, as some tools forget those of
+/// annotations.
+pub(crate) fn with_prefixes(text: &str) -> Cow<'_, str> {
+    let mut reader = Reader::from_str(text);
+    let (mut used, mut declared) = (BTreeSet::new(), BTreeSet::from(["xml".to_owned()]));
+    let mut end_of_root_name = None;
+    loop {
+        let begin = reader.buffer_position();
+        let Ok(event) = reader.read_event() else { break };
+        let element = match &event {
+            Event::Start(element) | Event::Empty(element) => element,
+            Event::Eof => break,
+            _ => continue,
+        };
+        let name = element.name();
+        end_of_root_name.get_or_insert(begin + 1 + name.as_ref().len() as u64);
+        let attributes: Vec<_> =
+            element.attributes().with_checks(false).flatten().map(|each| each.key).collect();
+        for (prefix, local) in iter::once(name).chain(attributes).map(split) {
+            if prefix == "xmlns" {
+                declared.insert(local);
+            } else {
+                used.insert(prefix);
+            }
+        }
+    }
+    used.remove("");
+    let missing = used.difference(&declared).map(|prefix| format!(" xmlns:{prefix}=\"undeclared\""));
+    let missing = missing.collect::<Vec<_>>().concat();
+    match end_of_root_name.and_then(|end| text.split_at_checked(usize::try_from(end).ok()?)) {
+        Some((before, after)) if !missing.is_empty() => format!("{before}{missing}{after}").into(),
+        _ => text.into(),
+    }
+}
+
+/// The prefix and the local part of a name.
+fn split(name: QName<'_>) -> (String, String) {
+    let (local, prefix) = name.decompose();
+    (prefix.map_or("", |prefix| prefix.into_inner()).to_owned(), local.into_inner().to_owned())
+}
+
 /// Reads a document with a root of this name.
 pub(crate) fn read<'d>(text: &'d str, root: &str) -> io::Result<Document<'d>> {
     let document = parse(text.strip_prefix('\u{feff}').unwrap_or(text), usize::MAX)
@@ -166,6 +211,29 @@ pub(crate) fn is_true(text: &str) -> bool {
     matches!(text.trim(), "true" | "1")
 }
 
+/// A required XML boolean.
+pub(crate) fn truth(element: Element<'_>, name: &str) -> io::Result<bool> {
+    let text = required(element, name)?;
+    match text.trim() {
+        "true" | "1" => Ok(true),
+        "false" | "0" => Ok(false),
+        _ => Err(wrong(element, &format!("the attribute {name} is '{text}', which is not a Boolean"))),
+    }
+}
+
+/// A required attribute.
+pub(crate) fn required(element: Element<'_>, name: &str) -> io::Result<String> {
+    element.attribute(name).map(str::to_owned).ok_or_else(|| wrong(element, &format!("it has no {name}")))
+}
+
+/// Refuses files of SSP, named in the plural, that are of another version than 1 and 2.
+pub(crate) fn check_version(root: Element<'_>, what: &str) -> io::Result<()> {
+    match text(root, "version") {
+        version if version.starts_with("1.") || version.starts_with("2.") => Ok(()),
+        version => Err(wrong(root, &format!("{what} of version '{version}' are not supported"))),
+    }
+}
+
 /// An attribute; empty if missing.
 pub(crate) fn text(element: Element<'_>, name: &str) -> String {
     element.attribute(name).unwrap_or_default().to_owned()
@@ -192,6 +260,16 @@ pub(crate) fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn prefixes_that_nothing_declares_are_declared() {
+        let text = "<?xml version=\"1.0\"?><!-- <c/> --><a:b\n xmlns:a=\"a\"><c:d xml:e=\"\" f:g=\"h\"/><c:i/></a:b>";
+        let declared = with_prefixes(text);
+        let wanted = "<a:b xmlns:c=\"undeclared\" xmlns:f=\"undeclared\"\n xmlns:a=\"a\">";
+        assert!(declared.contains(wanted), "{declared}");
+        assert!(read(text, "b").is_err() && read(&declared, "b").is_ok());
+        assert_eq!(with_prefixes("<a/>"), "<a/>");
+    }
 
     #[test]
     fn what_exceeds_a_limit_is_refused() {

@@ -17,7 +17,7 @@ const REFERENCES: [&str; 4] = ["reference", "setpoint", "target", "desired"];
 
 /// The record over time. `panels` are the names in each panel; names that are not recorded are ignored. By default,
 /// variables with the same unit and a similar range share a panel, a reference is drawn with the variable that tracks
-/// it, and constants are listed in a text below. Booleans, enumerations and codes are lanes.
+/// it, and constants are listed in a text below. Booleans, enumerations, texts and codes are lanes.
 pub fn draw(record: &Record, title: &str, panels: Option<&[Vec<String>]>) -> Figure {
     let (panels, constants) = grouped(record, panels);
     let constants = constants.iter().map(|column| {
@@ -96,7 +96,7 @@ fn range<'a>(columns: impl IntoIterator<Item = &'a Column>) -> (f64, f64) {
     figure::range(columns.into_iter().flat_map(|column| &column.values).copied())
 }
 
-/// Whether a variable has states rather than amounts: a Boolean, an enumeration, or a code of a few whole numbers.
+/// Whether a variable has states rather than amounts: a Boolean, an enumeration, texts, or a code of a few whole numbers.
 fn has_states(column: &Column) -> bool {
     let is_code = || {
         let has_unit = !matches!(column.unit.as_str(), "" | "1") || column.display_unit.is_some();
@@ -112,7 +112,7 @@ fn has_states(column: &Column) -> bool {
 fn lanes(time: &[f64], columns: &[&Column]) -> Panel {
     let lane = |column: &&Column| {
         let texts: Vec<_> = column.values.iter().map(|value| column.text(*value)).collect();
-        let is_switch = column.values.iter().all(|value| [0.0, 1.0].contains(value));
+        let is_switch = !column.is_text && column.values.iter().all(|value| [0.0, 1.0].contains(value));
         let states = time.iter().zip(&column.values).zip(&texts);
         let states = states.map(|((&time, &value), text)| (time, text.as_str(), is_switch && value == 0.0));
         Lane::new(&column.name, states)

@@ -79,6 +79,34 @@ impl DataColumn {
     pub(crate) fn first_word(&self) -> Option<usize> {
         self.words.keys().next().copied()
     }
+
+    /// Whether it holds texts: without a unit, words other than cells that are missing among numbers.
+    pub(crate) fn has_texts(&self) -> bool {
+        let is_all_words = self.words.len() == self.column.values.len();
+        self.unit().is_empty() && (is_all_words || self.words.values().any(|word| !word.is_empty()))
+    }
+
+    /// The column; one of texts has them as its items.
+    pub(crate) fn into_column(self) -> Column {
+        if !self.has_texts() {
+            return self.column;
+        }
+        let (mut numbers, mut items) = (BTreeMap::new(), vec![]);
+        let values = (0..self.column.values.len()).map(|row| {
+            let text = match self.cell(row) {
+                Cell::Number(number) => number.to_string(),
+                Cell::Word(word) => word.to_owned(),
+            };
+            let next = i32::try_from(numbers.len()).unwrap_or(i32::MAX);
+            let number = *numbers.entry(text).or_insert_with_key(|text| {
+                items.push((text.clone(), next));
+                next
+            });
+            f64::from(number)
+        });
+        let values = values.collect();
+        Column { values, items, is_text: true, is_discrete: true, ..self.column.clone() }
+    }
 }
 
 impl From<Column> for DataColumn {

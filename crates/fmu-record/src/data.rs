@@ -108,14 +108,14 @@ impl Data {
         (0..column.column.values.len()).map(value).collect()
     }
 
-    /// The time, and columns of numbers, which need not be finite.
-    pub(crate) fn into_numbers(self) -> Result<(Vec<f64>, Vec<Column>)> {
-        for column in &self.columns {
+    /// The time, and columns of numbers, which need not be finite, or of texts.
+    pub(crate) fn into_columns(self) -> Result<(Vec<f64>, Vec<Column>)> {
+        for column in self.columns.iter().filter(|column| !column.has_texts()) {
             if let Some(row) = column.first_word() {
                 return Err(self.refused(column, row, "a number"));
             }
         }
-        Ok((self.time, self.columns.into_iter().map(|column| column.column).collect()))
+        Ok((self.time, self.columns.into_iter().map(DataColumn::into_column).collect()))
     }
 
     /// The line of a row, in Parquet its number.

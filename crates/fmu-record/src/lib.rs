@@ -1,8 +1,8 @@
 //! Simulation records: variables over time, as CSV and Parquet.
 //!
-//! A [`Record`] has the time in s and a column of doubles for each variable, with its unit. It is written to and read
-//! from CSV files and, with the feature `parquet`, Parquet files; every double reads back bit for bit. A [`Table`] also
-//! writes integers, Booleans, texts and missing values. [`Data`] is measured data. [`numbers`] formats numbers and their
+//! A [`Record`] has the time in s and a column for each variable: doubles with their unit, or texts. It is written to and
+//! read from CSV files and, with the feature `parquet`, Parquet files; every double reads back bit for bit. A [`Table`]
+//! also writes integers, Booleans and missing values. [`Data`] is measured data. [`numbers`] formats numbers and their
 //! units for readers.
 //!
 //! ```

@@ -1,8 +1,9 @@
 //! Recorded variables over time.
 
+use std::borrow::Cow;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 use crate::data::Data;
 use crate::format::TableFormat;
@@ -11,17 +12,20 @@ use crate::table::{Cells, Column, Table, TableColumn};
 /// The name of the first column.
 const TIME: &str = "time";
 
-/// Variables at the communication points: the times, and a column of values for each variable.
+/// Variables over time: the times, and a column of values for each variable. Rows are at communication points, and before
+/// and after events.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     time: Vec<f64>,
     columns: Vec<Column>,
+    /// The rows at events.
+    events: Vec<usize>,
 }
 
 impl Record {
     /// An empty record of variables. Each is a column without values, or a name and a unit, which may be empty.
     pub fn new(columns: impl IntoIterator<Item = impl Into<Column>>) -> Self {
-        Self { time: vec![], columns: columns.into_iter().map(Into::into).collect() }
+        Self { columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
     /// Appends a row: the time (s) and one value for each column.
@@ -36,13 +40,48 @@ impl Record {
         }
     }
 
+    /// Appends a row before or after an event, as [`Record::push`] does.
+    ///
+    /// # Panics
+    /// When there are more or fewer values than columns.
+    pub fn push_event(&mut self, time: f64, values: &[f64]) {
+        self.events.push(self.time.len());
+        self.push(time, values);
+    }
+
+    /// Adds texts to those of a column of texts, by its index. The first ones are there already.
+    pub fn add_texts(&mut self, column: usize, texts: &[String]) {
+        let items = &mut self.columns[column].items;
+        for text in &texts[items.len()..] {
+            items.push((text.clone(), i32::try_from(items.len()).unwrap_or(i32::MAX)));
+        }
+    }
+
+    /// The record of the communication points alone. A record that is read has no other rows.
+    #[must_use]
+    pub fn without_events(&self) -> Cow<'_, Self> {
+        if self.events.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let mut events = self.events.iter().peekable();
+        let is_kept: Vec<_> =
+            (0..self.time.len()).map(|row| events.next_if(|event| **event == row).is_none()).collect();
+        let kept = |values: &[f64]| {
+            values.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(value, _)| *value).collect()
+        };
+        let column = |column: &Column| Column { values: kept(&column.values), ..column.clone() };
+        let columns = self.columns.iter().map(column).collect();
+        Cow::Owned(Self { time: kept(&self.time), columns, events: vec![] })
+    }
+
     /// Removes all rows.
     pub fn clear(&mut self) {
         self.time.clear();
+        self.events.clear();
         self.columns.iter_mut().for_each(|column| column.values.clear());
     }
 
-    /// The communication points (s).
+    /// The time of each row (s); two rows of one time are a jump.
     #[must_use]
     pub fn time(&self) -> &[f64] {
         &self.time
@@ -57,29 +96,40 @@ impl Record {
     /// The values of a variable, one for each time.
     ///
     /// # Errors
-    /// When it is not recorded.
+    /// When it is not recorded, or its values are texts.
     pub fn get(&self, name: &str) -> Result<&[f64]> {
         let column = self.columns.iter().find(|column| column.name == name);
-        Ok(&column.with_context(|| format!("{name} is not recorded"))?.values)
+        let column = column.with_context(|| format!("{name} is not recorded"))?;
+        if column.is_text {
+            bail!("the values of {name} are texts");
+        }
+        Ok(&column.values)
     }
 
     /// The record as a table to write: the column `time` in s, then the variables.
     #[must_use]
     pub fn table(&self) -> Table<'_> {
         let time = TableColumn::new(&(TIME, "s").into(), Cells::Numbers(&self.time));
-        let columns = self.columns.iter().map(|own| TableColumn::new(own, Cells::Numbers(&own.values)));
+        let cells = |own: &'_ Column| {
+            let text = |value: &f64| own.item(*value).map(str::to_owned);
+            Cells::Text(own.values.iter().map(text).collect())
+        };
+        let columns = self.columns.iter().map(|own| {
+            TableColumn::new(own, if own.is_text { cells(own) } else { Cells::Numbers(&own.values) })
+        });
         Table([time].into_iter().chain(columns).collect())
     }
 
-    /// Reads a `.csv` or `.parquet` file as [`Data::read`] does; all its cells are numbers.
+    /// Reads a `.csv` or `.parquet` file as [`Data::read`] does. A column without a unit that has words is of texts.
     ///
     /// # Errors
-    /// Those of [`Data::read`], or when the file's name ends otherwise or a cell is not a number.
+    /// Those of [`Data::read`], or when the file's name ends otherwise, or a cell is neither a number nor in a column of
+    /// texts.
     pub fn read(path: &Path) -> Result<Self> {
         TableFormat::of(path)?;
-        let numbers = Data::read(path, None)?.into_numbers();
-        let (time, columns) = numbers.with_context(|| format!("cannot read {}", path.display()))?;
-        Ok(Self { time, columns })
+        let read = Data::read(path, None)?.into_columns();
+        let (time, columns) = read.with_context(|| format!("cannot read {}", path.display()))?;
+        Ok(Self { time, columns, events: vec![] })
     }
 }
 
@@ -133,6 +183,31 @@ mod tests {
     }
 
     #[test]
+    fn texts_are_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let words = ["", "a \"b\", c\nd", "3", ""];
+        let mut record = Record::new([
+            Column { is_text: true, is_discrete: true, ..Column::from(("note", "")) },
+            Column::from(("p", "Pa")),
+        ]);
+        let texts = ["", "a \"b\", c\nd", "3"].map(str::to_owned);
+        for (time, number) in [0.0, 1.0, 2.0, 0.0].into_iter().enumerate() {
+            record.add_texts(0, &texts[..3.min(time + 1)]);
+            record.push(time as f64, &[number, 1e5]);
+        }
+        assert_eq!(record.get("note").unwrap_err().to_string(), "the values of note are texts");
+        for name in ["a.csv", "b.parquet"].into_iter().take(if cfg!(feature = "parquet") { 2 } else { 1 }) {
+            let path = folder.path().join(name);
+            record.table().write(TableFormat::of(&path).unwrap(), File::create(&path).unwrap()).unwrap();
+            let read = Record::read(&path).unwrap();
+            let [note, p] = [0, 1].map(|column| &read.columns()[column]);
+            let found: Vec<_> = note.values.iter().filter_map(|value| note.item(*value)).collect();
+            assert!(note.is_text && !p.is_text, "{name}");
+            assert_eq!(found, words, "{name}");
+        }
+    }
+
+    #[test]
     fn units_are_read_below_the_header_or_in_it() {
         for (text, expected) in [
             ("time,p\n# s,kPa\n0,1\n", [("time", "s"), ("p", "kPa")]),
@@ -162,7 +237,9 @@ mod tests {
     fn files_that_are_not_records_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         for (name, content, reason) in [
-            ("a.csv", "time,b\n0,1\n1,x\n", "a.csv: line 3, b: expected a number, found \"x\""),
+            ("a.csv", "time,b (m)\n0,1\n1,x\n", "a.csv: line 3, b: expected a number, found \"x\""),
+            // Missing among numbers.
+            ("b.csv", "time,b\n0,1\n1,\n", "b.csv: line 3, b: expected a number, found \"\""),
             ("d.parquet", "no", "cannot read "),
             ("e.txt", "time\n0\n", "e.txt: a record is a file that ends with .csv or .parquet"),
         ] {

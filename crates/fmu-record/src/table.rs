@@ -16,8 +16,10 @@ pub struct Column {
     pub display_unit: Option<DisplayUnit>,
     /// Whether each value holds until the next.
     pub is_discrete: bool,
-    /// The names of the values of a Boolean or an enumeration.
+    /// The names of the values of a Boolean or an enumeration, or the texts, from 0.
     pub items: Vec<(String, i32)>,
+    /// Whether the values are the numbers of texts.
+    pub is_text: bool,
     /// One for each time, in the unit.
     pub values: Vec<f64>,
 }
@@ -61,7 +63,14 @@ impl Column {
     #[must_use]
     #[allow(clippy::float_cmp)] // whole numbers
     pub fn item(&self, value: f64) -> Option<&str> {
-        let item = self.items.iter().find(|(_, known)| f64::from(*known) == value);
+        let is_it = |item: &&(String, i32)| f64::from(item.1) == value;
+        // Texts, of which there may be many, are in the order of their numbers.
+        let item = if self.is_text {
+            let place = self.items.partition_point(|item| f64::from(item.1) < value);
+            self.items.get(place).filter(is_it)
+        } else {
+            self.items.iter().find(is_it)
+        };
         item.map(|(name, _)| name.as_str())
     }
 

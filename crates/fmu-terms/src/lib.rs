@@ -4,6 +4,7 @@ mod identifier;
 mod interfaces;
 #[cfg(feature = "units")]
 mod likeness;
+mod names;
 #[cfg(feature = "units")]
 mod units;
 mod variables;
@@ -13,6 +14,7 @@ pub use identifier::{is_identifier, is_reserved_by_windows};
 pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
 #[cfg(feature = "units")]
 pub use likeness::{like, nearest};
+pub use names::is_structured;
 #[cfg(feature = "units")]
 pub use units::{BASE_UNITS, BaseUnit, DisplayUnit, Linear, Unit, UnitTable, per_second, spelled};
 pub use variables::{Causality, DataType, Initial, IntervalVariability, MatchingRule, Variability};

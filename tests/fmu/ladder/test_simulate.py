@@ -4,7 +4,9 @@ model of a folder."""
 from __future__ import annotations
 
 import os
+import re
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +59,9 @@ def test_a_record_agrees_with_fmpy(fmu, model: str, tmp_path: Path) -> None:
 
 def test_the_summary_says_what_ran_and_where_it_ended(fmu) -> None:
     lines = run("simulate", fmu("Dahlquist"), "--set", "k=2", "--stop-time", "1").splitlines()
-    assert lines[0].startswith("Dahlquist: 10 steps of 0.1 s to 1 s, in ")
+    assert re.fullmatch(
+        r"Dahlquist: 10 steps of 0\.1 s to 1 s, in \d+ ms; sampled: no events from Dahlquist", lines[0]
+    )
     # From 1 to exp(-2).
     assert [line.split() for line in lines[1:]] == [
         ["first", "last", "least", "largest"],
@@ -119,7 +123,8 @@ def test_a_trial_has_the_interface_by_which_it_runs(tmp_path: Path) -> None:
 def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
     """The constant one each second, and the countdown from 4 s on; nothing ticks the triggered one."""
     out = tmp_path / "clocks.csv"
-    run("simulate", CLOCKS["events"], "--interface", interface, "--stop-time", "9", "--out", out)
+    arguments = [CLOCKS["events"], "--interface", interface, "--stop-time", "9", "--out", out]
+    run("simulate", *arguments, "--no-events")
     found = read_csv(out)
     rows = theirs()
     assert found["time"].tolist() == [row["time"] for row in rows]
@@ -127,6 +132,13 @@ def test_time_based_clocks_tick(interface: str, tmp_path: Path) -> None:
         assert found[name].tolist() == [row[name] for row in rows], name
     assert np.array_equal(found["totalInClockTicks"], found["inClock1Ticks"] + found["inClock3Ticks"])
     assert not found["inClock2Ticks"].any()
+    # Between ticks nothing changes.
+    run("simulate", *arguments)
+    before_and_after = [row for pair in pairwise(found) for row in pair]
+    with_events = read_csv(out)
+    assert with_events["time"].tolist() == [0, *(time for time in range(1, 10) for _ in range(2))]
+    for name in found.dtype.names[1:]:
+        assert with_events[name][1:].tolist() == [row[name] for row in before_and_after], name
 
 
 def test_scheduled_execution_is_refused_with_the_reason() -> None:
@@ -181,13 +193,17 @@ def test_model_exchange_finds_the_bounces(fmu, tmp_path: Path) -> None:
         height = (1 if begin == 0 else 0) + speed * 9.81 * impact * since - 9.81 / 2 * since**2
         assert len(rows) > 40
         assert np.abs(rows["h"] - height).max() < 100 * TOLERANCE
+    for end, speed in zip(ends, [1, 0.7, 0.7**2], strict=True):
+        before, after = found[np.isclose(found["time"], end, rtol=0, atol=100 * TOLERANCE)]
+        assert after["v"] == -0.7 * before["v"]
+        assert abs(before["v"] + speed * 9.81 * impact) < 100 * TOLERANCE
     # It lies still after the last one.
     assert found["h"][-1] == found["v"][-1] == 0
 
 
 def test_model_exchange_sticks_and_slips_as_co_simulation(fmu, tmp_path: Path) -> None:
     """With the same integrator, inside and outside of the FMU."""
-    found = exchanged(fmu("StickSlip"), tmp_path)
+    found = exchanged(fmu("StickSlip"), tmp_path, "--no-events")
     out = tmp_path / "co.csv"
     run("simulate", fmu("StickSlip"), "--interface", "cs", "--tolerance", str(TOLERANCE), "--out", out)
     expected = read_csv(out)
@@ -198,7 +214,7 @@ def test_model_exchange_sticks_and_slips_as_co_simulation(fmu, tmp_path: Path) -
 
 def test_model_exchange_samples_at_the_start_and_at_communication_points(fmu, tmp_path: Path) -> None:
     """Co-simulation leaves the sample at a step's end to the next step."""
-    found = exchanged(fmu("PiController"), tmp_path)
+    found = exchanged(fmu("PiController"), tmp_path, "--no-events")
     out = tmp_path / "co.csv"
     run("simulate", fmu("PiController"), "--interface", "cs", "--out", out)
     assert np.array_equal(found["command"][:-1], read_csv(out)["command"][1:])

@@ -1,5 +1,6 @@
 //! Compares records: computes and draws the differences of each from the first.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
@@ -29,7 +30,7 @@ struct Variable<'a> {
     differences: Vec<Difference>,
 }
 
-/// A record's difference from the first, at the first's times.
+/// A record's difference from the first, at the first's times. Other texts have none that is finite.
 struct Difference {
     points: Vec<(f64, f64)>,
     /// The largest difference, with its time; none if the records are equal.
@@ -46,8 +47,7 @@ impl<'a> Comparison<'a> {
         let mut notes = vec![];
         for (name, record) in others {
             let times = record.time();
-            let mut place = 0;
-            let common = first.time().iter().filter(|time| at(times, times, **time, &mut place).is_some());
+            let common = counterparts(first.time(), times).flatten();
             match (common.count(), first.time().len()) {
                 (0, _) => {
                     let range = |times: &[f64]| format!("{} s to {} s", times[0], times[times.len() - 1]);
@@ -96,8 +96,9 @@ impl<'a> Comparison<'a> {
             // CSV files have no display units.
             let display_unit = columns.iter().find_map(|column| column.display_unit.clone());
             let heading = (column.name.clone(), units.first().copied().unwrap_or_default().to_owned());
+            let is_text = columns.iter().any(|column| column.is_text);
             variables.push(Variable {
-                heading: Column { display_unit, ..Column::from(heading) },
+                heading: Column { display_unit, is_text, ..Column::from(heading) },
                 differences: differences
                     .map(|((_, record), other)| Difference::new(first.time(), column, record.time(), other))
                     .collect(),
@@ -155,7 +156,7 @@ impl<'a> Comparison<'a> {
         report
     }
 
-    /// For each variable, a panel with all records next to one with the differences.
+    /// For each variable of numbers, a panel with all records next to one with the differences.
     pub fn draw(&self) -> Figure {
         let title = self.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
         let colors = || color::CYCLE.iter().cycle().copied();
@@ -184,16 +185,22 @@ impl<'a> Comparison<'a> {
             let apart = Panel::new("time (s)", &unit).title("difference").height(130);
             [lines.fold(both, Panel::line), differences.fold(apart, Panel::line)]
         };
-        self.variables.iter().map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
+        let drawn = self.variables.iter().filter(|variable| !variable.heading.is_text);
+        drawn.map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
     }
 }
 
 impl Variable<'_> {
     /// A record's largest difference, its time, the root mean square, and where there is no finite difference.
     fn row(&self, record: usize) -> [String; 4] {
-        let Difference { greatest, root_mean_square, undefined, .. } = &self.differences[record];
+        let Difference { points, greatest, root_mean_square, undefined } = &self.differences[record];
         let undefined = match undefined {
             0 => String::new(),
+            rows if self.heading.is_text => {
+                let mut others = points.iter().filter(|(_, difference)| difference.is_nan());
+                let first = others.next().map(|(time, _)| quantity(*time, "s")).unwrap_or_default();
+                format!("other texts in {rows} rows, from {first} on")
+            }
             rows => format!("no finite difference in {rows} rows"),
         };
         let column = self.heading.of_differences();
@@ -209,11 +216,18 @@ impl Difference {
     fn new(times: &[f64], first: &Column, other_times: &[f64], other: &Column) -> Self {
         let mut points = vec![];
         let mut undefined = 0;
-        let mut place = 0;
-        for (&time, &value) in times.iter().zip(&first.values) {
-            let Some(counterpart) = at(other_times, &other.values, time, &mut place) else { continue };
-            let is_same = value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
-            let difference = if is_same { 0.0 } else { counterpart - value };
+        let counterparts = counterparts(times, other_times);
+        for ((&time, &value), counterpart) in times.iter().zip(&first.values).zip(counterparts) {
+            let Some(place) = counterpart else { continue };
+            let difference = if first.is_text || other.is_text {
+                let is_same = text(first, value) == text(other, other.values[place.row()]);
+                if is_same { 0.0 } else { f64::NAN }
+            } else {
+                let counterpart = place.value(&other.values);
+                let is_same =
+                    value.to_bits() == counterpart.to_bits() || value.is_nan() && counterpart.is_nan();
+                if is_same { 0.0 } else { counterpart - value }
+            };
             undefined += usize::from(!difference.is_finite());
             points.push((time, difference));
         }
@@ -229,19 +243,52 @@ impl Difference {
     }
 }
 
-/// The value at a time, interpolated linearly; none outside the record. `place` is the row where the search starts, for
-/// ascending times.
-fn at(times: &[f64], values: &[f64], time: f64, place: &mut usize) -> Option<f64> {
-    while times.get(*place).is_some_and(|&known| known < time - ROUNDING) {
-        *place += 1;
+/// A value as a text, as records of texts are read: a number without superfluous digits.
+fn text(column: &Column, value: f64) -> Cow<'_, str> {
+    column.item(value).map_or_else(|| value.to_string().into(), Cow::from)
+}
+
+/// Where in a record a time is: at a row, or after one by a share of the time to the next.
+#[derive(Clone, Copy)]
+enum Place {
+    At(usize),
+    After(usize, f64),
+}
+
+impl Place {
+    /// The last row until then.
+    fn row(self) -> usize {
+        let (Self::At(row) | Self::After(row, _)) = self;
+        row
     }
-    let after = *times.get(*place)?;
-    if after <= time + ROUNDING {
-        return Some(values[*place]);
+
+    /// The value there, interpolated linearly.
+    fn value(self, values: &[f64]) -> f64 {
+        match self {
+            Self::At(row) => values[row],
+            Self::After(row, share) => values[row] + share * (values[row + 1] - values[row]),
+        }
     }
-    let before = place.checked_sub(1)?;
-    let share = (time - times[before]) / (after - times[before]);
-    Some(values[before] + share * (values[*place] - values[before]))
+}
+
+/// The places of ascending times in a record; none outside. The rows of a jump are each other's, the last ones first, so
+/// that a single row is what follows a jump.
+fn counterparts(times: &[f64], others: &[f64]) -> impl Iterator<Item = Option<Place>> {
+    let until = |times: &[f64], from: usize, time: f64| {
+        from + times[from..].iter().take_while(|known| **known <= time + ROUNDING).count()
+    };
+    let [mut own_end, mut end] = [0, 0];
+    times.iter().enumerate().map(move |(row, &time)| {
+        own_end = until(times, own_end, time);
+        end = until(others, end, time);
+        let last = end.checked_sub(1)?;
+        let first = others[..end].iter().rev().take_while(|known| **known >= time - ROUNDING).count();
+        if first > 0 {
+            return Some(Place::At((last + 1 + row).saturating_sub(own_end).max(end - first)));
+        }
+        let after = others.get(end)?;
+        Some(Place::After(last, (time - others[last]) / (after - others[last])))
+    })
 }
 
 fn has_times_of(one: &Record, other: &Record) -> bool {
@@ -310,6 +357,50 @@ mod tests {
         assert!(comparison.text().contains("equal"), "{}", comparison.text());
         assert_eq!(comparison.variables[0].differences[0].points.len(), 3);
         assert!(comparison.notes[0].contains("different times"));
+    }
+
+    /// One of the records has only texts that are numbers.
+    #[test]
+    fn texts_are_compared_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |name: &str, cells: [&str; 3]| {
+            let path = folder.path().join("a.csv");
+            let [a, b, c] = cells;
+            std::fs::write(&path, format!("time,p\n0,{a}\n1,{b}\n2,\"{c}\"\n")).unwrap();
+            (name.to_owned(), Record::read(&path).unwrap())
+        };
+        let records = [
+            read("a", ["off", "7", "on, \u{b0}"]),
+            read("b", ["off", "7.0", "on, \u{b0}"]),
+            read("c", ["7", "7", "7"]),
+        ];
+        assert_eq!(records[0].1.columns()[0].items[2].0, "on, \u{b0}");
+        let comparison = Comparison::new(&records, None).unwrap();
+        let text = comparison.text();
+        assert!(text.contains("b minus a:\n  p           equal\n"), "{text}");
+        assert!(text.contains("unequal other texts in 2 rows, from 0\u{202f}s on\n"), "{text}");
+        assert_eq!(comparison.draw().html().matches("class=\"panel\"").count(), 0);
+    }
+
+    /// As at an event, before and after it; without the first row it is what follows.
+    #[test]
+    fn jumps_are_compared_on_both_sides() {
+        let jump = [(0.0, 0.0), (1.0, 1.0), (1.0, 5.0), (2.0, 6.0)];
+        let [mut late, single] = [jump, jump].map(|rows| rows.to_vec());
+        late[1].1 = 3.0;
+        let single = [single[0], single[2], single[3]];
+        for (a, b, differences) in [
+            (&jump[..], &jump[..], &[(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (2.0, 0.0)][..]),
+            (&jump, &late, &[(0.0, 0.0), (1.0, 2.0), (1.0, 0.0), (2.0, 0.0)]),
+            (&single, &jump, &[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]),
+            (&jump, &single, &[(0.0, 0.0), (1.0, 4.0), (1.0, 0.0), (2.0, 0.0)]),
+            // Between the rows of the other there is a line.
+            (&[(0.5, 0.5), (0.5, 9.0), (1.5, 5.5)], &jump, &[(0.5, 0.0), (0.5, -8.5), (1.5, 0.0)]),
+        ] {
+            let records = [record("a", "m", a), record("b", "m", b)];
+            let comparison = Comparison::new(&records, Some(&["p".to_owned()])).unwrap();
+            assert_eq!(comparison.variables[0].differences[0].points, differences, "{a:?} and {b:?}");
+        }
     }
 
     #[test]

@@ -9,11 +9,10 @@ use crate::Export;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fmu_io::temporary::Folder;
 use fmu_io::terminal::complain;
 use fmu_io::writing;
 use fmu_master::scenario::{Assignment, Course, Input, Location, Measured, Member, Scenario, Signal};
-use fmu_master::system::{self, Times};
+use fmu_master::system::{self, Times, Unpacked};
 use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_record::Data;
@@ -25,7 +24,7 @@ use fmu_terms::{Causality, like};
 pub struct Experiment {
     /// An FMU, a system, or a scenario, which docs/simulate.md describes [default: the model of this folder, exported
     /// for a trial]
-    #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SCENARIO.toml")]
+    #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SYSTEM.ssd|SCENARIO.toml")]
     subject: Option<PathBuf>,
     #[command(flatten)]
     fmus: FmuArguments,
@@ -80,7 +79,7 @@ impl Experiment {
         outputs: &[PathBuf],
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
-        let (scenario, folder) = self.scenario(subject, end)?;
+        let (scenario, unpacked) = self.scenario(subject, end)?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
             let files: Vec<_> = inputs(&scenario).into_iter().chain(own).collect();
@@ -89,8 +88,8 @@ impl Experiment {
             let scenario = self.with_values(scenario, &mut loaded)?;
             run(scenario, &mut loaded)
         };
-        with_values().map_err(|error| match &folder {
-            Some(folder) => system::named(&error, subject, folder),
+        with_values().map_err(|error| match unpacked {
+            Some(unpacked) => unpacked.named(&error),
             None => error,
         })
     }
@@ -104,7 +103,12 @@ impl Experiment {
             take_inputs(&mut scenario, &links, path)?;
         }
         for (name, value) in &self.values {
-            let location = Location::argument(&format!("--set {name}={value}"));
+            let text = format!("{name}={value}");
+            let location = Location::argument(&format!("--set {text}"));
+            // A name may have an equals sign, too.
+            let mut splits = text.match_indices('=').map(|(place, _)| (&text[..place], &text[place + 1..]));
+            let found = splits.find(|(name, _)| is_settable(&scenario, &fmus, &links, name));
+            let (name, value) = found.unwrap_or((name, value));
             set(&mut scenario, &fmus, &links, name, value, &location)?;
         }
         for path in &self.parameters {
@@ -120,22 +124,22 @@ impl Experiment {
         Ok(scenario)
     }
 
-    /// What to run, and the temporary folder of a system's FMUs, which must outlive the run.
-    fn scenario(&self, subject: &Path, end: End) -> Result<(Scenario, Option<Folder>)> {
+    /// What to run, and the temporary folders of a system's FMUs, which must outlive the run.
+    fn scenario(&self, subject: &Path, end: End) -> Result<(Scenario, Option<Unpacked>)> {
         let Self { fmus, step, .. } = self;
         let times = Times { start: None, stop: end.time, step: *step };
         let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
-        let (mut scenario, folder) = match ending.to_str() {
+        let (mut scenario, unpacked) = match ending.to_str() {
             Some("fmu") => {
                 fmus.refuse("single FMUs")?;
                 let mut scenario = system::alone(subject, times)?;
                 fmus.give(&mut scenario)?;
                 (scenario, None)
             }
-            Some("ssp") => {
+            Some("ssp" | "ssd") => {
                 fmus.refuse("systems")?;
-                let (scenario, folder) = system::read(subject, times)?;
-                (scenario, Some(folder))
+                let (scenario, unpacked) = system::read(subject, times)?;
+                (scenario, Some(unpacked))
             }
             _ => {
                 if step.is_some() {
@@ -153,7 +157,7 @@ impl Experiment {
         if self.interface.is_some() {
             scenario.fmus.iter_mut().for_each(|member| member.interface = self.interface);
         }
-        Ok((scenario, folder))
+        Ok((scenario, unpacked))
     }
 }
 
@@ -194,6 +198,17 @@ fn take_inputs(scenario: &mut Scenario, links: &[Link], path: &Path) -> Result<(
     Ok(())
 }
 
+/// Whether a name is that of a variable or an array that can be set, or of an input's signal.
+fn is_settable(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], name: &str) -> bool {
+    let of_fmu = |(member, fmu): (&Member, &Arc<Fmu>)| {
+        let own = name.strip_prefix(&format!("{}:", member.name)).unwrap_or(name);
+        fmu.description().variable(own).is_some_and(FmuVariable::is_settable)
+    };
+    scenario.fmus.iter().zip(fmus).any(of_fmu)
+        || links.iter().any(|link| link.is_from(name))
+        || !elements(scenario, fmus, name).is_empty()
+}
+
 /// Sets a variable before initialization, or an input's signal.
 fn set(
     scenario: &mut Scenario,
@@ -217,7 +232,7 @@ fn set(
         let value = location.locate(value(variable, text).and_then(|value| {
             let value = match (value, driven) {
                 // A plain number is in the signal's unit.
-                (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.apply(number), None),
+                (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.linear().apply(number), None),
                 (value, _) => value,
             };
             if let Some(meant) = value.meant_unit(variable, fmu.description()) {
@@ -231,7 +246,7 @@ fn set(
             fitted.check_range(variable)?;
             Ok(fitted)
         }))?;
-        found.push((index, variable.clone(), value, driven.map(|link| link.conversion)));
+        found.push((index, variable.clone(), value, driven.map(|link| link.conversion.linear())));
     }
     let [(index, variable, value, conversion), others @ ..] = &found[..] else {
         let elements = elements(scenario, fmus, name);

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading::{self, LARGEST_CONTENT, up_to};
@@ -16,6 +16,8 @@ use fmu_io::temporary::{is_interrupted, leave_to_interruption, when_interrupted}
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+
+use crate::threads::locked;
 
 /// Everything the results depend on, by name.
 pub type Settings = BTreeMap<String, String>;
@@ -225,11 +227,6 @@ impl<P: Part> State<P> {
         })?;
         Ok(())
     }
-}
-
-/// The content of a mutex, whatever happened to a thread that held it.
-pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Rejects other settings and names the first differences.

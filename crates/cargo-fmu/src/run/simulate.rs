@@ -13,7 +13,7 @@ use clap::Args;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
 use fmu_master::process::contained;
-use fmu_master::scenario::{Location, Recorded, Scenario};
+use fmu_master::scenario::{self, Location, Scenario};
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
 use fmu_record::{Record, TableFormat};
@@ -39,6 +39,9 @@ pub struct Simulate {
     /// Omit the row of units from the record, which FMPy does not read
     #[arg(long)]
     no_units: bool,
+    /// Record communication points only, without the rows before and after each event
+    #[arg(long)]
+    no_events: bool,
     /// Plot the record in the scenario's panels
     #[arg(long, value_name = "FILE.svg|png|html")]
     plot: Option<PathBuf>,
@@ -77,20 +80,21 @@ impl Simulate {
         self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
             if let Some(Names(names)) = &self.record {
                 let location = Location::argument("--record");
-                let recorded = |name: &String| Recorded { name: name.clone(), location: location.clone() };
+                let recorded =
+                    |name: &String| scenario::Recorded { name: name.clone(), location: location.clone() };
                 scenario.record = Some(names.iter().map(recorded).collect());
                 scenario.panels = None;
             }
             let is_kept = out.is_some() || plot.is_some();
             // Files are relative to the folder that FMUs may leave.
-            let (recorded, _) = contained(|| record(&scenario, loaded, is_kept));
-            let (record, summary) = recorded?;
+            let (recorded, _) = contained(|| record(&scenario, loaded, [is_kept, !self.no_events]));
+            let Recorded { record, summary, sampling } = recorded?;
             match &out {
                 Some((format, path)) => {
                     let table = record.table();
                     let table = if self.no_units { table.without_units() } else { table };
                     writing::write(path, |writer| table.write(*format, writer))?;
-                    print(&format!("{}  {} rows\n", path.display(), record.time().len()))?;
+                    print(&format!("{}  {} rows{sampling}\n", path.display(), record.time().len()))?;
                 }
                 None => print(&format!("{name}: {summary}"))?,
             }
@@ -108,25 +112,49 @@ impl Simulate {
 #[derive(Clone, Debug)]
 struct Names(Vec<String>);
 
-/// Splits names at commas that are not between brackets.
+/// Splits names at commas that are neither between brackets nor within quotes.
 fn names(text: &str) -> Result<Names, String> {
-    let mut depth = 0_u32;
+    let (mut depth, mut is_quoted, mut is_escaped) = (0_u32, false, false);
     let is_between = |letter: char| {
         match letter {
-            '[' => depth += 1,
-            ']' => depth = depth.saturating_sub(1),
+            _ if is_escaped => {}
+            '\'' => is_quoted = !is_quoted,
+            '[' if !is_quoted => depth += 1,
+            ']' if !is_quoted => depth = depth.saturating_sub(1),
             _ => {}
         }
-        letter == ',' && depth == 0
+        is_escaped = letter == '\\' && !is_escaped;
+        letter == ',' && depth == 0 && !is_quoted
     };
     let names: Vec<_> = text.split(is_between).map(str::to_owned).collect();
     if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
 }
 
-/// Runs a scenario to its end; prints notes and warnings. Returns the record, if it is kept, and what ran, how long, and
-/// the course of each variable.
-fn record(scenario: &Scenario, loaded: &mut LoadedFmus, is_kept: bool) -> Result<(Record, String)> {
-    let master = Master::new(scenario, loaded)?;
+/// A finished run.
+struct Recorded {
+    /// If it is kept.
+    record: Record,
+    /// What ran, how long, and the course of each variable.
+    summary: String,
+    /// Which FMUs told no events, though they are recorded.
+    sampling: String,
+}
+
+/// Runs a scenario to its end; prints notes and warnings.
+fn record(
+    scenario: &Scenario,
+    loaded: &mut LoadedFmus,
+    [is_kept, has_events]: [bool; 2],
+) -> Result<Recorded> {
+    let mut master = Master::new(scenario, loaded)?;
+    let mut sampling = String::new();
+    if has_events {
+        master.record_events();
+        let silent: Vec<_> = master.without_events().collect();
+        if !silent.is_empty() {
+            sampling = format!("; sampled: no events from {}", silent.join(", "));
+        }
+    }
     for note in master.notes() {
         complain(&format!("note: {note}"));
     }
@@ -153,13 +181,13 @@ fn record(scenario: &Scenario, loaded: &mut LoadedFmus, is_kept: bool) -> Result
         complain(&format!("warning: {}", message.of(name)));
     }
     summary.add(&run.record);
-    let text = format!(
-        "{} steps of {} s to {} s, in {} ms\n{}",
+    let summary = format!(
+        "{} steps of {} s to {} s, in {} ms{sampling}\n{}",
         scenario.steps,
         number(scenario.step),
         number(scenario.stop_time),
         taken.as_millis(),
         summary.text()
     );
-    Ok((run.record, text))
+    Ok(Recorded { record: run.record, summary, sampling })
 }

@@ -3,6 +3,7 @@
 use std::array::from_fn;
 use std::fmt::Write as _;
 
+use fmu_io::terminal::in_line;
 use fmu_record::{Column, Record};
 
 /// The course of each variable, once there is a row.
@@ -24,7 +25,10 @@ impl Summary {
 
     /// Adds the rows of a record.
     pub fn add(&mut self, record: &Record) {
-        for ((_, course), column) in self.0.iter_mut().zip(record.columns()) {
+        for ((heading, course), column) in self.0.iter_mut().zip(record.columns()) {
+            if column.is_text {
+                heading.items.clone_from(&column.items);
+            }
             for &value in &column.values {
                 let before =
                     course.unwrap_or(Course { first: value, last: value, least: value, largest: value });
@@ -40,7 +44,11 @@ impl Summary {
         let heads = ["", "first", "last", "least", "largest"].map(str::to_owned);
         let rows = self.0.iter().filter_map(|(column, course)| {
             let Course { first, last, least, largest } = (*course)?;
-            let [first, last, least, largest] = [first, last, least, largest].map(|value| column.text(value));
+            let texts = [first, last, least, largest].map(|value| in_line(&column.text(value)));
+            let [first, last, least, largest] = texts;
+            // Texts have no order.
+            let [least, largest] =
+                [least, largest].map(|text| if column.is_text { String::new() } else { text });
             Some([column.name.clone(), first, last, least, largest])
         });
         let rows: Vec<_> = [heads].into_iter().chain(rows).collect();

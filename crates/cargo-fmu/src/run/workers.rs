@@ -27,8 +27,9 @@ use fmu_master::when_an_fmu_exits;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::journal::{Journal, Part, locked};
+use super::journal::{Journal, Part};
 use super::number_in;
+use crate::threads::{each, locked};
 
 /// The hidden subcommand, which no help or completion shows.
 const WORKER: &str = "worker";
@@ -444,24 +445,7 @@ impl<'a> Workers<'a> {
         let (suspected, others): (VecDeque<_>, VecDeque<_>) =
             missing.partition(|(key, _)| journal.times_begun(key) > 0);
         suspected.into_iter().try_for_each(part)?;
-        let threads = self.number.min(others.len());
-        let others = Mutex::new(others);
-        let next = || locked(&others).pop_front();
-        let work = || {
-            while let Some(job) = next() {
-                if let Err(error) = part(job) {
-                    locked(&others).clear();
-                    return Err(error);
-                }
-            }
-            Ok(())
-        };
-        thread::scope(|scope| {
-            let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            threads
-                .into_iter()
-                .try_for_each(|thread| thread.join().map_err(|_| anyhow!("a thread panicked"))?)
-        })?;
+        each(self.number, others, part)?;
         jobs.iter().map(|(key, _)| journal.part(key).context("a part is missing")).collect()
     }
 }

@@ -55,6 +55,13 @@ fn connections_lead_from_names_and_units_to_others() {
     bench.succeeds(&[&["simulate", "scenario.toml", "--connections", "factor.toml"][..], &out].concat());
     assert!((last(&bench.read("a.csv")) - (0.01125 + 3.0)).abs() < 1e-13, "{}", bench.read("a.csv"));
 
+    // A table, which has a 2 for the 200.
+    let ends = "from_unit = \"%\"\nto = \"alone:input\"\nto_unit = \"1\"";
+    let tabulated = CONNECTIONS.replace(ends, "to = \"alone:input\"\ntable = [[100, 7], [200, 2]]");
+    bench.write("table.toml", &tabulated);
+    bench.succeeds(&[&["simulate", "scenario.toml", "--connections", "table.toml"][..], &out].concat());
+    assert!((last(&bench.read("a.csv")) - 0.001_125).abs() < 1e-15, "{}", bench.read("a.csv"));
+
     // Noise is in the unit of the input: a thousand times the level, where in Pa it would be the level itself.
     let noise = scenario.replace("step = 0.125", "step = 0.125\nnoise.p_in.standard_deviation = 2.0");
     bench.write("noise.toml", &noise);
@@ -74,7 +81,6 @@ fn each_fault_of_a_connection_is_named_with_its_line() {
         ),
         ("other:p_in", "other:pin", "line 2, connection[1]: other has no input pin; did you mean p_in?"),
         ("other:p_in", "other:flag", "line 2, connection[1]: other has no input flag"),
-        ("other:p_in", "alone:input", "line 2, connection[1]: alone:level is of the same FMU"),
         (
             "other:p_in",
             "other",
@@ -96,7 +102,12 @@ fn each_fault_of_a_connection_is_named_with_its_line() {
         (
             "to_unit = \"1\"",
             "factor = 2",
-            "line 6, connection[2]: give either units or a factor and an offset",
+            "line 6, connection[2]: give either units, or a factor and an offset, or a table",
+        ),
+        (
+            "from_unit = \"%\"",
+            "table = [[1]]",
+            "line 8, connection[2].table[1]: expected a pair of a value and the one in its place, found a list",
         ),
         (
             "from_unit",

@@ -14,8 +14,10 @@ use self::careless::{DESCRIPTION, library};
 
 #[path = "../../../fmu-master/tests/careless/mod.rs"]
 mod careless;
+mod compiling;
 mod connections;
 mod misbehaving;
+mod systems;
 
 /// The valid part of the study.
 const GRID: &str = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:input\" = [1.0, 2.0]\n";
@@ -508,18 +510,14 @@ fn a_system_runs_with_its_connections_start_values_and_parameters() {
         (
             "startElement=\"first\"",
             "startElement=\"third\"",
-            "the connections of Chain: there is no FMU third",
+            "the connections of Chain: there is no element third",
         ),
         (
             "careless.fmu\"><ssd:Connectors>\n            <ssd:Connector name=\"input\" kind=\"input\"/></",
             "none.fmu\"><ssd:Connectors></",
             "the component second: cannot open chain.ssp/resources/none.fmu: ",
         ),
-        (
-            "name=\"drive\"",
-            "name=\"other\"",
-            "the parameter set any is for the system, which has no input drive",
-        ),
+        ("name=\"drive\"", "name=\"other\"", "the connections of Chain: Chain has no connector drive"),
     ] {
         write_system(&bench, old, new);
         let message = bench.refusal(&system);
@@ -687,6 +685,71 @@ fn a_study_has_a_report() {
     assert!(page.len() < 6_000_000);
     let header = "run,alone:input,alone:fail,last,error,warnings\n#,,,Pa,,\n0,";
     assert!(bench.read("out/results.csv").starts_with(header));
+}
+
+/// The ball of `exchange.c` bounces between communication points: both commands record the rows at its events, or not.
+/// Measures are of communication points.
+#[test]
+fn a_study_records_events_as_a_run_does() {
+    let bench = Bench::new();
+    let ball = include_str!("../../../fmu-master/tests/careless/exchange.xml");
+    careless::write(&bench.path("careless.fmu"), ball, &careless::compiled("exchange.c"));
+    let study = "scenario = \"scenario.toml\"\nrecords = true\n[grid]\n\"alone:e\" = [0.5]\n[measures]\n\
+                 fastest = { minimum = \"v\" }\nmean = { mean = \"v\" }\n";
+    bench.write("study.toml", study);
+    let output = bench.run(&["simulate", "scenario.toml", "--out", "with.csv"]);
+    // 9 at communication points. Events are at the impacts, at 0.447 and 0.894 s, each 0.25 s and after the third step of
+    // the integrator; those each 0.25 s are at communication points, whose rows follow them.
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), "with.csv  19 rows\n");
+    bench.succeeds(&["simulate", "scenario.toml", "--no-events", "--out", "without.csv"]);
+    // Below names and units.
+    assert_eq!(bench.read("without.csv").lines().count(), 2 + 9);
+    for (out, run, options) in [("all", "with.csv", &[][..]), ("few", "without.csv", &["--no-events"])] {
+        bench.succeeds(&[&["sweep", "study.toml", "--out", out], options].concat());
+        assert_eq!(bench.read(&format!("{out}/records/0.csv")), bench.read(run));
+        assert_eq!(bench.read(&format!("{out}/results.csv")), bench.read("all/results.csv"));
+    }
+    let message = bench.refusal(&["sweep", "study.toml", "--out", "all", "--no-events"]);
+    assert!(message.contains("events in records"), "{message}");
+}
+
+/// As cells of CSV, in a record of numbers, too. What the FMU's library cannot tell is refused by name.
+#[test]
+fn texts_are_recorded() {
+    let bench = Bench::new();
+    let stage =
+        "<ScalarVariable name=\"stage\" valueReference=\"6\" causality=\"output\"><String/></ScalarVariable>";
+    let description = DESCRIPTION.replace("</ModelVariables>", &format!("{stage}</ModelVariables>"));
+    careless::write(&bench.path("careless.fmu"), &description, library());
+    let simulate =
+        ["simulate", "careless.fmu", "--step", "0.5", "--stop-time", "1.5", "--record", "level,stag*"];
+    bench.succeeds(&[&simulate[..], &["--out", "a.csv"]].concat());
+    let rows =
+        "time,level,stage\n# s,Pa,\n0.0,0.0,low\n0.5,0.5,low\n1.0,1.0,\"\"\"up\"\", nearly\"\n1.5,1.5,\n";
+    assert_eq!(bench.read("a.csv"), rows);
+    bench.write("b.csv", &rows.replace("0.5,low", "0.5,high"));
+    let output = bench.run(&["compare", "a.csv", "b.csv"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("  stage         unequal other texts in 1 rows, from 0.5\u{202f}s on\n"), "{text}");
+    let output = bench.run(&simulate);
+    let summary = String::from_utf8(output.stdout).unwrap();
+    let last = summary.lines().last().unwrap().split_whitespace().collect::<Vec<_>>();
+    assert_eq!(last, ["stage", "low"], "{summary}");
+    bench.succeeds(&[&simulate[..], &["--plot", "a.html"]].concat());
+    let page = bench.read("a.html");
+    assert!(page.contains("\"text\":[\"low\",\"&quot;up&quot;, nearly\",\"\"]"));
+    // By default there are numbers only.
+    bench.succeeds(&["simulate", "careless.fmu", "--out", "b.csv"]);
+    assert!(bench.read("b.csv").starts_with("time,level\n"));
+    bench.scenario(1.0, "");
+    let study = bench.read("study.toml").replace("final = \"level\"", "final = \"stage\"");
+    bench.write("scenario.toml", &format!("record = [\"stage\"]\n{}", bench.read("scenario.toml")));
+    bench.write("study.toml", &study);
+    let message = bench.refusal(&["sweep", "study.toml"]);
+    assert!(message.contains("stage is a String, which cannot be measured"), "{message}");
+    careless::write(&bench.path("careless.fmu"), &description, careless::misbehaving_library());
+    let message = bench.refusal(&["simulate", "careless.fmu", "--record", "stage"]);
+    assert!(message.contains("stage cannot be read: its library has no fmi2GetString"), "{message}");
 }
 
 /// It records what is measured: neither what else is drawn nor what else has noise.

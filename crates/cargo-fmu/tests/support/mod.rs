@@ -1,28 +1,15 @@
 //! FMUs and archives as the tests of commands need them.
 
 use std::fs;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-pub fn scratch(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
-}
+pub use archives::{archive_of, scratch};
+
+mod archives;
 
 /// A ZIP archive with one entry.
 pub fn archive(name: &str, entry: &str, content: &str) -> String {
     archive_of(name, &[(entry, content.as_bytes())])
-}
-
-/// A ZIP archive.
-pub fn archive_of(name: &str, entries: &[(&str, &[u8])]) -> String {
-    let path = scratch(name);
-    let mut zip = zip::ZipWriter::new(fs::File::create(&path).unwrap());
-    for (entry, content) in entries {
-        zip.start_file(*entry, zip::write::SimpleFileOptions::default()).unwrap();
-        zip.write_all(content).unwrap();
-    }
-    zip.finish().unwrap();
-    path.to_str().unwrap().to_owned()
 }
 
 /// What an FMU's description holds around its variables.

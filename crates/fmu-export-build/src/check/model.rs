@@ -6,7 +6,7 @@ use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Place, Scalar};
-use crate::names::{OF_VARIABLES, field_name, mixed_name, unique};
+use crate::names::{OF_CLOCKS, field_name, mixed_name, unique};
 use crate::texts::text;
 use crate::type_names::{FIXED_NAMES, struct_names};
 
@@ -14,7 +14,6 @@ pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     state_groups(model, refusals);
     type_names(model, refusals);
     types_of_version(model, refusals);
-    outputs(model, refusals);
     calculated_parameters(model, refusals);
     clocks(model, refusals);
 }
@@ -95,13 +94,6 @@ fn types_of_version(model: &Model<'_>, refusals: &mut Refusals) {
     }
 }
 
-/// A co-simulation unit without outputs is useless.
-fn outputs(model: &Model<'_>, refusals: &mut Refusals) {
-    if model.scalars.iter().all(|scalar| scalar.causality != Causality::Output) {
-        refusals.add("variables", "no variable has causality 'output'");
-    }
-}
-
 /// Only parameters change a calculated parameter, and a local whose variability is `fixed` or `tunable`.
 fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
     let scalars = &model.scalars;
@@ -129,7 +121,7 @@ fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
 fn clocks(model: &Model<'_>, refusals: &mut Refusals) {
     let Model { declaration, fmi, parts, scalars, .. } = model;
     if let Some(clock) = &declaration.clock {
-        if let Err(reason) = mixed_name(&clock.name, OF_VARIABLES) {
+        if let Err(reason) = mixed_name(&clock.name, OF_CLOCKS) {
             refusals.add("clock.name", reason);
         } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
             refusals.add("clock.name", format!("{}: another variable has this name", clock.name));

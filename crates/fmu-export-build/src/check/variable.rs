@@ -7,7 +7,7 @@ use crate::check::clocks;
 use crate::declaration::{Declaration, UnitNames, VariableDeclaration};
 use crate::error::{Blame, refuse_if};
 use crate::model::Place;
-use crate::names::{OF_VARIABLES, mixed_name};
+use crate::names::{field_name, variable_name};
 use crate::start::Start;
 use crate::texts::text;
 use crate::value_type::ValueType;
@@ -54,12 +54,13 @@ pub(crate) fn check(
 
 /// Name and descriptions.
 fn texts(variable: &VariableDeclaration) -> Result<(), Blame> {
-    mixed_name(&variable.name, OF_VARIABLES).map_err(|reason| {
-        let component = variable.name.split_once('.').map(|(component, own)| {
-            format!("; '{own}' is declared under the component '{component}' of 'components'")
-        });
-        ("name", reason + &component.unwrap_or_default())
-    })?;
+    variable_name(&variable.name).map_err(|reason| ("name", reason))?;
+    let rust_name = variable.rust_name.as_deref();
+    rust_name.map_or(Ok(()), field_name).map_err(|reason| ("rust_name", reason))?;
+    for alias in &variable.aliases {
+        variable_name(&alias.name).map_err(|reason| ("aliases", reason))?;
+        alias.description.as_deref().map_or(Ok(()), text).map_err(|reason| ("aliases", reason))?;
+    }
     let of_derivative = variable.derivative.as_ref().and_then(|derivative| derivative.description.as_ref());
     for (key, description) in
         [("description", variable.description.as_ref()), ("derivative.description", of_derivative)]

@@ -8,16 +8,24 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
+use crate::names::rust_name;
+
 /// A variable, or an array of them.
 #[allow(clippy::struct_excessive_bools, reason = "each is a key of its own")]
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VariableDeclaration {
-    /// Letters, digits and underscores, up to 200. `lower_case` in Rust.
+    /// Its name in FMI, up to 200 bytes. In Rust it is in `lower_case`, what Rust does not allow becomes `_`, and reserved
+    /// words get a `_`.
     pub(crate) name: String,
+    /// Its name in Rust, in `lower_case`, if another one is wanted.
+    pub(crate) rust_name: Option<String>,
     /// What it is.
     pub(crate) description: Option<String>,
+    /// Further names, by which importers can read it.
+    #[serde(default)]
+    pub(crate) aliases: Vec<AliasDeclaration>,
     /// Default: local.
     #[serde(default)]
     pub(crate) causality: Causality,
@@ -105,7 +113,23 @@ pub(crate) struct VariableDeclaration {
     pub(crate) priority: Option<u32>,
 }
 
+/// A further name of a variable.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AliasDeclaration {
+    /// As a variable's.
+    pub(crate) name: String,
+    /// What it is. Default: the variable's.
+    pub(crate) description: Option<String>,
+}
+
 impl VariableDeclaration {
+    /// Its name in Rust.
+    pub(crate) fn rust_name(&self) -> String {
+        self.rust_name.clone().unwrap_or_else(|| rust_name(&self.name))
+    }
+
     /// A multiple of 1/`resolution` s.
     #[expect(clippy::cast_precision_loss, reason = "it is a time in s, rounded")]
     pub(crate) fn seconds(&self, counter: Option<u64>) -> Option<f64> {

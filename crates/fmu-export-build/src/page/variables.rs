@@ -294,12 +294,9 @@ impl<'m, 'a> Page<'m, 'a> {
         starts.map(|start| match (start, field.data_type) {
             (Start::Real(value), _) => unbroken(*value),
             (Start::String(text), _) => format!("“{}”", escape(text)),
-            (Start::Item(item), ValueType::Enumeration(enumeration)) => {
-                format!(
-                    "{} ({})",
-                    self.model.declaration.enumerations[enumeration].items[*item].name,
-                    item + 1
-                )
+            (Start::Item { position, value }, ValueType::Enumeration(enumeration)) => {
+                let item = &self.model.declaration.enumerations[enumeration].items[*position];
+                format!("{} ({value})", item.name)
             }
             (value, _) => value.to_string(),
         })

@@ -74,7 +74,9 @@ impl<'m, 'a> Generator<'m, 'a> {
         match (&scalar.start, scalar.data_type) {
             (Some(Start::String(value)), _) => format!("String::from({value:?})"),
             (Some(Start::Binary(bytes)), _) => format!("Vec::from({bytes:?})"),
-            (Some(Start::Item(item)), ValueType::Enumeration(enumeration)) => self.item(enumeration, *item),
+            (Some(Start::Item { position, .. }), ValueType::Enumeration(enumeration)) => {
+                self.item(enumeration, *position)
+            }
             (Some(value), _) => value.to_string(),
             (_, ValueType::Standard(DataType::Real | DataType::Float32)) => "0.0".to_owned(),
             (_, ValueType::Standard(DataType::Boolean)) => "false".to_owned(),
@@ -209,8 +211,11 @@ impl<'m, 'a> Generator<'m, 'a> {
     pub(super) fn bounds(&self, scalar: &Scalar) -> (String, String) {
         match scalar.data_type {
             ValueType::Enumeration(enumeration) => {
-                let items = self.model.declaration.enumerations[enumeration].items.len();
-                ("1.0".to_owned(), format!("{items}.0"))
+                let values = || {
+                    let enumeration = &self.model.declaration.enumerations[enumeration];
+                    enumeration.valued().map(|(_, value)| f64::from(value))
+                };
+                (bound(values().reduce(f64::min), "0.0"), bound(values().reduce(f64::max), "0.0"))
             }
             ValueType::Standard(_) => {
                 (bound(scalar.min, "f64::NEG_INFINITY"), bound(scalar.max, "f64::INFINITY"))

@@ -11,7 +11,7 @@ use quick_xml::events::{BytesText, Event};
 
 use crate::declaration::{Dimension, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
-use crate::model::{Model, Place, Scalar, derivative_description, without_subscripts};
+use crate::model::{Alias, Model, Place, Scalar, derivative_description, without_subscripts};
 use crate::value_type::ValueType;
 
 /// The standard's variables, some of which are arrays in FMI 3.0.
@@ -68,7 +68,30 @@ impl<'m, 'a> Variables<'m, 'a> {
                 self.variable_of(position) == position
                     && self.model.exports(self.model.scalars[position].place)
             })
-            .try_for_each(|position| self.write(writer, position))
+            .try_for_each(|position| self.write(writer, position))?;
+        // Last, so that no index of another variable moves.
+        if self.is_fmi3() { Ok(()) } else { self.write_aliases(writer) }
+    }
+
+    /// In FMI 2.0 variables of the same value reference (section 2.2.7), which an importer can only read.
+    fn write_aliases(&self, writer: &mut XmlWriter) -> io::Result<()> {
+        for (position, scalar) in self.model.scalars.iter().enumerate() {
+            let is_constant = scalar.variability == Variability::Constant;
+            let start = scalar.start.as_ref().filter(|_| is_constant).map(ToString::to_string);
+            for alias in &scalar.aliases {
+                let common = given([
+                    ("name", Some(alias.name.clone())),
+                    ("valueReference", Some(scalar.value_reference.to_string())),
+                    ("description", alias.description.clone()),
+                    ("causality", Some(Causality::Local.to_string())),
+                    ("variability", Some(scalar.variability.to_string())),
+                ]);
+                let own = [self.of_type(scalar, position), given([("start", start.clone())])].concat();
+                let name = scalar.data_type.data_type().name(Version::Two);
+                element(writer, "ScalarVariable", common, |writer| empty(writer, name, own))?;
+            }
+        }
+        Ok(())
     }
 
     /// In FMI 2.0 an element within that of the type, otherwise one element.
@@ -114,7 +137,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         }
         let attributes = [common, own].concat();
         let texts = starts.filter(|_| has_texts).unwrap_or_default();
-        if array.is_none() && texts.is_empty() {
+        if array.is_none() && texts.is_empty() && scalar.aliases.is_empty() {
             return empty(writer, name, attributes);
         }
         element(writer, name, attributes, |writer| {
@@ -127,7 +150,11 @@ impl<'m, 'a> Variables<'m, 'a> {
                 };
                 empty(writer, "Dimension", vec![attribute])?;
             }
-            texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))
+            texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))?;
+            scalar.aliases.iter().try_for_each(|Alias { name, description }| {
+                let name = if array.is_some() { without_subscripts(name) } else { name.clone() };
+                empty(writer, "Alias", given([("name", Some(name)), ("description", description.clone())]))
+            })
         })
     }
 

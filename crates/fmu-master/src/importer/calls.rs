@@ -10,6 +10,8 @@ use fmu_export::display::Seconds;
 use super::c_boundary::{Handle, Vector};
 use super::fmu::Fmu;
 use super::messages::{self, CallFailed, Called, Ended, Message, Status};
+use super::selection::{Group, Selection};
+use super::watch::Watch;
 
 /// Calls an instance, and keeps what it says.
 pub struct Calls {
@@ -18,6 +20,8 @@ pub struct Calls {
     pub handle: Rc<Handle>,
     /// Whether the FMU has directional derivatives that were not found wrong.
     pub has_directional_derivatives: bool,
+    /// The recorded variables, if there are any.
+    pub watch: Option<Watch>,
     warnings: Vec<Message>,
     /// Whether it was said that a step returned early.
     has_returned_early: bool,
@@ -33,6 +37,7 @@ impl Calls {
             name: name.to_owned(),
             handle: Rc::new(handle),
             has_directional_derivatives,
+            watch: None,
             warnings: vec![],
             has_returned_early: false,
             not_numbers: BTreeSet::new(),
@@ -127,6 +132,26 @@ impl Calls {
         }
         self.handle.time.set(Some(early.unwrap_or(time + size)));
         Ok(early)
+    }
+
+    /// Reads the variables of a selection of this FMU.
+    pub fn read(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
+        for group in &mut selection.groups {
+            self.read_group(group, &selection.names)?;
+            group.scatter(values);
+        }
+        for texts in &mut selection.texts {
+            let (called, read) = self.handle.get_strings(texts.reference, texts.count());
+            self.check(&selection.names, called)?;
+            texts.scatter(read, values);
+        }
+        self.warn_of_no_numbers(&selection.names, values);
+        Ok(())
+    }
+
+    pub fn read_group(&mut self, group: &mut Group, names: &[String]) -> Result<()> {
+        let called = self.handle.get(group.number_type, &group.references, &mut group.values);
+        self.check(names, called)
     }
 
     /// Sets time (s) and continuous states.

@@ -125,8 +125,12 @@ impl EventMode {
     }
 
     /// Handles the events at a time (s), including clocks that are due up to `late` (s) after it, and leaves Event
-    /// Mode.
+    /// Mode. In an instance that was in Event Mode before, only inputs have changed, or it has just been initialized.
     pub fn handle(&mut self, calls: &mut Calls, time: f64, late: f64) -> Result<()> {
+        let is_watched = self.phase == Phase::BetweenEvents;
+        if is_watched {
+            calls.watch_event(time, false)?;
+        }
         self.enter(calls)?;
         for _ in 0..MOST_ITERATIONS {
             for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
@@ -160,7 +164,7 @@ impl EventMode {
                 let called = calls.handle.leave_event_mode();
                 calls.check(&[], called)?;
                 self.phase = Phase::BetweenEvents;
-                return Ok(());
+                return if is_watched { calls.watch_event(time, true) } else { Ok(()) };
             }
         }
         bail!(

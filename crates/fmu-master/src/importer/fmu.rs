@@ -1,5 +1,6 @@
 //! FMUs, extracted and loaded for one of their interfaces.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::iter::repeat_n;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::Pattern;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
-use fmu_package::{FmuDescription, FmuVariable, Linear, Platform};
+use fmu_package::{BuildConfiguration, FmuDescription, FmuVariable, Linear, Platform};
 use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;
@@ -73,7 +74,11 @@ impl Fmu {
             bail!("there is no such file");
         }
         let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
-        let folder = extract(path, |entry| platform.needs(entry))?;
+        let has_build_description = Cell::new(false);
+        let folder = extract(path, |entry| {
+            has_build_description.set(has_build_description.get() || entry == BuildConfiguration::PATH);
+            platform.needs(entry)
+        })?;
         let description = folder.path().join("modelDescription.xml");
         if !description.is_file() {
             bail!("there is no modelDescription.xml in it");
@@ -90,7 +95,13 @@ impl Fmu {
         let name = platform.library_path(identifier, is_fmi3);
         let library = folder.path().join(&name);
         if !library.is_file() {
-            bail!("it has no {name}: it is not for this platform");
+            let has_sources = has_build_description.get() || !description.source_files.is_empty();
+            let remedy = if has_sources {
+                format!("; `cargo fmu compile {}` compiles its C sources", path.display())
+            } else {
+                String::new()
+            };
+            bail!("it has no {name}: it is not for this platform{remedy}");
         }
         refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;

@@ -18,7 +18,7 @@ use super::fmu::{Fmu, reference};
 use super::folder;
 use super::integration::Integration;
 use super::messages::{self, CallFailed, Message};
-use super::selection::{Group, Selection};
+use super::selection::Selection;
 
 impl Fmu {
     /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`](super::ONLY_ONCE) allows one per process.
@@ -202,7 +202,7 @@ impl Instance {
     }
 
     /// Rejects a selection of another FMU.
-    fn refuse_other(&self, selection: &Selection) -> Result<()> {
+    pub(super) fn refuse_other(&self, selection: &Selection) -> Result<()> {
         if Arc::ptr_eq(&selection.functions, &self.calls.fmu.functions) {
             return Ok(());
         }
@@ -218,17 +218,7 @@ impl Instance {
     /// When there are fewer values than names.
     pub fn read(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
         self.refuse_other(selection)?;
-        for group in &mut selection.groups {
-            self.read_group(group, &selection.names)?;
-            group.scatter(values);
-        }
-        self.calls.warn_of_no_numbers(&selection.names, values);
-        Ok(())
-    }
-
-    fn read_group(&mut self, group: &mut Group, names: &[String]) -> Result<()> {
-        let called = self.calls.handle.get(group.number_type, &group.references, &mut group.values);
-        self.calls.check(names, called)
+        self.calls.read(selection, values)
     }
 
     /// Sets variables, one value for each name of the selection. An Integer becomes the nearest whole number, a Boolean
@@ -253,7 +243,7 @@ impl Instance {
             match &self.arrays {
                 _ if group.arrays.is_empty() => {}
                 Some(arrays) => group.begin_with(arrays, &self.calls.fmu),
-                None => self.read_group(group, &selection.names)?,
+                None => self.calls.read_group(group, &selection.names)?,
             }
             group.gather(values);
             if let Some(arrays) = &mut self.arrays {

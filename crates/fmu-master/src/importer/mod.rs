@@ -24,6 +24,7 @@ mod numbers;
 mod selection;
 #[cfg(test)]
 mod tests;
+mod watch;
 
 pub use self::c_boundary::{process, when_an_fmu_exits};
 pub use self::fmu::{Fmu, ONLY_ONCE};
@@ -34,3 +35,4 @@ pub use self::instance::{Instance, SavedState};
 pub use self::linearization::Linearization;
 pub use self::messages::{CallFailed, Ended, Message, Status};
 pub use self::selection::Selection;
+pub(crate) use self::watch::EventRow;

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_package::{Element, FmuVariable, Linear};
+use fmu_package::{Element, FmuVariable, Linear, ValueType};
 
 use super::c_boundary::{Functions, NumberType};
 use super::fmu::{Fmu, reference};
@@ -20,11 +20,29 @@ impl Fmu {
     /// # Errors
     /// When there is no variable of a name, it is not a number, or its value reference is not one.
     pub fn select<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Selection> {
+        self.select_of(names, false)
+    }
+
+    /// The same, and texts; they are read only.
+    pub(crate) fn select_with_texts<'a>(
+        &self,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Selection> {
+        self.select_of(names, true)
+    }
+
+    fn select_of<'a>(&self, names: impl IntoIterator<Item = &'a str>, has_texts: bool) -> Result<Selection> {
         let functions = Arc::clone(&self.functions);
-        let mut selection = Selection { names: vec![], groups: vec![], functions };
+        let mut selection = Selection { names: vec![], groups: vec![], texts: vec![], functions };
         for name in names {
             let variable = self.variable(name)?;
             let (reference, position) = (reference(variable)?, selection.names.len());
+            if has_texts && variable.value_type() == ValueType::String {
+                self.functions.refuse_no_texts().with_context(|| format!("{name} cannot be read"))?;
+                selection.texts.push(Texts::new(reference, variable.element, position));
+                selection.names.push(name.to_owned());
+                continue;
+            }
             let number_type =
                 variable.data_type.meaning().and_then(|known| self.functions.number_type(known));
             let Some((number_type, values)) = number_type else {
@@ -44,11 +62,13 @@ impl Fmu {
     }
 }
 
-/// Numeric variables of an [`Fmu`], resolved by [`Fmu::select`]. Their values are doubles in the order of the names, in
-/// the units that the FMU declares. Booleans are 0 and 1; Enumerations are the numbers of their items.
+/// Variables of an [`Fmu`], resolved by [`Fmu::select`]. Their values are doubles in the order of the names, in the units
+/// that the FMU declares. Booleans are 0 and 1; Enumerations are the numbers of their items, recorded texts those of the
+/// order in which they first occurred.
 pub struct Selection {
     pub(super) names: Vec<String>,
     pub(super) groups: Vec<Group>,
+    pub(super) texts: Vec<Texts>,
     /// Those of its FMU.
     pub(super) functions: Arc<Functions>,
 }
@@ -64,6 +84,39 @@ pub struct Group {
     slots: Vec<Slot>,
     /// The arrays among the references, each with the places of its values.
     pub arrays: BTreeMap<ValueReference, Range<usize>>,
+}
+
+/// A variable whose values are texts.
+pub struct Texts {
+    pub reference: ValueReference,
+    element: Option<Element>,
+    /// Its index among the selection's.
+    position: usize,
+    /// Those that occurred, and their numbers.
+    known: Vec<String>,
+    numbers: BTreeMap<String, usize>,
+}
+
+impl Texts {
+    fn new(reference: ValueReference, element: Option<Element>, position: usize) -> Self {
+        Self { reference, element, position, known: vec![], numbers: BTreeMap::new() }
+    }
+
+    /// The number of texts under its reference.
+    pub fn count(&self) -> usize {
+        self.element.map_or(1, |element| element.size)
+    }
+
+    /// Takes the number of its text of those under its reference.
+    pub fn scatter(&mut self, mut texts: Vec<String>, values: &mut [f64]) {
+        let text = texts.swap_remove(self.element.map_or(0, |element| element.position));
+        let number = self.numbers.get(&text).copied().unwrap_or_else(|| {
+            self.known.push(text.clone());
+            self.numbers.insert(text, self.known.len() - 1);
+            self.known.len() - 1
+        });
+        values[self.position] = number as f64;
+    }
 }
 
 /// One of a group's variables.
@@ -178,5 +231,10 @@ impl Selection {
     #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// The texts that have occurred, each with the index of its variable.
+    pub(super) fn texts(&self) -> impl Iterator<Item = (usize, &[String])> {
+        self.texts.iter().map(|texts| (texts.position, texts.known.as_slice()))
     }
 }

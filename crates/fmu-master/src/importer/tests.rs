@@ -11,10 +11,11 @@ use std::thread;
 
 use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Value};
+use fmu_record::Record;
 
 use self::careless::DESCRIPTION;
 use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Signal};
 use crate::{LoadedFmus, Master};
 
 #[path = "../../tests/careless/mod.rs"]
@@ -651,6 +652,101 @@ fn members_of_model_exchange_are_coupled() {
     let refused = refused.unwrap_err().to_string();
     let expected = "expected \"cs\" for co-simulation or \"me\" for Model Exchange, found the text \"se\"";
     assert!(refused.ends_with(expected), "{refused}");
+}
+
+/// The record of balls in Model Exchange, the second of which only falls, with rows at events or without.
+fn record_of_balls(record: &str, step: f64, has_events: bool) -> Record {
+    let folder = tempfile::tempdir().unwrap();
+    careless::write(&folder.path().join("ball.fmu"), BALL, &careless::compiled("exchange.c"));
+    let text = format!(
+        r#"
+        step = {step}
+        stop_time = 1.2
+        record = {record}
+        [[fmu]]
+        name = "ball"
+        file = "ball.fmu"
+        [[fmu]]
+        name = "other"
+        file = "ball.fmu"
+        values = {{ h = 100.0 }}
+        "#
+    );
+    let mut scenario = Scenario::parse("balls.toml", &text, folder.path(), folder.path()).unwrap();
+    scenario.tolerance = Some(1e-10);
+    let mut loaded = LoadedFmus::default();
+    let mut master = Master::new(&scenario, &mut loaded).unwrap();
+    if has_events {
+        master.record_events();
+    }
+    assert_eq!(master.without_events().count(), 0);
+    master.run(|_, _| ()).unwrap().record
+}
+
+fn rows(record: &Record) -> Vec<Vec<u64>> {
+    let columns = record.columns().iter().map(|column| column.values.as_slice());
+    [record.time()]
+        .into_iter()
+        .chain(columns)
+        .map(|values| values.iter().copied().map(f64::to_bits).collect())
+        .collect()
+}
+
+/// At its impacts the ball's speed is halved and turned; every 0.25 s, at a communication point, too, it counts.
+#[test]
+fn rows_before_and_after_events_are_recorded() {
+    let record = record_of_balls(r#"["ball:h", "ball:v", "ball:time_events"]"#, 0.2, true);
+    let [h, v, count] = [0, 1, 2].map(|column| &record.columns()[column].values);
+    let time = record.time();
+    let is_same = |values: &[f64], row: usize| values[row].to_bits() == values[row - 1].to_bits();
+    let changes = |values: &[f64]| (1..time.len()).filter(|row| !is_same(values, *row)).collect::<Vec<_>>();
+    let jumps: Vec<_> = changes(v).into_iter().filter(|row| is_same(time, *row)).collect();
+    let impacts = [1.0, 2.0, 2.5].map(|times| times * 0.2_f64.sqrt());
+    for (jump, impact) in jumps.iter().zip(impacts) {
+        assert!((time[*jump] - impact).abs() < 1e-9 && h[*jump].abs() < 1e-9, "{}", time[*jump]);
+        assert_eq!((v[*jump] / v[jump - 1]).to_bits(), (-0.5_f64).to_bits());
+    }
+    let counted = changes(count);
+    assert_eq!((jumps.len(), counted.len()), (3, 4));
+    for (row, due) in counted.into_iter().zip([0.25, 0.5, 0.75, 1.0]) {
+        assert!((time[row] - due).abs() < 1e-15 && is_same(time, row) && is_same(v, row), "{due}");
+    }
+    // Two at each event, one of which is at a communication point, where the second is there without it; there is one more
+    // after the third step of the integrator.
+    assert_eq!(time.len(), 7 + 2 * (3 + 4 + 1) - 1);
+    let sampled = record_of_balls(r#"["ball:h", "ball:v", "ball:time_events"]"#, 0.2, false);
+    assert_eq!(rows(&record.without_events()), rows(&sampled));
+    assert_eq!(sampled.time().len(), 7);
+}
+
+/// Events of two at the same time are one pair of rows, and at the events of one the other moves on a line.
+#[test]
+fn rows_at_events_hold_what_the_other_fmus_do() {
+    let record =
+        record_of_balls(r#"["ball:v", "ball:time_events", "other:v", "other:time_events"]"#, 0.2, true);
+    let time = record.time();
+    let [v, count, other_v, other_count] = [0, 1, 2, 3].map(|column| &record.columns()[column].values);
+    assert_eq!(rows(&record)[2], rows(&record)[4]);
+    assert_eq!(count.last(), Some(&4.0));
+    // It falls by 10 m/s^2, which is a line.
+    assert!(time.iter().zip(other_v).all(|(time, v)| (v + 10.0 * time).abs() < 1e-9));
+    assert_eq!((1..time.len()).filter(|row| v[*row] > v[row - 1]).count(), 3);
+    // The third steps of their integrators end at different times.
+    assert_eq!(other_count.len(), 7 + 2 * (3 + 4 + 2) - 1);
+}
+
+/// The noise is that of the run without rows at events, between which it is on a line.
+#[test]
+fn noise_is_measured_at_communication_points() {
+    let noisy = "[\"ball:v\"]\nmeasurement_noise.\"ball:v\".standard_deviation = 0.1";
+    let [record, sampled] = [true, false].map(|has_events| record_of_balls(noisy, 0.2, has_events));
+    assert_eq!(rows(&record.without_events()), rows(&sampled));
+    let line =
+        Signal::Lines(sampled.time().iter().copied().zip(sampled.columns()[0].values.clone()).collect());
+    assert!(record.time().len() > sampled.time().len());
+    for (time, value) in record.time().iter().zip(&record.columns()[0].values) {
+        assert!((value - line.at(*time)).abs() < 1e-12, "{time}");
+    }
 }
 
 /// An instance of the FMU of `misbehaving.c`, initialized in Model Exchange, with values of its parameters. `scaled` has states

@@ -28,6 +28,9 @@ pub struct Sweep {
     /// The folder for report.html, results.csv, results.parquet, the journal and the records
     #[arg(long, value_name = "DIR", default_value = "target/sweep")]
     out: PathBuf,
+    /// Record communication points only, without the rows before and after each event
+    #[arg(long)]
+    no_events: bool,
     #[command(flatten)]
     workers: WorkerArguments,
 }
@@ -108,6 +111,7 @@ impl Sweep {
     fn read(&self) -> Result<Study> {
         let mut study = Study::read(&self.study, &self.fmus.folder)?;
         self.fmus.give(&mut study.scenario)?;
+        study.records_events &= !self.no_events;
         Ok(study)
     }
 }

@@ -42,6 +42,8 @@ pub struct Study {
     points: Vec<Vec<Option<Value>>>,
     measures: Vec<Measure>,
     keeps_records: bool,
+    /// Whether they have rows at events.
+    pub records_events: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -98,6 +100,7 @@ impl Study {
             parameters,
             points,
             keeps_records,
+            records_events: keeps_records,
             scenario: {
                 record_measured(&mut scenario, &measures, keeps_records);
                 scenario
@@ -124,6 +127,10 @@ impl Study {
                 let message = format!("the scenario does not record {}", measure.variable);
                 return Err(measure.location.error(message));
             };
+            if column.is_text {
+                let message = format!("{} is a String, which cannot be measured", measure.variable);
+                return Err(measure.location.error(message));
+            }
             measures.push(measure.column(column));
         }
         let notes = master.notes().to_vec();
@@ -155,7 +162,7 @@ impl Study {
 
     /// Everything the results depend on, by name.
     fn settings(&self) -> Result<Settings> {
-        let Self { title: _, scenario, parameters, points, measures, keeps_records } = self;
+        let Self { title: _, scenario, parameters, points, measures, keeps_records, records_events } = self;
         let mut settings = Settings::new();
         let mut set = |name: String, value: String| settings.insert(name, value);
         set("records".into(), keeps_records.to_string());
@@ -213,6 +220,7 @@ impl Study {
                 record.iter().map(|recorded| recorded.name.as_str()).collect::<Vec<_>>().join(", ")
             });
             set("scenario's record".into(), names.unwrap_or_default());
+            set("events in records".into(), records_events.to_string());
         }
         Ok(settings)
     }
@@ -221,8 +229,11 @@ impl Study {
     fn run_one(&self, fmus: &LoadedFmus, run: usize, records: &Path) -> Result<Outcome> {
         let mut outcome = Outcome::new(run, self.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
-            let run = Master::new(&scenario, &mut fmus.clone())?.run(|_, _| ())?;
-            Ok((run, scenario))
+            let mut master = Master::new(&scenario, &mut fmus.clone())?;
+            if self.records_events {
+                master.record_events();
+            }
+            Ok((master.run(|_, _| ())?, scenario))
         });
         let (finished, scenario) = match simulated {
             Ok(simulated) => simulated,
@@ -232,12 +243,11 @@ impl Study {
             }
         };
         outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
+        let sampled = finished.record.without_events();
         outcome.measures = self
             .measures
             .iter()
-            .map(|measure| {
-                measure.of(&finished.record, &scenario).map(|value| value.is_finite().then_some(value))
-            })
+            .map(|measure| measure.of(&sampled, &scenario).map(|value| value.is_finite().then_some(value)))
             .collect::<Result<_>>()?;
         if self.keeps_records {
             let path = records.join(format!("{run}.csv"));

@@ -4,7 +4,7 @@ use std::ffi::{c_int, c_void};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use fmu_export::fmi2::c_types::{Component, ValueReference};
 use fmu_io::temporary::Folder;
 use fmu_terms::{DataType, Version};
@@ -162,6 +162,10 @@ functions! {
     }
     Exchange3: fmi3 { completed_integrator_step: fmi3CompletedIntegratorStep }
 
+    /// Of texts.
+    Strings2: fmi2 { get: fmi2GetString }
+    Strings3: fmi3 { get: fmi3GetString }
+
     Directional2: fmi2 { get: fmi2GetDirectionalDerivative }
     Directional3: fmi3 { get: fmi3GetDirectionalDerivative }
 
@@ -224,6 +228,8 @@ pub struct Functions {
     pub exchange: Option<Exchange>,
     pub exchange2: Option<Exchange2>,
     pub exchange3: Option<Exchange3>,
+    pub strings2: Option<Strings2>,
+    pub strings3: Option<Strings3>,
     pub directional2: Option<Directional2>,
     pub directional3: Option<Directional3>,
     pub events3: Option<Events3>,
@@ -275,6 +281,8 @@ impl Functions {
                 exchange: is_exchange.then(|| Exchange::load(it)).transpose()?,
                 exchange2: (!is_fmi3 && is_exchange).then(|| Exchange2::load(it)).transpose()?,
                 exchange3: (is_fmi3 && is_exchange).then(|| Exchange3::load(it)).transpose()?,
+                strings2: (!is_fmi3).then(|| Strings2::load(it).ok()).flatten(),
+                strings3: is_fmi3.then(|| Strings3::load(it).ok()).flatten(),
                 directional2: (!is_fmi3).then(|| Directional2::load(it).ok()).flatten(),
                 directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
                 events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
@@ -316,6 +324,14 @@ impl Functions {
 
     pub fn numbers(&self) -> &'static [(DataType, Memory)] {
         if self.is_fmi3() { &NUMBERS_OF_FMI3 } else { &NUMBERS_OF_FMI2 }
+    }
+
+    /// Refuses a library that cannot tell its texts.
+    pub fn refuse_no_texts(&self) -> Result<()> {
+        if self.strings2.is_none() && self.strings3.is_none() {
+            bail!("its library has no {}GetString", self.symbols.prefix);
+        }
+        Ok(())
     }
 
     /// The functions for a variable's type, if numeric, and the memory for its values.

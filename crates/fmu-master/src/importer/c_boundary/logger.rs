@@ -88,7 +88,7 @@ fn take(environment: Environment, name: Option<&str>, status: c_int, text: Optio
 ///
 /// # Safety
 /// `text` is null or ends with a zero byte.
-unsafe fn text_at(text: *const c_char) -> Option<String> {
+pub unsafe fn text_at(text: *const c_char) -> Option<String> {
     // SAFETY: the caller's promise.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }

@@ -26,7 +26,7 @@ pub use self::functions::{Functions, NumberType};
 use self::functions::{Instantiate, OfVersion};
 pub use self::live::when_an_fmu_exits;
 use self::live::{Call, Live};
-use self::logger::{CallbackFunctions, log_message};
+use self::logger::{CallbackFunctions, log_message, text_at};
 use super::messages::{Called, Function, Message, Status};
 use super::numbers::Numbers;
 
@@ -541,6 +541,25 @@ impl Handle {
                 }
             }
         })
+    }
+
+    /// The texts of a variable, which is an array if there are several.
+    pub fn get_strings(&self, reference: ValueReference, count: usize) -> (Called, Vec<String>) {
+        let mut texts = vec![ptr::null(); count];
+        // SAFETY: the component is alive, and the pointers are as many as the variable's values, which the FMU checks.
+        let called = self.call("GetString", |component| unsafe {
+            match (&self.functions.strings2, &self.functions.strings3) {
+                (Some(of), _) => (of.get)(component, &raw const reference, 1, texts.as_mut_ptr()),
+                (_, Some(of)) => (of.get)(component, &raw const reference, 1, texts.as_mut_ptr(), count),
+                _ => MISUSED,
+            }
+        });
+        if !called.status.succeeded() {
+            return (called, vec![]);
+        }
+        // SAFETY: each is null or a text of the FMU, which stays until its next call.
+        let copy = |text: &_| unsafe { text_at(*text) }.unwrap_or_default();
+        (called, texts.iter().map(copy).collect())
     }
 
     /// Saves the state, with whether `Terminate` is due in it; none where the FMU has no such function.

@@ -1,0 +1,294 @@
+//! `compile`: adds to an FMU a library for this platform, compiled from its C or C++ sources.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::io::{BufReader, ErrorKind};
+use std::path::{Component, Path, PathBuf};
+use std::process::Command;
+use std::thread;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use cc::Tool;
+use clap::Args;
+use fmu_io::reading::{self, LARGEST_CONTENT};
+use fmu_io::temporary::Folder;
+use fmu_io::terminal::print;
+use fmu_io::writing;
+use fmu_package::{
+    BuildConfiguration, FmuDescription, MODEL_DESCRIPTION, Merged, Part, Platform, PlatformList,
+    SourceFileSet, StaticLibrary, archive,
+};
+
+use super::target::host_triple;
+use super::threads::each;
+
+/// The temporary folders of sources and results.
+const PREFIX: &str = ".compiled-by-cargo-fmu-";
+
+/// The standard's headers, which the importer provides (FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.4.10).
+const HEADERS: [(&str, &str); 6] = [
+    ("fmi2FunctionTypes.h", include_str!("../headers/fmi2FunctionTypes.h")),
+    ("fmi2Functions.h", include_str!("../headers/fmi2Functions.h")),
+    ("fmi2TypesPlatform.h", include_str!("../headers/fmi2TypesPlatform.h")),
+    ("fmi3FunctionTypes.h", include_str!("../headers/fmi3FunctionTypes.h")),
+    ("fmi3Functions.h", include_str!("../headers/fmi3Functions.h")),
+    ("fmi3PlatformTypes.h", include_str!("../headers/fmi3PlatformTypes.h")),
+];
+
+/// Functions of a shared library have no prefix.
+const WITHOUT_PREFIX: [&str; 2] = ["-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"];
+
+/// The languages that compilers have an option for.
+const LANGUAGES: [&str; 13] =
+    ["C89", "C90", "C99", "C11", "C17", "C23", "C++98", "C++11", "C++14", "C++17", "C++20", "C++23", "C++26"];
+
+/// Compile an FMU's C sources for this platform, into a new FMU
+///
+/// Takes the C compiler of this machine, or that of the environment variable CC, and the FMU's own definitions, compiler
+/// options and libraries.
+#[derive(Args, Debug)]
+pub struct Compile {
+    /// An FMU with sources
+    #[arg(value_name = "FILE.fmu")]
+    fmu: PathBuf,
+    /// The file to write [default: beside the FMU, with the platform in its name]
+    #[arg(long, short, value_name = "FILE.fmu")]
+    out: Option<PathBuf>,
+}
+
+impl Compile {
+    /// Writes the FMU with its new library, and lists its libraries.
+    ///
+    /// # Errors
+    /// When the FMU cannot be read or has no sources, they cannot be compiled, or the file cannot be written.
+    pub fn run(&self) -> Result<()> {
+        let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
+        let fmu = &self.fmu;
+        let beside = || fmu.with_extension(format!("{}.fmu", platform.folder()));
+        let out = self.out.clone().unwrap_or_else(beside);
+        writing::refuse_overlap(std::slice::from_ref(&out), std::slice::from_ref(fmu))?;
+        let compiled = compiled(fmu, platform).with_context(|| format!("cannot compile {}", fmu.display()));
+        let (part, runs) = compiled?;
+        let parts = [part];
+        let merged = Merged::new(&parts, &runs)?;
+        writing::write(&out, |writer| merged.write(writer))?;
+        Ok(print(&format!("{}\n{}", out.display(), merged.platforms))?)
+    }
+}
+
+/// An FMU with the libraries of its sources, and where its other libraries were run.
+fn compiled(fmu: &Path, platform: Platform) -> Result<(Part, BTreeMap<Platform, String>)> {
+    let mut archive = archive::open(BufReader::new(reading::open(fmu)?))?;
+    let description = FmuDescription::parse(&archive::read_text(&mut archive, MODEL_DESCRIPTION)?)
+        .with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))?;
+    let mut files = archive::read_files(&mut archive, &mut LARGEST_CONTENT.clone())?;
+    let configurations = BuildConfiguration::of(&description, &files)?;
+    let identifiers: BTreeSet<_> = description
+        .interfaces
+        .iter()
+        .filter_map(|(interface, _)| description.identifier(*interface))
+        .collect();
+    let is_needed = |path: &str| path.starts_with("sources/") || path.starts_with("binaries/");
+    let folder = Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?;
+    let sources = Sources::new(&folder, &platform.folder_for_host(description.is_fmi3()), &files)?;
+    let mut libraries = vec![];
+    for identifier in identifiers {
+        let own: Vec<_> =
+            configurations.iter().filter(|known| known.model_identifier == identifier).collect();
+        if !own.is_empty() {
+            let path = platform.library_path(identifier, description.is_fmi3());
+            let library = sources.compile(sources.choose(&own, &platform.folder_for_host(true))?, &path)?;
+            libraries.push((path, library));
+        }
+    }
+    ensure!(!libraries.is_empty(), "it lists no C sources");
+    files.extend(libraries);
+    // The new library has not been run.
+    let list = files.remove(PlatformList::PATH).unwrap_or_default();
+    let runs = PlatformList::read_runs(&String::from_utf8_lossy(&list)).into_iter();
+    let runs = runs.filter_map(|(folder, run)| Some((folder.parse().ok()?, run)));
+    let runs = runs.filter(|(other, _)| *other != platform).collect();
+    Ok((Part { name: fmu.display().to_string(), files }, runs))
+}
+
+/// The extracted sources of an FMU.
+struct Sources<'a> {
+    folder: &'a Path,
+    /// The folder of this platform's libraries.
+    binaries: String,
+    files: &'a BTreeMap<String, Vec<u8>>,
+    compiler: Tool,
+}
+
+impl<'a> Sources<'a> {
+    fn new(folder: &'a Folder, platform: &str, files: &'a BTreeMap<String, Vec<u8>>) -> Result<Self> {
+        let headers = folder.path().join("headers");
+        fs::create_dir(&headers)?;
+        for (name, text) in HEADERS {
+            fs::write(headers.join(name), text)?;
+        }
+        let binaries = format!("binaries/{platform}");
+        Ok(Self { folder: folder.path(), binaries, files, compiler: compiler(false)? })
+    }
+
+    /// The configuration for this platform, if there is one, and for this kind of compiler.
+    fn choose<'c>(&self, all: &[&'c BuildConfiguration], tuple: &str) -> Result<&'c BuildConfiguration> {
+        let has = |platform: &str| all.iter().any(|known| known.platform == platform);
+        let platform = if has(tuple) { tuple } else { "" };
+        let mut suiting = all.iter().filter(|known| known.platform == platform);
+        let first = suiting.clone().next();
+        let takes_options =
+            |known: &&&BuildConfiguration| known.source_file_sets.iter().all(|set| self.takes_options(set));
+        let found = suiting.find(takes_options).or(first);
+        found
+            .copied()
+            .with_context(|| format!("its {} has no configuration for {tuple}", BuildConfiguration::PATH))
+    }
+
+    /// Whether the compiler options of a set are for this kind of compiler.
+    fn takes_options(&self, set: &SourceFileSet) -> bool {
+        let name = set.compiler.to_lowercase();
+        name.is_empty() || (name.contains("visual") || name == "cl") == self.compiler.is_like_msvc()
+    }
+
+    /// The library of a configuration, whose path in the FMU has its name.
+    fn compile(&self, configuration: &BuildConfiguration, path: &str) -> Result<Vec<u8>> {
+        let folder = self.folder.join("objects").join(&configuration.model_identifier);
+        fs::create_dir_all(&folder)?;
+        let (mut objects, mut commands) = (vec![], VecDeque::new());
+        for set in &configuration.source_file_sets {
+            let compiler = compiler(is_cpp(set))?;
+            let options = self.options(set)?;
+            for file in &set.source_files {
+                let object = folder.join(format!("{}.o", objects.len()));
+                let mut command = compiler.to_command();
+                command.arg("-c").arg(self.source(file)?).args(&options).current_dir(&folder);
+                self.write_to(&mut command, "-Fo", &object);
+                objects.push(object);
+                commands.push_back((file.as_str(), command));
+            }
+        }
+        self.run_all(commands)?;
+        let mut link = compiler(configuration.source_file_sets.iter().any(is_cpp))?.to_command();
+        let library = folder.join(Path::new(path).file_name().context("a library has a name")?);
+        link.arg(if self.is_msvc() { "-LD" } else { "-shared" }).args(objects).current_dir(&folder);
+        self.write_to(&mut link, "-Fe", &library);
+        for library in &configuration.libraries {
+            link.arg(self.library(library)?);
+        }
+        if !self.is_msvc() {
+            link.arg("-lm");
+        }
+        self.run(path, &mut link)?;
+        Ok(reading::bytes(&library)?)
+    }
+
+    fn is_msvc(&self) -> bool {
+        self.compiler.is_like_msvc()
+    }
+
+    /// Has a command write to a file, by an option of Microsoft's compiler or that of the others.
+    fn write_to(&self, command: &mut Command, of_msvc: &str, file: &Path) {
+        if self.is_msvc() {
+            command.arg(format!("{of_msvc}{}", file.display()));
+        } else {
+            command.arg("-o").arg(file);
+        }
+    }
+
+    /// The path of a source file.
+    fn source(&self, name: &str) -> Result<PathBuf> {
+        let path = format!("sources/{}", name.trim_start_matches("./"));
+        ensure!(self.files.contains_key(&path), "there is no {path}");
+        Ok(self.folder.join(path))
+    }
+
+    /// What the files of a set are compiled with.
+    fn options(&self, set: &SourceFileSet) -> Result<Vec<String>> {
+        let include = |folder: PathBuf| format!("-I{}", folder.display());
+        let mut options = vec![include(self.folder.join("headers")), include(self.folder.join("sources"))];
+        for directory in &set.include_directories {
+            let is_inside = Path::new(directory)
+                .components()
+                .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+            ensure!(is_inside, "its include directory '{directory}' is not below sources");
+            options.push(include(self.folder.join("sources").join(directory)));
+        }
+        options.extend(WITHOUT_PREFIX.map(str::to_owned));
+        options.extend(set.definitions.iter().map(|(name, value)| match value {
+            Some(value) => format!("-D{name}={value}"),
+            None => format!("-D{name}"),
+        }));
+        let language = set.language.to_uppercase();
+        if LANGUAGES.contains(&language.as_str()) && !self.is_msvc() {
+            options.push(format!("-std={}", language.replace('C', "gnu")));
+        }
+        if self.takes_options(set) {
+            options.extend(set.compiler_options.clone());
+        }
+        Ok(options)
+    }
+
+    /// What a library is linked by.
+    fn library(&self, library: &StaticLibrary) -> Result<OsString> {
+        let StaticLibrary { name, is_external } = library;
+        if *is_external {
+            let is_file = Path::new(name).extension().is_some();
+            return Ok(match (self.is_msvc(), is_file) {
+                (true, true) => name.clone(),
+                (true, false) => format!("{name}.lib"),
+                (false, true) => format!("-l:{name}"),
+                (false, false) => format!("-l{name}"),
+            }
+            .into());
+        }
+        let names = [name.clone(), format!("lib{name}.a"), format!("{name}.lib")];
+        let mut paths = names.iter().map(|name| format!("{}/{name}", self.binaries));
+        let path = paths.find(|path| self.files.contains_key(path));
+        let path = path.with_context(|| format!("there is no library {name} in {}", self.binaries))?;
+        Ok(self.folder.join(path).into())
+    }
+
+    /// Runs commands, each of which compiles a source file, on all cores.
+    fn run_all(&self, commands: VecDeque<(&str, Command)>) -> Result<()> {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        each(cores, commands, |(file, mut command)| self.run(&format!("sources/{file}"), &mut command))
+    }
+
+    /// Runs a command that makes something.
+    fn run(&self, made: &str, command: &mut Command) -> Result<()> {
+        let program = command.get_program().display().to_string();
+        let output = command.output().map_err(|error| match error.kind() {
+            ErrorKind::NotFound => {
+                anyhow!("there is no C compiler {program}; install one, or set CC to the path of yours")
+            }
+            _ => anyhow!("cannot run {program}: {error}"),
+        })?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said =
+            [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
+        let said = said.replace(&format!("{}/", self.folder.display()), "");
+        bail!("{program} cannot make {made}:\n{}", said.trim_end());
+    }
+}
+
+/// Whether a set's files are in C++.
+fn is_cpp(set: &SourceFileSet) -> bool {
+    let is_suffix =
+        |suffix: &OsStr| ["cc", "cpp", "cxx"].iter().any(|known| suffix.eq_ignore_ascii_case(known));
+    let mut suffixes = set.source_files.iter().filter_map(|file| Path::new(file).extension());
+    set.language.to_uppercase().starts_with("C++") || suffixes.any(is_suffix)
+}
+
+/// The compiler of this machine, optimizing, for shared libraries.
+fn compiler(is_cpp: bool) -> Result<Tool> {
+    let triple = host_triple()?;
+    let mut build = cc::Build::new();
+    build.cpp(is_cpp).target(triple).host(triple).opt_level(2).debug(false).warnings(false).pic(true);
+    // The run-time library of Windows goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
+    build.static_crt(true).cargo_metadata(false).cargo_warnings(false).cargo_output(false);
+    build.try_get_compiler().context("there is no C compiler")
+}

@@ -1,0 +1,84 @@
+"""Names that other tools write, in FMPy: each variable is found by its own, whatever Rust makes of it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import read_model_description, simulate_fmu
+
+from fmu import ROOT, TARGET, Run
+
+DECLARATION = ROOT / "crates" / "fmu-export" / "tests" / "names-model" / "model.json"
+
+VARIABLES = json.loads(DECLARATION.read_text())["variables"]
+
+PARAMETERS = [variable["name"] for variable in VARIABLES if variable["causality"] == "parameter"]
+
+SUMMED = ["in", "type", "self", "größe", "a[2].b", "a.b.c"]
+
+
+@pytest.fixture(params=["names.fmu", "fmi3/names.fmu"])
+def file(request: pytest.FixtureRequest) -> Path:
+    return TARGET / "names-model" / request.param
+
+
+@pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+def test_each_variable_has_its_own_name(file: Path, interface: str) -> None:
+    assert len(PARAMETERS) == 60
+    start_values = {name: 100.0 + number for number, name in enumerate(PARAMETERS)}
+    inputs = {"u": 3.0, "x": 7.0, "gear": -4}
+    is_array = file.parent.name == "fmi3"
+    outputs = ["sum of all", "'y [2]'.v", "state [1]", "gear out"]
+    arrays = (
+        ["arr.in", "arr.out"] if is_array else [f"arr.{end}[{i}]" for end in ("in", "out") for i in (1, 2, 3)]
+    )
+    result = simulate_fmu(
+        str(file),
+        fmi_type=interface,
+        start_values={**start_values, **inputs},
+        output=[*PARAMETERS, "parameter.'in'", *outputs, *arrays],
+        relative_tolerance=1e-8,
+    )
+    last = result[-1]
+    assert {name: last[name] for name in PARAMETERS} == start_values
+    assert last["parameter.'in'"] == start_values["in"]
+    assert last["sum of all"] == sum(start_values[name] for name in SUMMED)
+    assert last["gear out"] == -4
+    assert last["'y [2]'.v"] == last["state [1]"]
+    # A lag of 1 s after 1 s; the solvers' errors are some tens of their tolerance.
+    assert last["'y [2]'.v"] == pytest.approx(3.0 * (1.0 - math.exp(-1.0)), abs=1e-6)
+    assert np.hstack([last[name] for name in arrays]).tolist() == 2 * [7.0, 14.0, 21.0]
+
+
+def test_aliases_are_of_the_same_variable_and_no_unknowns(file: Path) -> None:
+    description = read_model_description(file, validate=True)
+    assert description.variableNamingConvention == "flat"
+    variables = {variable.name: variable for variable in description.modelVariables}
+    is_fmi3 = file.parent.name == "fmi3"
+    of_array = ("arr.out", "arr.in") if is_fmi3 else ("arr.out[2]", "arr.in[2]")
+    pairs = [("parameter.'in'", "in"), ("state [1]", "'y [2]'.v"), of_array]
+    for alias, name in pairs:
+        assert variables[alias].valueReference == variables[name].valueReference
+        # FMPy shows an alias of FMI 3.0 as a copy of its variable.
+        assert is_fmi3 or (variables[alias].causality, variables[alias].start) == ("local", None)
+    unknowns = [*description.outputs, *description.derivatives, *description.initialUnknowns]
+    assert {unknown.variable.name for unknown in unknowns}.isdisjoint(alias for alias, _ in pairs)
+
+
+def test_the_runner_takes_each_name(file: Path, cargo_fmu: Run, tmp_path: Path) -> None:
+    """Also those with what separates names and values on its command line: commas within quotes."""
+    out = tmp_path / "names.csv"
+    wanted = {name: 100.0 + number for number, name in enumerate(PARAMETERS)}
+    values = [f"--set={name}={value}" for name, value in wanted.items()]
+    recorded = [name for name in PARAMETERS if name != "a,b"]
+    done = cargo_fmu("simulate", file, *values, f"--record={','.join(recorded)}", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    with out.open(encoding="utf-8", newline="") as text:
+        rows = list(csv.reader(text))
+    assert rows[0] == ["time", *recorded]
+    assert [float(cell) for cell in rows[-1][1:]] == [wanted[name] for name in recorded]
