@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import tomllib
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,24 @@ def test_failing_step_ends_with_time_and_the_fmus_message(cargo_fmu: Run, tmp_pa
     assert done.stderr.startswith("error: alone: fmi2DoStep at 5 s gave fmi2Error\n")
     assert "the model's own error" in done.stderr
     assert not out.exists()
+
+
+def test_a_description_in_another_encoding_is_read_as_it_declares(cargo_fmu: Run, tmp_path: Path) -> None:
+    """The standard asks for UTF-8, but some tools write ISO-8859-1."""
+    source = TARGET / "names-model" / "names.fmu"
+    file = tmp_path / "latin.fmu"
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(file, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                text = content.decode().replace('encoding="UTF-8"', 'encoding="ISO-8859-1"')
+                content = text.encode("iso-8859-1", errors="xmlcharrefreplace")
+                assert b"gr\xf6\xdfe" in content
+            new.writestr(name, content)
+    out = tmp_path / "latin.csv"
+    done = cargo_fmu("simulate", file, "--set", "größe=5", "--record", "größe", "--out", out, "--no-units")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert out.read_text(encoding="utf-8").splitlines()[:2] == ["time,größe", "0.0,5.0"]
 
 
 def test_a_library_that_cannot_be_loaded_is_reported_with_the_reason(cargo_fmu: Run, tmp_path: Path) -> None:

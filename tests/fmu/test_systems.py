@@ -6,12 +6,14 @@ crates/cargo-fmu/tests/running/systems.rs.
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
 
+from fmu import csv_lines
 from fmu.master import Fmu, Instance
 from fmu.test_other_makers import read, simulate_of_cargo
 from fmu.test_validate import OPEN_MODELICA, REFERENCE
@@ -136,6 +138,27 @@ def test_signals_of_all_types_pass_through_two_fmus(
             column = found[f"{element}:{name}_output"]
             assert len(column) == 65
             assert (column[1:] == value).all(), (element, name)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_texts_pass_through_two_fmus(other_makers: Path, tmp_path: Path, version: int) -> None:
+    fmu = other_makers / REFERENCE / f"fmi{version}" / "Feedthrough.fmu"
+    own = connectors({"text": ("input", "<ssc:String/>")}) + parameters(
+        {"text": '<ssv:String value="Größe 5"/>'}
+    )
+    connections = [
+        connection("text", "one/String_input"),
+        connection("one/String_output", "two/String_input"),
+    ]
+    root = system("root", own, [component("one"), component("two")], connections)
+    package = pack(tmp_path / "texts.ssp", {"one": fmu, "two": fmu}, root)
+    out = tmp_path / "out.csv"
+    done = simulate_of_cargo(package, "--record", "one:String_output,two:String_output", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    names, *rows = csv.reader(csv_lines(out))
+    assert names == ["time", "one:String_output", "two:String_output"]
+    assert len(rows) == 501
+    assert all(texts == ["Größe 5"] * 2 for _, *texts in rows[1:])
 
 
 def test_arrays_pass_through_two_fmus(other_makers: Path, tmp_path: Path) -> None:

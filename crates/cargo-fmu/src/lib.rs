@@ -169,6 +169,11 @@ pub fn main() -> ExitCode {
         let command = Arguments::parse_from(&arguments).command;
         #[cfg(feature = "simulate")]
         let worker = || run::workers::Program::this(&arguments);
+        // An FMU may end the process.
+        #[cfg(feature = "simulate")]
+        let in_worker = |run: &dyn Fn() -> Result<()>| {
+            if is_worker { run::workers::work_once(run) } else { run::workers::supervised(&worker()?) }
+        };
         match command {
             Command::New(new) => new.run(),
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
@@ -178,15 +183,13 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) if is_worker => simulate.work(),
-            #[cfg(feature = "simulate")]
             Command::Sweep(sweep) if is_worker => sweep.work(),
             #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) => simulate.run(&worker()?),
+            Command::Simulate(simulate) => in_worker(&|| simulate.run()),
             #[cfg(feature = "simulate")]
             Command::Compare(compare) => compare.run(),
             #[cfg(feature = "simulate")]
-            Command::Linearize(linearize) => linearize.run(),
+            Command::Linearize(linearize) => in_worker(&|| linearize.run()),
             #[cfg(feature = "simulate")]
             Command::Sweep(sweep) => return sweep.run(&worker()?),
             Command::Completions { shell } => {

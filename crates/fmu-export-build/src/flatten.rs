@@ -159,17 +159,6 @@ impl<'a> Flat<'a> {
             Some(component) => format!("{component}: {text}"),
             None => text.to_owned(),
         };
-        let aliases = |subscripts: &str| {
-            let alias = |alias: &AliasDeclaration| Alias {
-                name: format!("{prefix}{}{subscripts}", alias.name),
-                description: alias
-                    .description
-                    .as_deref()
-                    .or(declaration.description.as_deref())
-                    .map(describe),
-            };
-            declaration.aliases.iter().map(alias).collect::<Vec<_>>()
-        };
         let before = self.scalars.len();
         let checked =
             variable::check(self.declaration, declaration, start, before).map_err(|(of, reason)| {
@@ -196,7 +185,7 @@ impl<'a> Flat<'a> {
                 data_type: checked.data_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
-                aliases: aliases(&subscripts),
+                aliases: aliases(declaration, &prefix, &subscripts, describe),
                 min: fixed.or(declaration.min),
                 max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
@@ -250,7 +239,7 @@ impl<'a> Flat<'a> {
             if checked.place == Place::States {
                 self.names.insert(format!("der({name})"), derivatives);
             }
-            let names = aliases("").into_iter().map(|alias| alias.name);
+            let names = aliases(declaration, &prefix, "", describe).into_iter().map(|alias| alias.name);
             for name in names.chain([name]) {
                 if self.names.insert(name.clone(), positions.clone()).is_some() {
                     return Err(duplicate(&name, &key));
@@ -353,6 +342,21 @@ impl<'a> Flat<'a> {
             }
         }
     }
+}
+
+/// The further names of a variable in a component, or of its element.
+fn aliases(
+    declaration: &VariableDeclaration,
+    prefix: &str,
+    subscripts: &str,
+    describe: impl Fn(&str) -> String,
+) -> Vec<Alias> {
+    let of_variable = declaration.description.as_deref();
+    let alias = |alias: &AliasDeclaration| Alias {
+        name: format!("{prefix}{}{subscripts}", alias.name),
+        description: alias.description.as_deref().or(of_variable).map(&describe),
+    };
+    declaration.aliases.iter().map(alias).collect()
 }
 
 fn duplicate(name: &str, key: &str) -> Refusal {

@@ -31,8 +31,8 @@ pub enum Interpolation {
     #[default]
     Linear,
     /// Cubic polynomials with continuous slopes that do not overshoot: PCHIP (F. N. Fritsch and J. Butland, SIAM J. Sci.
-    /// Stat. Comput. 5, 1984), with the three-point formula at the ends, as in SciPy and MATLAB. A surface interpolates
-    /// along its rows, then across them, as SciPy's `RegularGridInterpolator` does; unlike a curve, it may overshoot.
+    /// Stat. Comput. 5, 1984), with the three-point formula at the ends, as in `SciPy` and MATLAB. A surface interpolates
+    /// along its rows, then across them, as `SciPy`'s `RegularGridInterpolator` does; unlike a curve, it may overshoot.
     Cubic,
 }
 

@@ -1,4 +1,4 @@
-//! Vectors, matrices and rotations beside NumPy and SciPy, and their derivatives beside differences.
+//! Vectors, matrices and rotations beside `NumPy` and `SciPy`, and their derivatives beside differences.
 
 use fmu_export::space::{Matrix, Quaternion, Vector};
 use fmu_export::{Dual, Number};

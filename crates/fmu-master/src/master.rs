@@ -3,12 +3,14 @@
 //! A signal for a single FMU takes precedence over a connection.
 
 use std::collections::BTreeMap;
+use std::mem;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_io::terminal::number;
-use fmu_package::Function;
+use fmu_package::connection::Connection;
+use fmu_package::{Function, ValueType};
 use fmu_terms::{Causality, like};
 
 use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
@@ -110,6 +112,16 @@ struct Wires {
     values: Vec<f64>,
     /// By position: conversions between different units.
     conversions: Vec<(usize, Function)>,
+    texts: Vec<TextWire>,
+}
+
+/// A connection of Strings.
+struct TextWire {
+    output: String,
+    input: String,
+    /// The output's value, once it is read.
+    text: Option<String>,
+    is_new: bool,
 }
 
 /// Noise on a connection.
@@ -421,12 +433,10 @@ impl<'a> Master<'a> {
             }
             if source == target {
                 let Coupled { instance, wires, .. } = &mut self.members[target];
-                let wires = &mut wires[index];
-                instance.read(&mut wires.outputs, &mut wires.values)?;
+                wires[index].read(instance)?;
             } else {
                 let [giver, taker] = self.members.get_disjoint_mut([source, target]).context("two FMUs")?;
-                let wires = &mut taker.wires[index];
-                giver.instance.read(&mut wires.outputs, &mut wires.values)?;
+                taker.wires[index].read(&mut giver.instance)?;
             }
             let wires = &mut self.members[target].wires[index];
             for (position, conversion) in &wires.conversions {
@@ -447,7 +457,31 @@ impl<'a> Master<'a> {
         // An FMU may be its own source: no output is read once an input is set.
         let Coupled { instance, wires, .. } = &mut self.members[target];
         let mut wires = wires.iter_mut().filter(|wires| from(wires.source));
-        wires.try_for_each(|wires| instance.write(&mut wires.inputs, &wires.values))
+        wires.try_for_each(|wires| wires.write(instance))
+    }
+}
+
+impl Wires {
+    /// Reads the outputs.
+    fn read(&mut self, instance: &mut Instance) -> Result<()> {
+        instance.read(&mut self.outputs, &mut self.values)?;
+        for TextWire { output, text, is_new, .. } in &mut self.texts {
+            let now = Some(instance.text(output)?);
+            *is_new |= now != *text;
+            *text = now;
+        }
+        Ok(())
+    }
+
+    /// Sets the inputs.
+    fn write(&mut self, instance: &mut Instance) -> Result<()> {
+        instance.write(&mut self.inputs, &self.values)?;
+        for TextWire { input, text, is_new, .. } in &mut self.texts {
+            if let Some(text) = text.as_deref().filter(|_| mem::take(is_new)) {
+                instance.set(input, text)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -534,6 +568,18 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
         let between = links.iter().filter(|link| link.target == target && link.source == Some(source));
         let between: Vec<_> = between.filter(|link| !is_replaced(link)).collect();
         if !between.is_empty() {
+            let is_text = |link: &&Link| {
+                let input = fmus[target].description().variable(&link.connection.input);
+                input.is_some_and(|input| input.value_type() == ValueType::String)
+            };
+            let (texts, between): (Vec<_>, Vec<_>) = between.into_iter().partition(is_text);
+            let texts =
+                texts.into_iter().map(|Link { connection: Connection { output, input, .. }, .. }| TextWire {
+                    output: output.clone(),
+                    input: input.clone(),
+                    text: None,
+                    is_new: false,
+                });
             let conversions = between.iter().map(|link| link.conversion.clone()).enumerate();
             all.push(Wires {
                 source,
@@ -543,6 +589,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
                 conversions: conversions
                     .filter(|(_, conversion)| *conversion != Function::IDENTITY)
                     .collect(),
+                texts: texts.collect(),
             });
         }
     }

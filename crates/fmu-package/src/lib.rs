@@ -51,3 +51,4 @@ pub use transformation::{Function, Transformation};
 pub use units::{is_known_unit, unit_conversion};
 pub use variable::{Dimension, Element, FmuVariable, ValueType};
 pub use variables::Variables;
+pub use xml::read_xml;

@@ -6,7 +6,7 @@ use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::Path;
 
-use fmu_io::reading::{self, broken};
+use fmu_io::reading::broken;
 use fmu_io::terminal::number;
 use fmu_terms::Unit;
 use fmu_xml::{XmlWriter, document, element, empty, float};
@@ -88,7 +88,7 @@ impl ParameterSet {
     pub fn read(file: &Path) -> io::Result<Self> {
         let shown = file.display();
         let refuse = |reason: &str| broken(format!("{shown} is not a parameter set: {reason}"));
-        let set = Self::parse(&reading::text(file)?).map_err(|error| refuse(&error.to_string()))?;
+        let set = Self::parse(&xml::read_xml(file)?).map_err(|error| refuse(&error.to_string()))?;
         if let Some(name) = set.repeated().next() {
             return Err(refuse(&format!("the parameter {name} occurs twice")));
         }

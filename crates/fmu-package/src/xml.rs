@@ -5,10 +5,11 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io;
 use std::iter;
+use std::path::Path;
 use std::str::FromStr;
 
 use encoding_rs::{Encoding, UTF_8};
-use fmu_io::reading::{broken, utf_8};
+use fmu_io::reading::{self, broken, utf_8};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use quick_xml::name::QName;
@@ -37,6 +38,15 @@ pub(crate) enum Problem {
     DocumentType,
     Limit,
     Syntax,
+}
+
+/// The text of an XML file, in the encoding that it declares.
+///
+/// # Errors
+/// When it cannot be read, is too large or in another encoding; the message names the file.
+pub fn read_xml(file: &Path) -> io::Result<String> {
+    let text = decode(reading::bytes(file)?);
+    text.map(|(text, _)| text).map_err(|error| broken(format!("cannot read {}: {error}", file.display())))
 }
 
 /// The text of an XML file, and its encoding: UTF-8 if its bytes are, whatever the file declares, else the one of its

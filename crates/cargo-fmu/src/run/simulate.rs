@@ -6,7 +6,6 @@ use std::time::Instant;
 use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
 use super::summary::Summary;
-use super::workers::{Program, supervised, work_once};
 use super::{finite, progress_bar, write_file};
 use anyhow::{Error, Result};
 use clap::Args;
@@ -48,23 +47,11 @@ pub struct Simulate {
 }
 
 impl Simulate {
-    /// Runs it, in a process of a program that calls [`Simulate::work`].
+    /// Runs it.
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
-    pub fn run(&self, program: &Program) -> Result<()> {
-        supervised(program)
-    }
-
-    /// Works for [`Simulate::run`] in another process.
-    ///
-    /// # Errors
-    /// When the other process cannot be answered.
-    pub fn work(&self) -> Result<()> {
-        work_once(|| self.simulate())
-    }
-
-    fn simulate(&self) -> Result<()> {
+    pub fn run(&self) -> Result<()> {
         let subject = self.experiment.subject()?;
         let name = subject.file_stem().unwrap_or_default().to_string_lossy();
         let out = self.out.as_ref().map(|out| {

@@ -196,6 +196,8 @@ fn a_simulation_has_its_file_or_an_error() {
         let message = refused_with_temporary_folder(&bench, &simulate, "none");
         assert_eq!(message, format!("error: the FMU ended the process: {end}\n"));
         assert!(!bench.path("out.csv").exists());
+        let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--at", "0.25"];
+        assert_eq!(refused_with_temporary_folder(&bench, &linearize, "none"), message);
     }
 }
 

@@ -11,7 +11,7 @@ use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::Pattern;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
-use fmu_package::{BuildConfiguration, FmuDescription, FmuVariable, Linear, Platform};
+use fmu_package::{BuildConfiguration, FmuDescription, FmuVariable, Linear, Platform, read_xml};
 use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;
@@ -83,7 +83,7 @@ impl Fmu {
         if !description.is_file() {
             bail!("there is no modelDescription.xml in it");
         }
-        let description = FmuDescription::parse(&reading::text(&description)?)
+        let description = FmuDescription::parse(&read_xml(&description)?)
             .and_then(FmuDescription::scalars)
             .context("its modelDescription.xml cannot be read")?;
         let version = description.attribute("fmiVersion");

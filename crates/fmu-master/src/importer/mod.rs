@@ -25,6 +25,7 @@ mod selection;
 #[cfg(test)]
 mod tests;
 mod watch;
+mod watching;
 
 pub use self::c_boundary::{process, when_an_fmu_exits};
 pub use self::fmu::{Fmu, ONLY_ONCE};

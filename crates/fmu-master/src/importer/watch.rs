@@ -1,19 +1,13 @@
-//! The variables of an instance that are recorded: read at communication points, and before and after events.
+//! The variables of an instance that are recorded.
 
-use anyhow::Result;
-use fmu_package::{FmuVariable, ValueType};
-
-use super::calls::Calls;
-use super::fmu::Fmu;
-use super::instance::Instance;
 use super::selection::Selection;
 
 /// The recorded variables.
 pub struct Watch {
-    selection: Selection,
-    values: Vec<f64>,
+    pub selection: Selection,
+    pub values: Vec<f64>,
     /// What was read at events since this was last taken; none if it is not read there.
-    events: Option<Vec<EventRow>>,
+    pub events: Option<Vec<EventRow>>,
 }
 
 /// Variables before or after an event.
@@ -22,77 +16,4 @@ pub struct EventRow {
     pub time: f64,
     pub is_after: bool,
     pub values: Vec<f64>,
-}
-
-impl Fmu {
-    /// Whether it can tell the values of a variable that are numbers or texts.
-    pub(crate) fn can_tell(&self, variable: &FmuVariable) -> bool {
-        match variable.value_type() {
-            ValueType::Other => false,
-            ValueType::String => self.functions.refuse_no_texts().is_ok(),
-            _ => true,
-        }
-    }
-}
-
-impl Instance {
-    /// Whether it tells when it has events: in Model Exchange, and in co-simulation with clocks.
-    #[must_use]
-    pub fn reports_events(&self) -> bool {
-        self.events.is_some()
-    }
-
-    /// Selects what [`Instance::read_watched`] reads.
-    pub(crate) fn watch(&mut self, selection: Selection) -> Result<()> {
-        self.refuse_other(&selection)?;
-        let values = vec![0.0; selection.names().len()];
-        self.calls.watch = Some(Watch { selection, values, events: None });
-        Ok(())
-    }
-
-    /// From now on, reads the watched variables before and after each event, too.
-    pub(crate) fn watch_events(&mut self) {
-        let is_reported = self.reports_events();
-        if let Some(watch) = self.calls.watch.as_mut().filter(|watch| is_reported && !watch.values.is_empty())
-        {
-            watch.events = Some(vec![]);
-        }
-    }
-
-    /// The watched variables.
-    pub(crate) fn read_watched(&mut self) -> Result<&[f64]> {
-        self.calls.read_watched()?;
-        Ok(self.calls.watch.as_ref().map_or(&[], |watch| &watch.values))
-    }
-
-    /// The texts among the watched variables that have occurred, each with the index of its variable.
-    pub(crate) fn watched_texts(&self) -> impl Iterator<Item = (usize, &[String])> {
-        self.calls.watch.iter().flat_map(|watch| watch.selection.texts())
-    }
-
-    /// What was read at events since the last call of this function.
-    pub(crate) fn take_events(&mut self) -> Vec<EventRow> {
-        let events = self.calls.watch.as_mut().and_then(|watch| watch.events.as_mut());
-        events.map(std::mem::take).unwrap_or_default()
-    }
-}
-
-impl Calls {
-    fn read_watched(&mut self) -> Result<()> {
-        let Some(mut watch) = self.watch.take() else { return Ok(()) };
-        let read = self.read(&mut watch.selection, &mut watch.values);
-        self.watch = Some(watch);
-        read
-    }
-
-    /// Reads the watched variables before or after an event at a time (s), if they are watched there.
-    pub fn watch_event(&mut self, time: f64, is_after: bool) -> Result<()> {
-        if self.watch.as_ref().is_some_and(|watch| watch.events.is_some()) {
-            self.read_watched()?;
-        }
-        if let Some(Watch { values, events: Some(events), .. }) = &mut self.watch {
-            events.push(EventRow { time, is_after, values: values.clone() });
-        }
-        Ok(())
-    }
 }

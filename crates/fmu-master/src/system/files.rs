@@ -5,9 +5,8 @@ use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Error, Result, bail};
-use fmu_io::reading;
 use fmu_io::temporary::Folder;
-use fmu_package::{ComponentKind, Resource, SystemDescription, archive};
+use fmu_package::{ComponentKind, Resource, SystemDescription, archive, read_xml};
 
 use crate::importer::extract;
 
@@ -110,7 +109,7 @@ impl Base {
     ) -> Result<T> {
         let (text, path) = match resource {
             Resource::Inline(content) => return Ok(content.clone()),
-            Resource::File(path) => (reading::text(&self.file(path)?)?, path),
+            Resource::File(path) => (read_xml(&self.file(path)?)?, path),
             Resource::InComponent(path) => {
                 let fmu = fmu.with_context(|| format!("'{path}' is not in an FMU"))?;
                 let mut archive = archive::open(BufReader::new(File::open(fmu)?))?;
@@ -123,6 +122,6 @@ impl Base {
 
 /// Reads a structure.
 pub fn parse(structure: &Path) -> Result<SystemDescription> {
-    let text = reading::text(structure)?;
+    let text = read_xml(structure)?;
     SystemDescription::parse(&text).with_context(|| structure.display().to_string())
 }
