@@ -6,7 +6,7 @@
 //!
 //! The modes `position` and `open_loop` also use it for the other valves.
 
-use fmu_export::display::{Rounded, Seconds};
+use fmu_export::display::Rounded;
 use fmu_export::{Context, Error, Persistent};
 
 use super::Command;
@@ -108,11 +108,11 @@ impl BySpeed {
     }
 
     /// Logs changes of the bypass since a sample.
-    pub fn log_since(&self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
+    pub fn log_since(&self, before: Self, inputs: &Inputs, context: &mut Context<'_>) {
         if self.bypassed != before.bypassed {
             let (state, speed) =
                 (if self.bypassed { "bypassed" } else { "active" }, Rounded(inputs.engine_speed));
-            context.event(format_args!("at {} s: high-pressure stage {state}, {speed} rpm", Seconds(time)));
+            context.event(format_args!("high-pressure stage {state}, {speed} rpm"));
         }
     }
 }

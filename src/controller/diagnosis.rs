@@ -14,7 +14,7 @@
 
 use std::fmt;
 
-use fmu_export::display::{Rounded, Seconds};
+use fmu_export::display::Rounded;
 use fmu_export::{Context, Error, Persistent};
 
 use super::actuator_inverse;
@@ -75,10 +75,10 @@ impl Findings {
     }
 
     /// Warns of new findings.
-    pub fn warn_since(self, before: Self, inputs: &Inputs, time: f64, context: &mut Context<'_>) {
+    pub fn warn_since(self, before: Self, inputs: &Inputs, context: &mut Context<'_>) {
         for ((found, what), (was_found, _)) in self.all().into_iter().zip(before.all()) {
             if found && !was_found {
-                context.warn(format_args!("at {} s: {what}; {}", Seconds(time), Measurements(inputs)));
+                context.warn(format_args!("{what}; {}", Measurements(inputs)));
             }
         }
     }

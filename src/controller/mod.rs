@@ -48,7 +48,7 @@ pub mod variables {
     fmu_export::include_variables!("BoostController");
 }
 
-use fmu_export::display::{Rounded, Seconds};
+use fmu_export::display::Rounded;
 use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
@@ -157,8 +157,7 @@ impl Sampled for ControlLaw {
         inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Sample { number, time } = sample;
-        variables.locals.sample_count = i32::try_from(number + 1).unwrap_or(i32::MAX);
+        variables.locals.sample_count = i32::try_from(sample.number + 1).unwrap_or(i32::MAX);
         let Variables { parameters, locals, outputs, .. } = variables;
         let was_found = self.diagnosis.findings();
         self.diagnosis.check_sensors(parameters, inputs);
@@ -172,15 +171,14 @@ impl Sampled for ControlLaw {
             }
             self.law = Some(BoostLaw::at(inputs.boost_pressure));
             let pressure = Rounded(inputs.boost_pressure / 1e3);
-            context.event(format_args!("at {} s: first boost measurement, {pressure} kPa", Seconds(time)));
+            context.event(format_args!("first boost measurement, {pressure} kPa"));
         }
         let (was_on, was_by_speed) = (self.relay, self.by_speed);
         let relay = self.relay.sample(parameters, inputs.tank_pressure);
         let vacuum_pump = self.diagnosis.pump(parameters, relay);
         if self.relay != was_on {
             let (state, pressure) = (if relay { "on" } else { "off" }, Rounded(inputs.tank_pressure / 1e3));
-            context
-                .event(format_args!("at {} s: vacuum pump {state}, tank at {pressure} kPa", Seconds(time)));
+            context.event(format_args!("vacuum pump {state}, tank at {pressure} kPa"));
         }
 
         let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
@@ -192,14 +190,14 @@ impl Sampled for ControlLaw {
             BoostControl::FeedforwardAlone => self.without_feedback(parameters, inputs, compensator, limits),
             BoostControl::LeastBoost => self.least_boost(parameters, inputs, limits),
         };
-        self.by_speed.log_since(was_by_speed, inputs, time, context);
+        self.by_speed.log_since(was_by_speed, inputs, context);
         publish(locals, outputs, &command, compensator, vacuum_pump);
         self.diagnosis.check_filling(parameters, inputs, outputs);
         if parameters.mode == ControlMode::Boost && boost_control == BoostControl::Closed {
             self.check_answer(parameters, inputs, &command);
         }
         let findings = self.diagnosis.findings();
-        findings.warn_since(was_found, inputs, time, context);
+        findings.warn_since(was_found, inputs, context);
         findings.publish(locals, outputs);
         Ok(())
     }

@@ -11,7 +11,7 @@ use fmu_io::reading;
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 use super::metadata::{Message, Metadata, Package};
-use super::target::Made;
+use super::target::{Made, Profile};
 
 /// The results of a cargo build.
 pub struct Compiled {
@@ -58,7 +58,7 @@ pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
-    profile: &str,
+    profile: &Profile,
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {

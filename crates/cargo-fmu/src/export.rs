@@ -16,6 +16,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fmu_package::Platform;
+#[cfg(feature = "simulate")]
+use fmu_terms::Interface;
 use fmu_terms::{Interfaces, Version};
 
 pub use self::packing::say;
@@ -23,7 +25,7 @@ pub use self::plan::Plan;
 use super::metadata::{Metadata, Package};
 use super::sources;
 use super::target::of_platform;
-use super::target::{Build, Made, PROFILE, Target, WebAssembly};
+use super::target::{Build, Made, Profile, Target, WebAssembly};
 
 /// Compile the models of this workspace and write their .fmu files
 #[derive(Args, Debug, Default)]
@@ -54,8 +56,8 @@ pub struct Export {
     interfaces: Option<Interfaces>,
     /// Cargo profile for the libraries; `dev` compiles faster and checks for overflow [default: fmu-library, or release if
     /// Cargo.toml has no such profile]
-    #[arg(long, value_name = "PROFILE", default_value = PROFILE, hide_default_value = true)]
-    profile: String,
+    #[arg(long, value_name = "PROFILE")]
+    profile: Option<Profile>,
     /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
@@ -65,13 +67,24 @@ pub struct Export {
     /// Include the models as C in the FMUs, for platforms without a library; see docs/sources.md
     #[arg(long)]
     sources: bool,
+    /// Omit the descriptions of types from FMI 3.0, which FMPy below 0.3.24 cannot read
+    #[arg(long)]
+    no_type_descriptions: bool,
+    /// The folder in cargo's target folder [default: fmu].
+    #[arg(skip)]
+    folder: Option<&'static str>,
 }
 
 impl Export {
-    /// The export of what is in the current folder.
+    /// A trial of what is in the current folder, beside the FMUs that `export` writes.
     #[cfg(feature = "simulate")]
-    pub(crate) fn of_this_folder() -> Self {
-        Self { profile: PROFILE.to_owned(), ..Self::default() }
+    pub(crate) fn trial(interface: Option<Interface>) -> Self {
+        Self {
+            interfaces: interface.map(Interfaces::from),
+            profile: Some(Profile::trial()),
+            folder: Some("fmu-trial"),
+            ..Self::default()
+        }
     }
 
     /// Finds the models and the tools to build them.
@@ -84,7 +97,8 @@ impl Export {
         let metadata = Metadata::of(self.manifest_path.as_deref())
             .context("cargo finds no package here; run this in its folder")?;
         let models = choose(&metadata, &self.models, &self.packages)?;
-        let out = self.out.unwrap_or_else(|| metadata.target_directory.join("fmu"));
+        let folder = self.folder.unwrap_or("fmu");
+        let out = self.out.unwrap_or_else(|| metadata.target_directory.join(folder));
         let Self { mut versions, interfaces, profile, binaries, .. } = self;
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
             bail!("--interfaces se needs FMI 3.0, but --fmi is 2");
@@ -93,8 +107,22 @@ impl Export {
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        let Self { wasm, sources, .. } = self;
-        Ok(Plan { metadata, builds, wasm, sources, versions, interfaces, profile, binaries, models, out })
+        let Self { wasm, sources, no_type_descriptions, .. } = self;
+        let profile = profile.unwrap_or_default();
+        let describes_types = !no_type_descriptions;
+        Ok(Plan {
+            metadata,
+            builds,
+            wasm,
+            sources,
+            describes_types,
+            versions,
+            interfaces,
+            profile,
+            binaries,
+            models,
+            out,
+        })
     }
 
     /// Lists all missing tools before starting.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use fmu_io::terminal::print;
-use fmu_package::is_identifier;
+use fmu_terms::{is_identifier, is_reserved_by_windows};
 
 use super::metadata::cargo;
 
@@ -131,6 +131,11 @@ impl New {
             bail!(
                 "'{identifier}' is not a valid FMU name: it may have letters a to z and A to Z, digits and underscores, but \
                  no digit at the start; choose another with --name"
+            );
+        }
+        if is_reserved_by_windows(&identifier) {
+            bail!(
+                "'{identifier}' names a device of Windows, so that it cannot name a library; choose another with --name"
             );
         }
         let mut command = cargo();

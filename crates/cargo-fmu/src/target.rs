@@ -14,8 +14,50 @@ use fmu_package::Platform;
 use super::metadata::cargo;
 use super::new;
 
-/// The profile of the libraries. If the workspace's manifest does not define it, it is the release profile.
-pub const PROFILE: &str = "fmu-library";
+/// A cargo profile.
+#[derive(Clone, Debug)]
+pub struct Profile {
+    name: String,
+    /// Settings in addition to the manifest's.
+    settings: &'static [&'static str],
+}
+
+impl Profile {
+    /// The name of the default profile.
+    const LIBRARY: &str = "fmu-library";
+
+    /// For a trial: compiles fast. Debug information would triple the time.
+    #[cfg(feature = "simulate")]
+    pub fn trial() -> Self {
+        Self { name: "dev".to_owned(), settings: &["debug=false"] }
+    }
+
+    /// Adds it to a command of cargo.
+    fn choose(&self, command: &mut Command) {
+        command.args(["--profile", &self.name]);
+        for setting in self.settings {
+            self.set(command, setting);
+        }
+    }
+
+    /// Overrides one of its settings.
+    fn set(&self, command: &mut Command, setting: &str) {
+        command.args(["--config", &format!("profile.{}.{setting}", self.name)]);
+    }
+}
+
+impl Default for Profile {
+    /// The profile of the libraries. If the workspace's manifest does not define it, it is the release profile.
+    fn default() -> Self {
+        Self { name: Self::LIBRARY.to_owned(), settings: &[r#"inherits="release""#] }
+    }
+}
+
+impl From<String> for Profile {
+    fn from(name: String) -> Self {
+        if name == Self::LIBRARY { Self::default() } else { Self { name, settings: &[] } }
+    }
+}
 
 /// A `--target` argument.
 #[derive(Clone, Debug)]
@@ -118,7 +160,7 @@ pub trait Made {
     fn suffix(&self) -> &'static str;
 
     /// The command that builds it in cargo's target folder, with a profile if it is a library; the caller adds packages.
-    fn command(&self, target: &Path, profile: &str) -> Command;
+    fn command(&self, target: &Path, profile: &Profile) -> Command;
 }
 
 /// WebAssembly modules.
@@ -203,14 +245,15 @@ impl Made for WebAssembly {
         "wasm"
     }
 
-    fn command(&self, target: &Path, _profile: &str) -> Command {
-        let mut command = build_command(PROFILE);
+    fn command(&self, target: &Path, _profile: &Profile) -> Command {
+        let profile = Profile::default();
+        let mut command = build_command(&profile);
         command.args(["--target", Self::TRIPLE]);
         // Nothing unwinds there. Optimizing for size would make the plant's module a quarter smaller, but its steps,
         // translated to C, 1.2 times as slow, and the controller's 1.9 times.
         let settings = [r#"panic="abort""#, "opt-level=3", r#"lto="fat""#, "codegen-units=1", "strip=true"];
         for setting in settings {
-            command.args(["--config", &format!("profile.{PROFILE}.{setting}")]);
+            profile.set(&mut command, setting);
         }
         if let Some(compiler) = Self::compiler() {
             // Cargo would confuse the modules of two compilers.
@@ -224,17 +267,10 @@ impl Made for WebAssembly {
 }
 
 /// The common start of build commands with cargo.
-fn build_command(profile: &str) -> Command {
+fn build_command(profile: &Profile) -> Command {
     let mut command = cargo();
     command.arg("build");
-    with_profile(command, profile)
-}
-
-fn with_profile(mut command: Command, profile: &str) -> Command {
-    command.args(["--profile", profile]);
-    if profile == PROFILE {
-        command.args(["--config", &format!(r#"profile.{PROFILE}.inherits="release""#)]);
-    }
+    profile.choose(&mut command);
     command
 }
 
@@ -247,11 +283,12 @@ impl Made for Build {
         self.platform.format().suffix()
     }
 
-    fn command(&self, _target: &Path, profile: &str) -> Command {
+    fn command(&self, _target: &Path, profile: &Profile) -> Command {
         let mut command = if self.links_with_zig() {
             let mut command = Command::new("cargo-zigbuild");
             command.arg("zigbuild");
-            with_profile(command, profile)
+            profile.choose(&mut command);
+            command
         } else {
             build_command(profile)
         };
@@ -261,7 +298,7 @@ impl Made for Build {
         match self.platform {
             // The library's own name is its file name, not its build path.
             Platform::Darwin64 | Platform::Aarch64Darwin => {
-                command.args(["--config", &format!("profile.{profile}.rpath=true")]);
+                profile.set(&mut command, "rpath=true");
             }
             // The run-time library goes into the FMU (FMI 2.0.5, section 2.3: "option MT").
             Platform::Win32 | Platform::Win64 | Platform::Aarch64Windows => {

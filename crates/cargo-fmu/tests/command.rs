@@ -150,6 +150,13 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
         assert!(message.contains(&format!("'{name}' is not a valid FMU name")), "{message}");
         assert!(!path.exists());
     }
+    let path = folder.join("con");
+    let message = refusal(&["new", path.to_str().unwrap()]);
+    assert!(
+        message.contains("'con' names a device of Windows, so that it cannot name a library"),
+        "{message}"
+    );
+    assert!(!path.exists());
     let message = refusal(&["new", folder.to_str().unwrap()]);
     assert!(message.contains("new packages already exists") && !message.contains("cargo init"), "{message}");
 

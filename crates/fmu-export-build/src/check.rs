@@ -10,15 +10,21 @@ pub(crate) mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_terms::{is_identifier, is_reserved_by_windows};
+
 use crate::declaration::{Declaration, Described, VariableDeclaration};
 use crate::error::{Refusals, nearest};
-use crate::names::{OF_ITEMS, field_name, is_c_identifier, mixed_name, pascal_case, type_name, unique};
-use crate::texts::one_line;
+use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique};
+use crate::texts::{label, text};
 use crate::value_type::ValueType;
 
 pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals: &mut Refusals) {
-    if !is_c_identifier(identifier) {
+    if !is_identifier(identifier) {
         let reason = format!("'{identifier}' is not a valid FMU name, which must be a C identifier");
+        refusals.add("model_identifier", reason);
+    }
+    if is_reserved_by_windows(identifier) {
+        let reason = format!("'{identifier}' names a device of Windows, so that it cannot name a library");
         refusals.add("model_identifier", reason);
     }
     if let Some(experiment) = &declaration.default_experiment {
@@ -121,8 +127,8 @@ fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
 
 /// The free texts, all of which become XML attributes.
 fn texts(declaration: &Declaration, refusals: &mut Refusals) {
-    let mut check = |key: String, text: Option<&String>| {
-        refusals.require(key, text.map_or(Ok(()), |text| one_line(text)));
+    let mut check = |key: String, written: Option<&String>| {
+        refusals.require(key, written.map_or(Ok(()), |written| text(written)));
     };
     check("description".to_owned(), declaration.description.as_ref());
     check("author".to_owned(), declaration.author.as_ref());
@@ -134,17 +140,16 @@ fn texts(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, enumeration) in declaration.enumerations.iter().enumerate() {
         check(format!("enumerations[{number}].description"), Some(&enumeration.description));
         for (item_number, item) in enumeration.items.iter().enumerate() {
-            let key = format!("enumerations[{number}].items[{item_number}]");
-            check(format!("{key}.name"), Some(&item.name));
-            check(format!("{key}.description"), item.description.as_ref());
+            let key = format!("enumerations[{number}].items[{item_number}].description");
+            check(key, item.description.as_ref());
         }
     }
     for (list, described) in
         [("log_categories", &declaration.log_categories), ("state_groups", &declaration.state_groups)]
     {
         for (number, item) in described.iter().enumerate() {
-            check(format!("{list}[{number}].name"), Some(&item.name));
-            check(format!("{list}[{number}].description"), Some(&item.description));
+            refusals.require(format!("{list}[{number}].name"), label(&item.name));
+            refusals.require(format!("{list}[{number}].description"), text(&item.description));
         }
     }
 }

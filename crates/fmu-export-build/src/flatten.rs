@@ -272,24 +272,27 @@ impl<'a> Flat<'a> {
         let derivative = declaration.derivative.as_ref();
         let own_derivative = derivative.and_then(|derivative| derivative.value_reference);
         let stride = if derivative.is_some() && own_derivative.is_none() { 2 } else { 1 };
-        let mut pin = |first: Option<u64>, step: usize, offset: usize, key: &str| {
+        let mut pin = |first: Option<i64>, step: usize, offset: usize, key: &str| {
             let key = format!("{key}.value_reference");
             for (number, position) in positions.iter().enumerate() {
                 let Some(first) = first else { continue };
-                let reference = u32::try_from(first + (number * step) as u64).ok();
-                let reference =
-                    reference.filter(|&reference| reference <= LARGEST_REFERENCE).ok_or_else(|| {
-                        Refusal::new(&key, format!("value references go up to {LARGEST_REFERENCE}"))
-                    })?;
+                let reference = first.saturating_add((number * step).cast_signed() as i64);
+                let in_range =
+                    u32::try_from(reference).ok().filter(|&reference| reference <= LARGEST_REFERENCE);
+                let reference = in_range.ok_or_else(|| {
+                    let reason =
+                        format!("value references go from 0 to {LARGEST_REFERENCE}, not {reference}");
+                    Refusal::new(&key, reason)
+                })?;
                 self.pinned.push((position + offset, reference, key.clone()));
             }
             Ok(())
         };
-        let own = declaration.value_reference.map(u64::from);
+        let own = declaration.value_reference;
         pin(own, stride, 0, key)?;
-        pin(own_derivative.map(u64::from), 1, 1, &format!("{key}.derivative"))?;
+        pin(own_derivative, 1, 1, &format!("{key}.derivative"))?;
         if stride == 2 {
-            pin(own.map(|own| own + 1), stride, 1, key)?;
+            pin(own.map(|own| own.saturating_add(1)), stride, 1, key)?;
         }
         Ok(())
     }

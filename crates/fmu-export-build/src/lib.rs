@@ -26,7 +26,7 @@ mod xml;
 
 use std::env;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 use std::process;
 
 use declaration::Declaration;
@@ -217,9 +217,13 @@ pub fn generate_into(
     if let Some(resources) = &resources {
         resources.copy_to(&resources_folder)?;
     }
+    // Tests read them from any folder.
+    let absolute = resources.is_some().then(|| path::absolute(&resources_folder)).transpose();
+    let absolute = absolute.map_err(|error| Error::of_file(&resources_folder, error))?;
+    let variables = rust::generate(&model, &structure, &description.guid, absolute.as_deref());
     Ok(Generated {
         model_description: write("modelDescription.xml", &description.text)?,
-        variables: write("variables.rs", &rust::generate(&model, &structure, &description.guid))?,
+        variables: write("variables.rs", &variables)?,
         documentation: write("index.html", &page)?,
         icon: put("model.png", icon.as_deref())?,
         drawing: put("model.svg", drawing.as_deref())?,

@@ -35,11 +35,6 @@ pub(crate) fn unique(list: &str, names: impl IntoIterator<Item = String>, refusa
     }
 }
 
-pub(crate) fn is_c_identifier(name: &str) -> bool {
-    name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
-        && name.chars().all(|character| character.is_ascii_alphanumeric() || character == '_')
-}
-
 pub(crate) fn length(name: &str) -> Result<(), String> {
     if name.len() <= LONGEST_NAME {
         return Ok(());

@@ -177,7 +177,7 @@ fn plain(reason: &str) -> String {
         "f64" => "a number",
         "u32" => "a whole number from 0 to 4294967295",
         "usize" => "a whole number that is not negative",
-        "i32" => "a whole number",
+        "i32" | "i64" => "a whole number",
         _ if expected.starts_with("struct ") => "an object",
         _ => expected,
     };

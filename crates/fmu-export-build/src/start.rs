@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::declaration::{Declaration, VariableDeclaration};
 use crate::error::nearest;
-use crate::texts::survives_xml;
+use crate::texts::lost_in_xml;
 use crate::value_type::ValueType;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -81,12 +81,10 @@ impl Start {
             }
             ValueType::Standard(DataType::Boolean) => value.as_bool().map(Self::Boolean).ok_or_else(mismatch),
             ValueType::Standard(DataType::Clock) => Err("a Clock has no 'start' value".to_owned()),
-            ValueType::Standard(DataType::String) if survives_xml(text()?) => {
-                Ok(Self::String(text()?.to_owned()))
-            }
-            ValueType::Standard(DataType::String) => {
-                Err("contains a character that XML does not preserve, such as a line break".to_owned())
-            }
+            ValueType::Standard(DataType::String) => match lost_in_xml(text()?) {
+                None => Ok(Self::String(text()?.to_owned())),
+                Some(lost) => Err(format!("contains {lost}, which XML does not preserve")),
+            },
             ValueType::Standard(DataType::Binary) => bytes(text()?)
                 .map(Self::Binary)
                 .ok_or_else(|| format!("{value} does not consist of two hexadecimal digits per byte")),

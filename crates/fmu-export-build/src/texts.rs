@@ -7,22 +7,38 @@ const DIRECTION_OF_WRITING: [char; 9] = [
     '\u{2069}',
 ];
 
+/// Tabs and line breaks, which XML preserves by their numbers.
+const WHITE_SPACE: [char; 3] = ['\t', '\n', '\r'];
+
 /// Rejects an empty text, and one that XML or Rust would change.
-pub(crate) fn one_line(text: &str) -> Result<(), String> {
-    let reason = if text.trim().is_empty() {
-        "the text is empty"
-    } else if !survives_xml(text) {
-        "the text contains a character that XML does not preserve, such as a line break"
-    } else if text.contains(DIRECTION_OF_WRITING) {
-        "the text contains a bidirectional control character, which Rust rejects"
-    } else {
-        return Ok(());
-    };
-    Err(reason.to_owned())
+pub(crate) fn text(text: &str) -> Result<(), String> {
+    if text.trim().is_empty() {
+        return Err("the text is empty".to_owned());
+    }
+    if let Some(lost) = lost_in_xml(text) {
+        return Err(format!("the text contains {lost}, which XML does not preserve"));
+    }
+    if text.contains(DIRECTION_OF_WRITING) {
+        return Err("the text contains a bidirectional control character, which Rust rejects".to_owned());
+    }
+    Ok(())
 }
 
-/// Whether an XML attribute preserves a text: tabs and line breaks become spaces, and most other control characters
-/// and two Unicode code points are not allowed in XML at all.
-pub(crate) fn survives_xml(text: &str) -> bool {
-    !text.chars().any(|character| character.is_control() || matches!(character, '\u{fffe}' | '\u{ffff}'))
+/// Rejects a name that is not a text on one line.
+pub(crate) fn label(name: &str) -> Result<(), String> {
+    text(name)?;
+    if name.contains(WHITE_SPACE) {
+        return Err("the name contains a tab or a line break".to_owned());
+    }
+    Ok(())
+}
+
+/// The code point that an XML attribute does not preserve, if the text has one: most control characters and two
+/// others are not allowed in XML, or are discouraged.
+pub(crate) fn lost_in_xml(text: &str) -> Option<String> {
+    let is_lost = |character: &char| {
+        character.is_control() && !WHITE_SPACE.contains(character)
+            || matches!(character, '\u{fffe}' | '\u{ffff}')
+    };
+    text.chars().find(is_lost).map(|lost| format!("U+{:04X}", u32::from(lost)))
 }

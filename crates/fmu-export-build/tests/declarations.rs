@@ -49,10 +49,11 @@ const ITEMS: [&str; 20] = [
 ];
 
 #[rustfmt::skip]
-const TEXTS: [&str; 18] = [
+const TEXTS: [&str; 19] = [
     "plain", "\"quotes\" and \\ \\u{41} \\n", "*/ /* // /// //!", "~~~", "    indented(", "`code` [link] <b>",
     "``` let x;", "{brace} {} {0:?}", "# heading", "é 熱 🎉", "\u{200f}right to left", "r#\"raw\"#", "' & &amp; ]]>",
-    "- list", "1. list", "\u{2028}line", "\u{feff}mark", "\u{202e}turned",
+    "- list", "1. list", "\u{2028}line", "\u{feff}mark", "two\r\nlines\tand",
+    "\u{202e}turned",
 ];
 
 /// `SplitMix64` (Steele, Lea and Flood 2014).

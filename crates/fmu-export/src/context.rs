@@ -2,10 +2,13 @@
 
 use core::fmt;
 
-use crate::display::Shown;
+use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::logger;
-use crate::resources::Resources;
+use crate::resources::{self, Resources};
+
+/// The longest file that a model reads unless it asks for more.
+const MOST_BYTES: u64 = 256 << 20;
 
 /// The arguments of `fmi2SetupExperiment`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,8 +27,7 @@ crate::persistent!(Experiment { start_time, stop_time, tolerance });
 pub struct Context<'a> {
     /// The experiment as set up.
     pub experiment: Experiment,
-    /// Receives a category's name and a message.
-    log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>),
+    log: &'a mut dyn Log,
     resources: Option<&'a Resources>,
     /// When the model requested the end, in s.
     pub(crate) end: Option<f64>,
@@ -33,7 +35,7 @@ pub struct Context<'a> {
 
 impl<'a> Context<'a> {
     /// A context outside any FMU, for calling a model directly.
-    pub fn new(experiment: Experiment, log: &'a mut dyn FnMut(&'static str, fmt::Arguments<'_>)) -> Self {
+    pub fn new(experiment: Experiment, log: &'a mut dyn Log) -> Self {
         Self { experiment, log, resources: None, end: None }
     }
 
@@ -43,19 +45,17 @@ impl<'a> Context<'a> {
     }
 
     /// This context with another logger.
-    pub(crate) fn with_log<'b>(
-        &'b self,
-        log: &'b mut dyn FnMut(&'static str, fmt::Arguments<'_>),
-    ) -> Context<'b> {
+    pub(crate) fn with_log<'b>(&'b self, log: &'b mut dyn Log) -> Context<'b> {
         Context { log, ..*self }
     }
 
     /// The content of a file in the FMU's `resources` folder, given its path there; at most 256 MiB.
     ///
     /// # Errors
-    /// If the file cannot be read, is too large or is not a file, or if there is no FMU.
+    /// If the path leads out of the folder, if the file cannot be read, is too large or is not a file, or if there is no
+    /// FMU.
     pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
-        self.resource_up_to(name, 256 << 20)
+        self.resource_up_to(name, MOST_BYTES)
     }
 
     /// The content of a file in the FMU's `resources` folder, up to a size in bytes.
@@ -69,6 +69,23 @@ impl<'a> Context<'a> {
                 "the resource {name} is part of the FMU, but the model runs without one"
             ))),
         }
+    }
+
+    /// The content of a user's file, such as one that a String parameter names: a path that is absolute, or relative to
+    /// the importer's current folder; at most 256 MiB. Data that belong to the FMU are [resources](Self::resource).
+    ///
+    /// # Errors
+    /// If the file cannot be read, is too large or is not a file.
+    pub fn file(&self, path: &str) -> Result<Vec<u8>, Error> {
+        self.file_up_to(path, MOST_BYTES)
+    }
+
+    /// The content of a user's file, up to a size in bytes.
+    ///
+    /// # Errors
+    /// As [`Context::file`].
+    pub fn file_up_to(&self, path: &str, most: u64) -> Result<Vec<u8>, Error> {
+        resources::file(path, most)
     }
 
     /// Requests the end of the simulation at a time (s) in the present step.
@@ -92,14 +109,61 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Warns the user of something that may affect the results.
-    pub fn warn(&mut self, message: fmt::Arguments<'_>) {
-        (self.log)(logger::WARNING, message);
+    /// Messages from here on are of a time in s. Events, samples and ticks set it; in a [`Model`](crate::Model)'s own
+    /// step, it is the start, unless the model sets it.
+    pub fn at(&mut self, time: f64) {
+        self.log.at(time);
     }
 
-    /// Logs an event, if debug logging is on.
+    /// Warns the user of something that may affect the results. The text gets the time, and is not repeated at once.
+    pub fn warn(&mut self, message: fmt::Arguments<'_>) {
+        self.log.message(logger::WARNING, message);
+    }
+
+    /// Logs an event, if debug logging is on. The text gets the time, and is not repeated at once.
     pub fn event(&mut self, message: fmt::Arguments<'_>) {
-        (self.log)(logger::EVENT, message);
+        self.log.message(logger::EVENT, message);
+    }
+}
+
+/// Receives a model's messages. Functions of a category and a message do, and ignore the time.
+pub trait Log {
+    /// The messages that follow are of a time in s.
+    fn at(&mut self, time: f64) {
+        let _ = time;
+    }
+
+    /// Receives a message in a category.
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>);
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for F {
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
+        self(category, message);
+    }
+}
+
+/// Messages that begin with their time, which is not the context's: the compiler would then keep that in memory even in
+/// steps without messages, which are short.
+pub(crate) struct Timed<F> {
+    /// In s.
+    time: f64,
+    log: F,
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Timed<F> {
+    pub(crate) fn new(time: f64, log: F) -> Self {
+        Self { time, log }
+    }
+}
+
+impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for Timed<F> {
+    fn at(&mut self, time: f64) {
+        self.time = time;
+    }
+
+    fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
+        (self.log)(category, format_args!("at {} s: {message}", Seconds(self.time)));
     }
 }
 

@@ -1,11 +1,14 @@
 //! Checks the dependencies in a model's JSON against its equations.
 
+use core::fmt;
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::context::{Context, Experiment};
 use crate::description::{DataType, Dependencies, Name, ValueReference};
 use crate::error::Error;
-use crate::model::{Fmu, Model, calculate_parameters};
+use crate::model::{Fmu, Model};
 use crate::number::Dual;
+use crate::resources::Resources;
 use crate::variables::Variables;
 
 /// The number of points at which derivatives are evaluated.
@@ -16,20 +19,22 @@ const MOST_GROUPS: usize = 61;
 /// Tests that a model's Real outputs and derivatives depend only on the inputs and states that its JSON lists
 /// (`reads`). Importers use these dependencies to find algebraic loops; an undeclared one hides a loop.
 ///
-/// Evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
+/// Initializes the model with the resources of its package, and evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
 /// nominal values or magnitudes. A dependency that is zero at all points goes unnoticed. If there are more than 61
 /// inputs and states, several are moved at once.
 ///
 /// # Errors
-/// The first undeclared dependency, or a model without derivatives.
+/// The first undeclared dependency, a failed initialization, or a model without derivatives.
 pub fn check_dependencies<F: Fmu>(variables: &<F::Model as Model>::Variables) -> Result<(), Error> {
     check::<F::Model>(variables)
 }
 
 fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
     let (mut model, mut variables) = (M::default(), variables.clone());
-    calculate_parameters(&model, &mut variables);
-    model.take_parameters(&variables);
+    let (resources, inputs) = (Resources::of::<M::Variables>(), variables.inputs().clone());
+    let mut silence = |_: &'static str, _: fmt::Arguments<'_>| {};
+    let mut context = Context::new(Experiment::default(), &mut silence).with_resources(&resources);
+    model.initialize(&mut variables, &inputs, &mut context)?;
     let reals = M::Variables::described().filter(|(_, variable)| {
         variable.data_type == DataType::Real
             && (variable.real_input().is_some() || variable.state().is_some())

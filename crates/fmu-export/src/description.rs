@@ -24,8 +24,6 @@ pub struct ModelDescription {
     pub version: Version,
     /// The interfaces that the FMU offers.
     pub interfaces: Interfaces,
-    /// Whether the FMU has resource files for the model.
-    pub has_resources: bool,
     /// The optional functions that this model supports.
     pub capabilities: Capabilities,
 }

@@ -22,14 +22,14 @@ use std::ffi::CString;
 use fmu_terms::InstanceType;
 
 use crate::calling_sequence::{Function, Phase};
-use crate::context::{Context, Experiment};
+use crate::context::{Context, Experiment, Timed};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::floating_point::in_default_environment;
 use crate::logger::{Delivery, Logger};
 use crate::model::Model;
-use crate::panics::contain;
+use crate::panics::{contain, with_cause};
 use crate::resources::Resources;
 use crate::status::Status;
 use crate::tape::Tape;
@@ -177,7 +177,7 @@ impl<M: Model> Instance<M> {
     fn report_failure(&mut self, failure: Result<Answer, Error>, function: &Function) -> Status {
         let error = match failure {
             Ok(Ok(status)) => return status,
-            Ok(Err(error)) => error,
+            Ok(Err(error)) => with_cause(error, ""),
             Err(panic) => {
                 self.memory.phase = Phase::Error;
                 Error::new(format!("{panic}; reset the instance"))
@@ -309,6 +309,7 @@ impl<M: Model> Instance<M> {
         self.memory = Memory::new(self.memory.instance_type);
         self.may_roll_back = false;
         self.logged_inputs.clear();
+        self.logger.begin_again();
         Ok(Status::Ok)
     }
 
@@ -329,11 +330,11 @@ impl<M: Model> Instance<M> {
             Phase::InitializationMode => {
                 let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
                 // A warning is given once; otherwise the status is fmi2OK.
-                let mut log = |category, message: core::fmt::Arguments<'_>| {
+                let mut log = Timed::new(memory.experiment.start_time, |category, message| {
                     if recent_messages.is_new(&message.to_string()) {
                         status = status.max(logger.message(category, message));
                     }
-                };
+                });
                 let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
                 memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
                 memory.end = context.end()?;

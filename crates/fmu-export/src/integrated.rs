@@ -494,6 +494,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         is_due: bool,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        context.at(self.time);
         let mut event = Event { time: self.time, is_initial, is_due, indicators: &[] };
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();

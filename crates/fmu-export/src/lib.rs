@@ -74,7 +74,7 @@ mod variables;
 pub mod wasm;
 
 pub use clock::Clock;
-pub use context::{Context, Experiment};
+pub use context::{Context, Experiment, Log};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
 pub use error::Error;

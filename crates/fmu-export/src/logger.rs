@@ -7,7 +7,7 @@
 //! Messages are logged when a function returns and the instance is no longer in use, so that the importer's logger may
 //! call the instance, which the standard does not forbid.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::ffi::CStr;
 use core::fmt;
 use std::ffi::CString;
@@ -36,6 +36,8 @@ pub(crate) struct Logger {
     always_warns: bool,
     /// Messages not yet logged.
     pending: RefCell<Vec<Message>>,
+    /// The checksum of the last message, if it is the model's: a model that computes the same instant twice logs it once.
+    last: Cell<Option<u64>>,
 }
 
 /// The importer's logger, called in each version's own way.
@@ -78,7 +80,14 @@ impl Logger {
     ) -> Self {
         let enabled = vec![debug_logging; categories.len()];
         let recipient = recipient.map(|recipient| Arc::new(recipient) as Arc<dyn Recipient>);
-        Self { recipient, categories, enabled, always_warns, pending: RefCell::default() }
+        Self {
+            recipient,
+            categories,
+            enabled,
+            always_warns,
+            pending: RefCell::default(),
+            last: Cell::default(),
+        }
     }
 
     /// Switches debug messages of the named categories on or off, or of all if none is named.
@@ -138,10 +147,21 @@ impl Logger {
     }
 
     fn send(&self, source: Source, status: Status, category: &str, message: fmt::Arguments<'_>) {
-        if self.recipient.is_some() {
-            let category = CString::new(category).unwrap_or_default();
-            self.pending.borrow_mut().push(Message { source, status, category, text: message.to_string() });
+        if self.recipient.is_none() {
+            return;
         }
+        let text = message.to_string();
+        let this = (source == Source::Model).then(|| checksum(format!("{category} {text}").as_bytes()));
+        if self.last.replace(this) == this && this.is_some() {
+            return;
+        }
+        let category = CString::new(category).unwrap_or_default();
+        self.pending.borrow_mut().push(Message { source, status, category, text });
+    }
+
+    /// Logs the next message even if it is the last one again: the model repeats a part of its run.
+    pub(crate) fn begin_again(&self) {
+        self.last.set(None);
     }
 
     /// Takes the messages, if any.
@@ -199,5 +219,41 @@ impl Persistent for RecentMessages {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let Self(checksums) = self;
         checksums.persist(archive)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[derive(Debug)]
+    struct Heard(Arc<Mutex<Vec<String>>>);
+
+    impl Recipient for Heard {
+        fn receive(&self, _status: Status, _category: &CStr, text: &CStr) {
+            self.0.lock().unwrap().push(text.to_str().unwrap().to_owned());
+        }
+    }
+
+    #[test]
+    fn a_message_of_the_model_is_not_repeated_at_once() {
+        let heard = Arc::new(Mutex::new(vec![]));
+        let logger = Logger::new(Some(Heard(heard.clone())), &[EVENT, WARNING], true, true);
+        let status = |category, text: &str| logger.message(category, format_args!("{text}"));
+        // The status is the same as without logging.
+        assert_eq!([status(WARNING, "a"), status(WARNING, "a")], [Status::Warning; 2]);
+        assert_eq!([status(EVENT, "a"), status(EVENT, "b"), status(EVENT, "a")], [Status::Ok; 3]);
+        logger.begin_again();
+        status(EVENT, "a");
+        for _ in 0..2 {
+            logger.error(format_args!("refused"));
+        }
+        status(EVENT, "a");
+        logger.take().unwrap().deliver("f");
+        status(EVENT, "a");
+        assert!(logger.take().is_none());
+        assert_eq!(*heard.lock().unwrap(), ["a", "a", "b", "a", "a", "f: refused", "f: refused", "a"]);
     }
 }

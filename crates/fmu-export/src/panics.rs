@@ -1,10 +1,13 @@
-//! Catches a model's panics, which must not unwind into the importer's stack, and reports where they occurred.
+//! Catches a model's panics, which must not unwind into the importer's stack, and reports where they occurred. A panic
+//! of a thread that the model has started is told with the error to which it leads.
 
 use core::any::Any;
 use core::cell::Cell;
+use core::fmt;
 use core::mem;
 use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::Error;
 
@@ -12,6 +15,9 @@ thread_local! {
     /// Where this thread last panicked. The type has no destructor, because one would outlive the library.
     static PLACE: Cell<Place> = const { Cell::new(Place { file: [0; Place::LONGEST], line: 0 }) };
 }
+
+/// The first panic since the last error, of any thread: what it says, and where.
+static FIRST: Mutex<Option<String>> = Mutex::new(None);
 
 /// A line of a file.
 #[derive(Clone, Copy)]
@@ -32,18 +38,28 @@ impl Place {
         file[..end.len()].copy_from_slice(end);
         Self { file, line: location.line() }
     }
+}
 
-    fn file(&self) -> String {
-        String::from_utf8_lossy(&self.file).trim_end_matches('\0').to_owned()
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let file = String::from_utf8_lossy(&self.file);
+        write!(formatter, "{}:{}", file.trim_end_matches('\0'), self.line)
     }
 }
 
 #[cfg(not(target_family = "wasm"))]
-/// Replaces the default panic hook, which writes to the host's stderr: records where the panic is.
+/// Replaces the default panic hook, which writes to the host's stderr: records the panic.
 pub(crate) fn note(panic: &std::panic::PanicHookInfo<'_>) {
     if let Some(location) = panic.location() {
         PLACE.set(Place::of(location));
     }
+    let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
+    first.get_or_insert_with(|| told(panic.payload()));
+}
+
+/// What a panic of this thread says, and where.
+fn told(payload: &(dyn Any + Send)) -> String {
+    format!("{} ({})", message(payload), PLACE.get())
 }
 
 /// Runs code that may call the model. A panic becomes an error with its message and location.
@@ -56,18 +72,22 @@ pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
 #[cold]
 #[inline(never)]
 fn to_error(payload: Box<dyn Any + Send>) -> Error {
-    let place = PLACE.get();
-    let error = Error::new(format!(
-        "the model panicked: {} ({}:{})",
-        message(payload.as_ref()),
-        place.file(),
-        place.line
-    ));
+    let own = told(payload.as_ref());
     // A panic's payload may itself panic when dropped; the payload of that panic is leaked.
     if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
         mem::forget(next);
     }
-    error
+    with_cause(Error::new(format!("the model panicked: {own}")), &own)
+}
+
+/// An error with the panic of another thread that came before it, unless that is the error's own.
+#[cold]
+pub(crate) fn with_cause(error: Error, own: &str) -> Error {
+    let first = FIRST.lock().unwrap_or_else(PoisonError::into_inner).take();
+    match first.filter(|first| first != own) {
+        Some(first) => Error::new(format!("{error}; before, a thread panicked: {first}")),
+        None => error,
+    }
 }
 
 /// The message of a panic.

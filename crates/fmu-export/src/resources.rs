@@ -3,13 +3,14 @@
 use std::borrow::Cow;
 #[cfg(not(target_family = "wasm"))]
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::Error;
+use crate::variables::Variables;
 
 /// The folder's path, or why there is none.
 #[derive(Debug)]
-pub(crate) struct Resources(Result<PathBuf, Cow<'static, str>>);
+pub(crate) struct Resources(Result<Cow<'static, Path>, Cow<'static, str>>);
 
 impl Resources {
     /// For an FMU without files.
@@ -17,11 +18,16 @@ impl Resources {
         Self(Err("the model's JSON has no \"resources\"".into()))
     }
 
+    /// The folder from which those of an FMU come.
+    pub(crate) fn of<V: Variables>() -> Self {
+        V::RESOURCES.map_or_else(Self::none, |folder| Self(Ok(Path::new(folder).into())))
+    }
+
     /// The folder of a URI; some importers pass a path instead, or nothing.
     pub(crate) fn at(location: Option<&[u8]>) -> Self {
         Self(match location {
             None => Err("fmuResourceLocation was NULL".into()),
-            Some(location) => path(location).ok_or_else(|| {
+            Some(location) => path(location).map(Cow::Owned).ok_or_else(|| {
                 format!(
                     "fmuResourceLocation {:?} is not a URI of a folder on this computer (file:///...)",
                     String::from_utf8_lossy(location)
@@ -36,16 +42,27 @@ impl Resources {
         Self(match path.map(str::from_utf8) {
             None => Err("resourcePath was NULL".into()),
             Some(Err(_)) => Err("resourcePath is not valid UTF-8".into()),
-            Some(Ok(path)) => Ok(Path::new(path).to_path_buf()),
+            Some(Ok(path)) => Ok(Cow::Owned(path.into())),
         })
     }
 
     /// The content of a file up to a size in bytes, by its path in the folder.
     pub(crate) fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
         let unreadable = |why: &str| Error::new(format!("the resource {name} cannot be read: {why}"));
+        if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        {
+            return Err(unreadable(
+                "its path leads out of the folder `resources`; `Context::file` reads other files",
+            ));
+        }
         let file = self.0.as_ref().map_err(|why| unreadable(why))?.join(name);
         read(&file, most).map_err(|why| unreadable(&format!("{}: {why}", file.display())))
     }
+}
+
+/// The content of a user's file up to a size in bytes.
+pub(crate) fn file(path: &str, most: u64) -> Result<Vec<u8>, Error> {
+    read(Path::new(path), most).map_err(|why| Error::new(format!("the file {path:?} cannot be read: {why}")))
 }
 
 /// Reads a file up to a size in bytes: not a pipe or device, which may never end.
@@ -68,20 +85,18 @@ fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
 }
 
 fn check_size(size: u64, most: u64) -> Result<(), String> {
-    if size <= most {
-        Ok(())
-    } else {
-        Err(format!("it has {size} bytes; the model accepts at most {most} (`Context::resource_up_to`)"))
-    }
+    if size <= most { Ok(()) } else { Err(format!("it has {size} bytes; the model accepts at most {most}")) }
 }
 
 /// The path of a file URI (RFC 8089), or of a location without a scheme.
 fn path(location: &[u8]) -> Option<PathBuf> {
     let location = str::from_utf8(location).ok()?;
-    let Some(rest) = location.strip_prefix("file:") else {
+    let rest = match location.split_once(':') {
+        // Schemes have no case.
+        Some((scheme, rest)) if scheme.eq_ignore_ascii_case("file") => rest,
         // A Windows drive has one letter.
-        let has_scheme = location.find(':').is_some_and(|end| end > 1 && !location[..end].contains('/'));
-        return (!has_scheme && !location.is_empty()).then(|| Path::new(location).to_path_buf());
+        Some((scheme, _)) if scheme.len() > 1 && !scheme.contains('/') => return None,
+        _ => return (!location.is_empty()).then(|| Path::new(location).to_path_buf()),
     };
     let encoded = match rest.strip_prefix("//") {
         None => rest,
@@ -123,6 +138,7 @@ mod tests {
         for (location, expected) in [
             ("file:///tmp/a%20fmu/resources", Some("/tmp/a fmu/resources")),
             ("file:/tmp/resources", Some("/tmp/resources")),
+            ("FILE:///tmp/resources", Some("/tmp/resources")),
             ("file://localhost/tmp/resources", Some("/tmp/resources")),
             ("file:///C:/fmu%C3%A4/resources", Some("C:/fmuä/resources")),
             ("/tmp/resources", Some("/tmp/resources")),
@@ -132,6 +148,8 @@ mod tests {
             ("file:///tmp/%zz", None),
             ("file:///tmp/%e", None),
             ("file:tmp", None),
+            ("filé:/tmp", None),
+            (":tmp", Some(":tmp")),
             ("file://", None),
             ("", None),
         ] {
@@ -157,7 +175,21 @@ mod tests {
         let reason = |name, most| resources.read(name, most).unwrap_err().to_string();
         assert!(reason("Cargo.toml", size - 1).contains(&format!("it has {size} bytes; the model accepts")));
         assert!(reason("src", size).ends_with("src: it is not a file"));
+        let refused = |path, most| file(path, most).unwrap_err().to_string();
         #[cfg(unix)]
-        assert!(reason("/dev/zero", size).ends_with("/dev/zero: it is not a file"));
+        assert_eq!(refused("/dev/zero", size), "the file \"/dev/zero\" cannot be read: it is not a file");
+        assert!(refused("", size).starts_with("the file \"\" cannot be read: "));
+        assert_eq!(file("Cargo.toml", size).unwrap(), resources.read("./Cargo.toml", size).unwrap());
+    }
+
+    #[test]
+    fn resources_are_in_their_folder_only() {
+        let resources = Resources::at_path(Some(concat!(env!("CARGO_MANIFEST_DIR"), "/src").as_bytes()));
+        assert!(resources.read("fmi2/c_api.rs", 1 << 20).is_ok());
+        let absolute = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        for name in ["../Cargo.toml", "fmi2/../../Cargo.toml", "..", absolute] {
+            let reason = resources.read(name, 1 << 20).unwrap_err().to_string();
+            assert!(reason.contains("its path leads out of the folder `resources`"), "{reason}");
+        }
     }
 }

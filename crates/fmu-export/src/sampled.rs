@@ -212,6 +212,7 @@ impl<S: Sampled> SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
+        context.at(time);
         let Some(position) = clock else {
             let sample = Sample { number: self.executed, time };
             self.executed += 1;

@@ -1,15 +1,14 @@
 //! A model without an FMU, for tests and programs in Rust.
 
-use core::fmt;
-
 use crate::clock::Clock;
-use crate::context::{Context, Experiment};
+use crate::context::{Context, Experiment, Log, Timed};
 use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
+use crate::resources::Resources;
 use crate::variables::Variables;
 
-/// A model with its variables and messages. Unlike in an FMU, values are not checked.
+/// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
 ///
 /// ```ignore
 /// let mut simulation = Simulation::<Lag>::default();
@@ -70,8 +69,10 @@ impl<F: Fmu> Simulation<F> {
         self.left = None;
         let Self { model, variables, inputs, experiment, messages, .. } = self;
         self.taken = Some(variables.clone());
-        let mut log = log_to(messages);
-        model.initialize(variables, inputs, &mut Context::new(*experiment, &mut log))
+        let mut log = log_to(messages, experiment.start_time);
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        model.initialize(variables, inputs, &mut context)
     }
 
     /// Advances by a communication step of a size in seconds with constant inputs. Clocks whose interval does not change
@@ -103,8 +104,10 @@ impl<F: Fmu> Simulation<F> {
         self.take_parameters();
         let Self { model, variables, inputs, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
-        let mut log = log_to(messages);
-        let ticked = model.tick(*time, variables, inputs, &mut Context::new(*experiment, &mut log));
+        let mut log = log_to(messages, *time);
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let ticked = model.tick(*time, variables, inputs, &mut context);
         clock(variables).ticks = false;
         ticked
     }
@@ -117,9 +120,10 @@ impl<F: Fmu> Simulation<F> {
         self.take_parameters();
         let Self { model, variables, experiment, messages, time, left, .. } = self;
         *left = None;
-        let mut log = log_to(messages);
+        let mut log = log_to(messages, *time);
         let step = Step { start: *time, size, inputs };
-        let mut context = Context::new(*experiment, &mut log);
+        let resources = Resources::of::<VariablesOf<F>>();
+        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;
@@ -142,6 +146,6 @@ impl<F: Fmu> Simulation<F> {
     }
 }
 
-fn log_to(messages: &mut Vec<(&'static str, String)>) -> impl FnMut(&'static str, fmt::Arguments<'_>) {
-    |category, message| messages.push((category, message.to_string()))
+fn log_to(messages: &mut Vec<(&'static str, String)>, time: f64) -> impl Log {
+    Timed::new(time, |category, message| messages.push((category, message.to_string())))
 }

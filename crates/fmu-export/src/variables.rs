@@ -56,6 +56,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const CLOCKS: &'static [ClockDescription] = &[];
     /// The variables and arrays that belong to clocks, each with the clocks' value references; ascending.
     const CLOCKED: &'static [(ValueReference, &'static [ValueReference])] = &[];
+    /// The folder from which the FMU's resources come, if it has any; for a model without an FMU, and no part of libraries.
+    const RESOURCES: Option<&'static str> = None;
     /// The text of the modelDescription.xml; part of a library only if used.
     const MODEL_DESCRIPTION_XML: &'static str;
 

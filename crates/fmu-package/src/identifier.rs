@@ -4,17 +4,10 @@ use std::io;
 
 use fmu_io::reading::broken;
 use fmu_io::terminal::in_line;
+use fmu_terms::is_identifier;
 
 /// The attribute with the name of the FMU's library.
 pub(crate) const IDENTIFIER: &str = "modelIdentifier";
-
-/// Whether a text may be a model identifier: a C identifier.
-#[must_use]
-pub fn is_identifier(text: &str) -> bool {
-    let is_letter = |byte: u8| byte.is_ascii_alphabetic() || byte == b'_';
-    text.bytes().next().is_some_and(is_letter)
-        && text.bytes().all(|byte| is_letter(byte) || byte.is_ascii_digit())
-}
 
 /// Rejects a model identifier that is not a C identifier (FMI 2.0.5, section 2.2.1).
 ///

@@ -31,7 +31,7 @@ pub use build_description::{BuildConfiguration, SourceFileSet, StaticLibrary};
 pub use declared::Declared;
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
-pub use identifier::{is_identifier, refuse_no_identifier};
+pub use identifier::refuse_no_identifier;
 pub use library::Library;
 pub use merge::{Merged, Part};
 pub use model_description::{Enumeration, FmuDescription, MODEL_DESCRIPTION};

@@ -189,6 +189,16 @@ impl Interfaces {
     }
 }
 
+impl From<Interface> for Interfaces {
+    fn from(interface: Interface) -> Self {
+        match interface {
+            Interface::CoSimulation => Self::CoSimulation,
+            Interface::ModelExchange => Self::ModelExchange,
+            Interface::ScheduledExecution => Self::ScheduledExecution,
+        }
+    }
+}
+
 impl FromStr for Interface {
     type Err = String;
 

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod identifier;
 mod interfaces;
 #[cfg(feature = "units")]
 mod likeness;
@@ -9,6 +10,7 @@ mod units;
 mod variables;
 mod words;
 
+pub use identifier::{is_identifier, is_reserved_by_windows};
 pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
 #[cfg(feature = "units")]
 pub use likeness::{like, nearest};

@@ -269,7 +269,7 @@ def test_start_values_of_states(make: Make, start: str, expected: float) -> None
     instance, other = make().choose(motion__start=start), make()
     assert instance.set({"motion.position": 0.75, "tank.level": 0.5}) == Status.OK
     instance.enter()
-    warned = [] if start == "given" else ["the start value of motion.position is not used"]
+    warned = [] if start == "given" else ["at 0 s: the start value of motion.position is not used"]
     instance.call(*instance.getting("motion.position"))
     other.restore(instance.snapshot())
     for each in (instance, other):
@@ -299,6 +299,14 @@ def test_warnings_of_initialization_do_not_accumulate(make: Make) -> None:
     assert len(instance.messages) == 2000
 
 
+def test_white_space_is_what_was_declared(make: Make, fmu: Fmu) -> None:
+    """In attributes of XML, by the numbers of its characters."""
+    variables = {variable.name: variable for variable in fmu.description.modelVariables}
+    assert variables["text"].description == "label and note,\r\n\tin this order"
+    assert variables["settings.label"].start == "a\t<b>"
+    assert make().initialize().get("settings.label") == b"a\t<b>"
+
+
 def test_texts(make: Make) -> None:
     """Strings are copied, and results stay valid until the next call (section 2.1.7)."""
     instance = make().initialize()
@@ -307,7 +315,7 @@ def test_texts(make: Make) -> None:
     instance.ok("fmi2SetString", instance.fmu.references("note"), 1, values)
     values[0] = b"something else"
     assert instance.get("note") == text
-    assert instance.get("text") == b"a <b> " + text
+    assert instance.get("text") == b"a\t<b> " + text
 
 
 # Input derivatives

@@ -468,6 +468,22 @@ def test_an_event_that_makes_others(make: Make) -> None:
         assert (instance.get("events.had"), instance.get("events.ticks")) == (echoes + 1, 1)
 
 
+def test_an_event_that_makes_others_tells_its_time_once(make: Make) -> None:
+    """And again after it is taken back."""
+    instance = initialized(make, events__period=0.25, events__echoes=3, note=b"told", logging_on=True)
+
+    def told() -> list[str]:
+        return [message.text for message in instance.messages if message.text.endswith("told")]
+
+    finish_event(instance)
+    assert told() == ["at 0 s: told"]
+    state = instance.save()
+    for count in (1, 2):
+        have_event(instance, 0.25)
+        assert told()[1:] == ["at 0.25 s: told"] * count
+        instance.ok("fmi2SetFMUstate", state)
+
+
 def test_an_event_that_does_not_end(make: Make) -> None:
     """An Error that names the indicator, instead of an importer that waits for ever."""
     instance = initialized(make, events__period=0.25, events__echoes=-1)

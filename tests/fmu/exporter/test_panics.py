@@ -171,7 +171,22 @@ def test_a_payload_that_panics(fmu: Fmu, tmp_path: Path) -> None:
     )
 
 
-# As above.
+# Compiled sources have no threads.
+@pytest.mark.native
+def test_a_panic_in_a_thread_of_the_model(make: Make) -> None:
+    """It is told with the error to which it leads, and only then."""
+    instance = make().initialize().choose(fault__place="step", fault__manner="thread")
+    for _ in range(2):
+        text = "the thread failed; before, a thread panicked: a text of the thread"
+        assert without_place(instance.refuses("fmi2DoStep", 0.0, STEP, 1)) == text
+        assert instance.call("fmi2Reset") == Status.OK
+        instance.initialize().choose(fault__place="step", fault__manner="error")
+        assert instance.refuses("fmi2DoStep", 0.0, STEP, 1) == "the model's own error"
+        assert instance.call("fmi2Reset") == Status.OK
+        instance.initialize().choose(fault__place="step", fault__manner="thread")
+
+
+# As for compiled sources' states above.
 @pytest.mark.native
 def test_a_panic_as_a_saved_state_is_freed(make: Make) -> None:
     """The state is freed nevertheless; its handle is invalid, so that it is not freed twice."""

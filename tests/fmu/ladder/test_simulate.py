@@ -82,16 +82,41 @@ def test_inputs_come_from_a_file(fmu, tmp_path: Path) -> None:
 ALL_TEMPLATES = sorted(path.parent.name for path in ROOT.glob("crates/cargo-fmu/templates/*/model.json"))
 
 
+def package(template: str, name: str, folder: Path) -> dict[str, object]:
+    """A new package, named for one test as tests share the target folder, and options to run in it."""
+    run("new", name, "--template", template, "--vcs", "none", cwd=folder)
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(FMUS.parents[1].resolve())}
+    return {"cwd": folder / name, "env": environment}
+
+
 @pytest.mark.parametrize("template", ALL_TEMPLATES)
 def test_the_model_of_a_folder_is_exported_and_drawn(template: str, tmp_path: Path) -> None:
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(FMUS.parents[1].resolve())}
-    # Tests at the same time share the target folder.
     name = f"my_{template}"
-    run("new", name, "--template", template, "--vcs", "none", cwd=tmp_path)
-    output = run("simulate", "--plot", "my.html", cwd=tmp_path / name, env=environment)
+    output = run("simulate", "--plot", "my.html", **package(template, name, tmp_path))
     if template == "bouncing_ball":
         assert "my_bouncing_ball: 300 steps of 0.01 s to 3 s" in output
     assert "<html" in tmp_path.joinpath(name, "my.html").read_text()
+
+
+def test_a_trial_has_the_results_of_the_optimized_fmu(tmp_path: Path) -> None:
+    options = package("stick_slip", "tried", tmp_path)
+    (exported,) = (line.split()[0] for line in run("export", **options).splitlines())
+    optimized = Path(exported).read_bytes()
+    run("simulate", exported, "--out", "optimized.csv", **options)
+    run("simulate", "--out", "trial.csv", **options)
+    records = [(tmp_path / "tried" / f"{name}.csv").read_bytes() for name in ("optimized", "trial")]
+    assert records[0] == records[1]
+    assert len(records[0].splitlines()) > 300
+    # The trial replaces nothing.
+    assert Path(exported).read_bytes() == optimized
+
+
+def test_a_trial_has_the_interface_by_which_it_runs(tmp_path: Path) -> None:
+    options = package("bouncing_ball", "exchanged", tmp_path)
+    fmu, _ = run("simulate", "--interface", "me", "--out", "record.csv", **options).splitlines()
+    description = read_model_description(fmu.split()[0])
+    assert description.modelExchange
+    assert not description.coSimulation
 
 
 @pytest.mark.parametrize("interface", ["cs", "me"])

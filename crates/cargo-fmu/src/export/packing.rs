@@ -183,6 +183,21 @@ pub(super) fn with_source_files(description: &str, files: &[&str]) -> Result<Str
     Ok(text)
 }
 
+/// A description without those of FMI 3.0's types; nothing else changes.
+pub(super) fn without_type_descriptions(description: &str) -> String {
+    const TYPE: &str = "<EnumerationType ";
+    let mut types = description.split(TYPE);
+    let mut text = types.next().unwrap_or_default().to_owned();
+    for rest in types {
+        let attributes = rest.split('>').next().unwrap_or_default();
+        let described = attributes.split_once(" description=\"");
+        let described = described.and_then(|(before, value)| Some((before, value.split_once('"')?.1)));
+        let (before, after) = described.unwrap_or((attributes, ""));
+        text += &[TYPE, before, after, &rest[attributes.len()..]].concat();
+    }
+    text
+}
+
 /// A custom section of a WebAssembly module (WebAssembly Core Specification 1.0, sections 5.5.2 and 5.5.3).
 pub(super) fn custom_section(name: &str, bytes: &[u8]) -> Vec<u8> {
     let name = [&number(name.len()), name.as_bytes()].concat();
@@ -235,6 +250,19 @@ pub fn say(path: &Path, rest: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn types_lose_their_descriptions_only() {
+        let text = |of_type| {
+            format!(
+                "<M description=\"a\"><EnumerationType name=\"T\"{of_type}>\n<Item description=\"b\"/></EnumerationType>\
+                 <EnumerationType name=\"U\"/></M>"
+            )
+        };
+        for of_type in [" description=\"&lt; &quot;c&quot; &gt;\"", ""] {
+            assert_eq!(without_type_descriptions(&text(of_type)), text(""));
+        }
+    }
 
     #[test]
     fn numbers_are_those_of_the_format() {

@@ -13,12 +13,12 @@ use fmu_terms::{Interfaces, Version};
 
 use super::packing::{
     ModelLibrary, create_folder_of, custom_section, documentation, is_fmi3, libraries_of, model_identifier,
-    resources, with_source_files, write, write_file,
+    resources, with_source_files, without_type_descriptions, write, write_file,
 };
 use crate::compile::{Compiled, compile};
 use crate::metadata::{Metadata, Package};
 use crate::sources::{self, Module};
-use crate::target::{Build, Made, WebAssembly};
+use crate::target::{Build, Made, Profile, WebAssembly};
 use crate::{licenses, validate};
 
 /// What to export, and the output folder; nothing is built yet.
@@ -30,10 +30,12 @@ pub struct Plan {
     pub(super) wasm: bool,
     /// Whether FMUs have sources.
     pub(super) sources: bool,
+    /// Whether the types of FMI 3.0 have descriptions.
+    pub(super) describes_types: bool,
     /// `None` leaves it to the environment.
     pub(super) versions: Vec<Option<Version>>,
     pub(super) interfaces: Option<Interfaces>,
-    pub(super) profile: String,
+    pub(super) profile: Profile,
     pub(super) binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     pub(super) models: BTreeMap<String, Package>,
@@ -125,7 +127,10 @@ impl Plan {
     fn write_modules(&self, version: Option<Version>) -> Result<()> {
         let compiled = self.compile_for(&WebAssembly, "", version)?;
         for model in self.models() {
-            let description = compiled.description(model)?;
+            let mut description = compiled.description(model)?;
+            if !self.describes_types {
+                description = without_type_descriptions(&description);
+            }
             let mut module = reading::bytes(compiled.library(model)?)?;
             module.extend(custom_section("modelDescription.xml", description.as_bytes()));
             write_file(&self.fmu_of(model, &description).with_extension("wasm"), &module)?;
@@ -205,6 +210,9 @@ impl Plan {
                     description = with_source_files(&description, &sources::compiled(&sources))?.into();
                 }
                 files.extend(sources);
+            }
+            if !self.describes_types {
+                description = without_type_descriptions(&description).into();
             }
             let fmu = Fmu {
                 model_identifier: identifier,

@@ -23,7 +23,7 @@ use fmu_terms::{Causality, like};
 #[group(skip)]
 pub struct Experiment {
     /// An FMU, a system, or a scenario, which docs/simulate.md describes [default: the model of this folder, exported
-    /// first]
+    /// for a trial]
     #[arg(value_name = "FILE.fmu|SYSTEM.ssp|SYSTEM.ssd|SCENARIO.toml")]
     subject: Option<PathBuf>,
     #[command(flatten)]
@@ -65,7 +65,7 @@ impl Experiment {
     /// # Errors
     /// When there is none.
     pub fn subject(&self) -> Result<PathBuf> {
-        self.subject.clone().map_or_else(model_of_this_folder, Ok)
+        self.subject.clone().map_or_else(|| model_of_this_folder(self.interface), Ok)
     }
 
     /// Runs a function with the subject's scenario and FMUs. `outputs` are the files that it writes.
@@ -166,9 +166,13 @@ fn interface() -> impl TypedValueParser<Value = Interface> {
     PossibleValuesParser::new(["cs", "me"]).try_map(|text| text.parse::<Interface>())
 }
 
-/// The FMU of the model in this folder, which is exported.
-fn model_of_this_folder() -> Result<PathBuf> {
-    let mut fmus = Export::of_this_folder().plan()?.run(&[], &[])?;
+/// The FMU of the model in this folder, which is exported for a trial, with the interface by which it runs.
+fn model_of_this_folder(interface: Option<Interface>) -> Result<PathBuf> {
+    let plan = Export::trial(interface).plan()?;
+    complain(
+        "Trial export with cargo's profile dev, not optimized; for long runs: `cargo fmu export`, then simulate its FMU",
+    );
+    let mut fmus = plan.run(&[], &[])?;
     if fmus.len() == 1 {
         return Ok(fmus.remove(0));
     }

@@ -7,7 +7,7 @@ use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Place, Scalar};
 use crate::names::{OF_CLOCKS, field_name, mixed_name, unique};
-use crate::texts::one_line;
+use crate::texts::text;
 use crate::type_names::{FIXED_NAMES, struct_names};
 
 pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
@@ -126,7 +126,7 @@ fn clocks(model: &Model<'_>, refusals: &mut Refusals) {
         } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
             refusals.add("clock.name", format!("{}: another variable has this name", clock.name));
         }
-        refusals.require("clock.description", clock.description.as_deref().map_or(Ok(()), one_line));
+        refusals.require("clock.description", clock.description.as_deref().map_or(Ok(()), text));
         if let Some(other) = scalars.iter().find(|scalar| scalar.place == Place::Clocks) {
             let reason = format!("{}: there is another clock, '{}'", clock.name, other.name);
             refusals.add("clock", reason);
@@ -164,7 +164,7 @@ pub(crate) fn terminals(model: &Model<'_>, refusals: &mut Refusals) {
         let key = format!("terminals[{number}]");
         refusals.require(format!("{key}.name"), field_name(&terminal.name));
         let description = terminal.description.as_deref();
-        refusals.require(format!("{key}.description"), description.map_or(Ok(()), one_line));
+        refusals.require(format!("{key}.description"), description.map_or(Ok(()), text));
         let mut seen = BTreeSet::new();
         for (position, name) in terminal.variables.iter().enumerate() {
             let key = format!("{key}.variables[{position}]");

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::error::Refusals;
-use crate::texts::one_line;
+use crate::texts::label;
 use crate::units::Units;
 use crate::units::declaration::{DisplayUnitDeclaration, UnitDeclaration};
 
@@ -16,7 +16,7 @@ pub(crate) fn all(units: &[UnitDeclaration], refusals: &mut Refusals) {
         if !names.insert(name) {
             refuse(format!("{key}.name"), "is declared twice");
         }
-        if let Err(reason) = one_line(name) {
+        if let Err(reason) = label(name) {
             refuse(format!("{key}.name"), &reason);
         }
         if unit.factor == 0.0 {
@@ -31,7 +31,7 @@ pub(crate) fn all(units: &[UnitDeclaration], refusals: &mut Refusals) {
             if !display_names.insert(display.name()) {
                 refuse(key.clone(), &format!("'{}' is declared twice", display.name()));
             }
-            if let Err(reason) = one_line(display.name()) {
+            if let Err(reason) = label(display.name()) {
                 refuse(key.clone(), &reason);
             }
             if let DisplayUnitDeclaration::New { factor: 0.0, .. } = display {

@@ -9,7 +9,7 @@ use crate::error::{Blame, refuse_if};
 use crate::model::Place;
 use crate::names::{field_name, variable_name};
 use crate::start::Start;
-use crate::texts::one_line;
+use crate::texts::text;
 use crate::value_type::ValueType;
 
 /// The most scalar variables in a model: the description in FMI 2.0 takes some 350 bytes for each.
@@ -59,13 +59,13 @@ fn texts(variable: &VariableDeclaration) -> Result<(), Blame> {
     rust_name.map_or(Ok(()), field_name).map_err(|reason| ("rust_name", reason))?;
     for alias in &variable.aliases {
         variable_name(&alias.name).map_err(|reason| ("aliases", reason))?;
-        alias.description.as_deref().map_or(Ok(()), one_line).map_err(|reason| ("aliases", reason))?;
+        alias.description.as_deref().map_or(Ok(()), text).map_err(|reason| ("aliases", reason))?;
     }
     let of_derivative = variable.derivative.as_ref().and_then(|derivative| derivative.description.as_ref());
-    for (key, text) in
+    for (key, description) in
         [("description", variable.description.as_ref()), ("derivative.description", of_derivative)]
     {
-        text.map_or(Ok(()), |text| one_line(text)).map_err(|reason| (key, reason))?;
+        description.map_or(Ok(()), |description| text(description)).map_err(|reason| (key, reason))?;
     }
     Ok(())
 }

@@ -83,7 +83,8 @@ pub(crate) struct VariableDeclaration {
     pub(crate) initial_reads: Option<Vec<String>>,
     /// The number by which importers access it, up to 2147483647; for an array, that of the first element. Default: the
     /// next free number.
-    pub(crate) value_reference: Option<u32>,
+    #[cfg_attr(test, schemars(with = "Option<u32>"))]
+    pub(crate) value_reference: Option<i64>,
     /// The variable changes only at ticks of these clocks.
     #[serde(default)]
     pub(crate) clocks: Vec<String>,
@@ -200,7 +201,8 @@ pub(crate) struct DerivativeDeclaration {
     /// Variables that its equation in initialization reads directly. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
     /// Default: the number after the state's.
-    pub(crate) value_reference: Option<u32>,
+    #[cfg_attr(test, schemars(with = "Option<u32>"))]
+    pub(crate) value_reference: Option<i64>,
 }
 
 /// `true` for a derivative that needs no details.

@@ -344,7 +344,8 @@ pub(super) fn markdown(text: &str) -> String {
         if "\\`*_[]<>~".contains(character) {
             escaped.push('\\');
         }
-        escaped.push(character);
+        // A comment is one line.
+        escaped.push(if character.is_whitespace() { ' ' } else { character });
     }
     escaped
 }

@@ -205,7 +205,6 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     log_categories: &[{categories}],
     version: fmi::Version::{:?},
     interfaces: fmi::Interfaces::{:?},
-    has_resources: {},
     capabilities: fmi::Capabilities {{
         interpolate_inputs: {},
         get_and_set_state: {},
@@ -221,7 +220,6 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
             model.identifier,
             model.fmi.version,
             model.fmi.interfaces,
-            model.declaration.resources.is_some(),
             capabilities.interpolate_inputs,
             capabilities.get_and_set_state,
             capabilities.serializes_state(),

@@ -1,11 +1,16 @@
 //! All variables of a model: what the runtime sees of them, through the trait `Variables`.
 
+use std::path::Path;
+
 use super::audit::is_evaluated;
 use super::generator::Generator;
 use crate::model::Place;
 
 impl Generator<'_, '_> {
-    pub(super) fn variables_impl(&self) -> String {
+    pub(super) fn variables_impl(&self, resources: Option<&Path>) -> String {
+        let resources = resources.map_or_else(String::new, |folder| {
+            format!("    const RESOURCES: Option<&'static str> = Some({:?});\n", folder.to_string_lossy())
+        });
         let tables =
             [self.strict_states(), self.event_indicators(), self.dependencies(), self.clock_tables()]
                 .concat();
@@ -24,7 +29,7 @@ impl ::fmu_export::Variables for Variables {{
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NOMINALS: &'static [f64] = {nominals};
-{tables}
+{resources}{tables}
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}

@@ -66,7 +66,7 @@ fn scheduled_execution_is_for_clocks_of_fmi_3_without_states() {
         (Version::Two, CLOCK, "Scheduled Execution exists in FMI 3.0 only"),
         (Version::Three, r#"{"name": "time"}"#, "clock.name: time: another variable has this name"),
         (Version::Three, r#"{"name": "a b"}"#, "clock.name: 'a b'"),
-        (Version::Three, r#"{"name": "ticks", "description": "two\nlines"}"#, "clock.description: "),
+        (Version::Three, r#"{"name": "ticks", "description": "two\u0007lines"}"#, "clock.description: "),
         (Version::Three, CLOCK, "Scheduled Execution is for models without continuous states"),
     ] {
         let refused = scheduled(version, Some(clock)).expect_err(reason);

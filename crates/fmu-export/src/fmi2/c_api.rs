@@ -122,7 +122,7 @@ pub unsafe fn fmi2Instantiate<M: Model>(
         }
     };
     c_boundary::instantiate::<M>("fmi2Instantiate", logger, check(), |instance| {
-        if description.has_resources {
+        if const { M::Variables::RESOURCES.is_some() } {
             // SAFETY: the importer passes null or a string.
             let location = unsafe { c_string("fmuResourceLocation", resource_location) };
             instance.resources = Resources::at(location.ok().map(CStr::to_bytes));

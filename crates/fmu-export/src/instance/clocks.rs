@@ -9,7 +9,7 @@ use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::clock::{IntervalQualifier, check_time};
-use crate::context::Context;
+use crate::context::{Context, Timed};
 use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
 use crate::error::Error;
 use crate::model::Model;
@@ -67,12 +67,12 @@ impl<M: Model> Instance<M> {
         memory.clock_mut(position).begin_tick(M::Variables::CLOCKS[position].interval_variability);
         let mut status = Status::Ok;
         let (logger, recent_messages) = (&self.logger, &mut memory.recent_messages);
-        let mut log = |category, message: core::fmt::Arguments<'_>| {
+        let mut log = Timed::new(time, |category, message| {
             // A recomputed tick logs it once.
-            if recent_messages.is_new(&format!("{time:?} {position} {message}")) {
+            if recent_messages.is_new(&format!("{position} {message}")) {
                 status = status.max(logger.message(category, message));
             }
-        };
+        });
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
         memory.model.tick(time, &mut memory.variables, memory.inputs.latest(), &mut context)?;
         memory.end = context.end()?.or(memory.end);

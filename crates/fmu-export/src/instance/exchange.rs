@@ -7,7 +7,7 @@ use fmu_terms::InstanceType;
 use super::memory::{EventUnderWay, Memory};
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
-use crate::context::Context;
+use crate::context::{Context, Timed};
 use crate::description::ValueReference;
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
@@ -132,9 +132,9 @@ impl<M: Model> Instance<M> {
                 ));
                 status = Status::Warning;
             }
-            let mut log = |category, message: core::fmt::Arguments<'_>| {
+            let mut log = Timed::new(time, |category, message| {
                 status = status.max(logger.message(category, message));
-            };
+            });
             let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
             // If an error or a panic interrupts the event, the instance stays in this state.
             let phase = mem::replace(&mut memory.phase, Phase::Error);

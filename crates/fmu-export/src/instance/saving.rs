@@ -45,6 +45,7 @@ impl<M: Model> Instance<M> {
         // Keeps what a model allocates for its steps, which a saved state lacks.
         model.clone_from(&memory.model);
         self.memory.model = model;
+        self.logger.begin_again();
         Ok(())
     }
 

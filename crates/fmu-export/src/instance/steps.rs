@@ -2,7 +2,7 @@
 
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
-use crate::context::Context;
+use crate::context::{Context, Timed};
 use crate::description::{Capabilities, Version};
 use crate::display::Shown;
 use crate::error::Error;
@@ -50,9 +50,9 @@ impl<M: Model> Instance<M> {
         }
         let mut status = Status::Ok;
         let logger = &self.logger;
-        let mut log = |category, message: core::fmt::Arguments<'_>| {
+        let mut log = Timed::new(start, |category, message| {
             status = status.max(logger.message(category, message));
-        };
+        });
         let of_inputs = Step { start, size, inputs: &memory.inputs };
         // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;

@@ -453,7 +453,6 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
     version: fmi::Version::Two,
     interfaces: fmi::Interfaces::CoSimulation,
-    has_resources: false,
     capabilities: fmi::Capabilities {
         interpolate_inputs: true,
         get_and_set_state: true,

@@ -87,7 +87,7 @@ pub(super) unsafe fn instantiate<M: Model>(
         instance.preemption = options.preemption;
         instance.clock_update = options.clock_update.map(|function| ClockUpdate { function, environment });
         instance.intermediate_update = options.intermediate_update;
-        if description.has_resources {
+        if const { M::Variables::RESOURCES.is_some() } {
             // SAFETY: the caller's promise.
             let path = unsafe { c_string("resourcePath", resource_path) };
             instance.resources = Resources::at_path(path.ok().map(CStr::to_bytes));

@@ -2,6 +2,7 @@
 #![allow(non_snake_case)] // the library is named after the model identifier
 
 use std::panic::panic_any;
+use std::thread;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fmu_export::persistence::{Archive, Persistent};
@@ -113,6 +114,10 @@ fn fail(variables: &mut Variables, here: Place) -> Result<(), Error> {
         Manner::Error => return Err(Error::new("the model's own error")),
         Manner::NotANumber => variables.states.tank.level = f64::NAN,
         Manner::Infinity => variables.states.tank.level = f64::INFINITY,
+        Manner::Thread => {
+            let thread = thread::spawn(|| panic!("a text of the thread"));
+            return thread.join().map_err(|_| Error::new("the thread failed"));
+        }
     }
     Ok(())
 }
@@ -403,6 +408,9 @@ impl Model for TestModel {
     ) -> Result<(), Error> {
         fail(variables, Place::Event)?;
         end_at_no_time(variables, context);
+        if inputs.note == "told" {
+            context.event(format_args!("{}", inputs.note));
+        }
         let end = variables.parameters.events.end;
         if self.last < end && end <= event.time {
             context.terminate(end);
