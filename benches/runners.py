@@ -3,8 +3,8 @@
 
 python3 benches/runners.py PYTHON FMUSIM
 
-PYTHON is an interpreter with FMPy, FMUSIM the program (github.com/modelica/fmusim). Exports templates, which takes
-a minute or two. A run counts if it ends with status 0 and its record is right.
+PYTHON is an interpreter with FMPy, FMUSIM the program (github.com/modelica/fmusim). Exports templates, which
+takes a minute or two. A run counts if it ends with status 0 and its record is right.
 """
 
 from __future__ import annotations
