@@ -32,7 +32,15 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// # Errors
 /// When it cannot be read, is too large or is not UTF-8; the message names the file.
 pub fn text(path: &Path) -> io::Result<String> {
-    let read = File::open(path).and_then(|file| up_to(LARGEST_TEXT, file)).and_then(utf_8);
+    text_as(path, utf_8)
+}
+
+/// Reads a text file, whose bytes a function decodes.
+///
+/// # Errors
+/// When it cannot be read, is too large or the function fails; the message names the file.
+pub fn text_as<T>(path: &Path, decode: impl FnOnce(Vec<u8>) -> io::Result<T>) -> io::Result<T> {
+    let read = File::open(path).and_then(|file| up_to(LARGEST_TEXT, file)).and_then(decode);
     read.map_err(|error| cannot_read(path, &error))
 }
 

@@ -45,8 +45,7 @@ pub(crate) enum Problem {
 /// # Errors
 /// When it cannot be read, is too large or in another encoding; the message names the file.
 pub fn read_xml(file: &Path) -> io::Result<String> {
-    let text = decode(reading::bytes(file)?);
-    text.map(|(text, _)| text).map_err(|error| broken(format!("cannot read {}: {error}", file.display())))
+    reading::text_as(file, decode).map(|(text, _)| text)
 }
 
 /// The text of an XML file, and its encoding: UTF-8 if its bytes are, whatever the file declares, else the one of its

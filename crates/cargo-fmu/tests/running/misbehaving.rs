@@ -196,7 +196,7 @@ fn a_simulation_has_its_file_or_an_error() {
         let message = refused_with_temporary_folder(&bench, &simulate, "none");
         assert_eq!(message, format!("error: the FMU ended the process: {end}\n"));
         assert!(!bench.path("out.csv").exists());
-        let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--at", "0.25"];
+        let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--interface", "cs", "--at", "0.5"];
         assert_eq!(refused_with_temporary_folder(&bench, &linearize, "none"), message);
     }
 }
