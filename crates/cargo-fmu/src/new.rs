@@ -58,6 +58,8 @@ enum Template {
     Resource,
     /// A layer of a neural network, with weights from a resource file
     NeuralLayer,
+    /// A battery of cells: a measured characteristic, and a trip
+    Battery,
     /// A sampled PI controller
     Sampled,
     /// Two sampled controllers, each with a clock of its own
@@ -99,6 +101,7 @@ impl Template {
             Self::Clocks => files!("clocks"),
             Self::Resource => files!("resource", "resources/y.txt"),
             Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),
+            Self::Battery => files!("battery", "resources/voltage.csv"),
             Self::Sampled => files!("sampled"),
             Self::Cascade => files!("cascade"),
         }

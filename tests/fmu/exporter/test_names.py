@@ -27,6 +27,8 @@ def file(request: pytest.FixtureRequest) -> Path:
     return TARGET / "names-model" / request.param
 
 
+@pytest.mark.quick
+@pytest.mark.compiled
 @pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 def test_each_variable_has_its_own_name(file: Path, interface: str) -> None:
     assert len(PARAMETERS) == 60
@@ -55,6 +57,7 @@ def test_each_variable_has_its_own_name(file: Path, interface: str) -> None:
     assert np.hstack([last[name] for name in arrays]).tolist() == 2 * [7.0, 14.0, 21.0]
 
 
+@pytest.mark.quick
 def test_aliases_are_of_the_same_variable_and_no_unknowns(file: Path) -> None:
     description = read_model_description(file, validate=True)
     assert description.variableNamingConvention == "flat"

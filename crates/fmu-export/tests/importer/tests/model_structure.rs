@@ -238,6 +238,7 @@ fn what_both_fmus_and_the_templates_list_has_derivatives() {
         "ladder/fmu/Furnace.fmu",
         "ladder/fmu/PiController.fmu",
         "ladder/fmu/Cascade.fmu",
+        "ladder/fmu/Battery.fmu",
     ]));
     println!("{counts:?}");
     assert!(counts.len() == 7 && counts.iter().all(|count| *count > 0), "{counts:?}");
@@ -255,6 +256,7 @@ fn what_those_of_fmi3_list_has_derivatives() {
         "ladder/fmu/fmi3/StickSlip.fmu",
         "ladder/fmu/fmi3/NeuralLayer.fmu",
         "ladder/fmu/fmi3/Furnace.fmu",
+        "ladder/fmu/fmi3/Battery.fmu",
         "ladder-fmi3/fmu/fmi3/StateSpace.fmu",
         "ladder-fmi3/fmu/fmi3/Diffusion.fmu",
     ]));
