@@ -18,8 +18,9 @@ impl {Type} {
         Curve::new(&self.charges, &self.voltages).cubic()
     }
 
-    fn current<T: Number>(&self, current: T) -> T {
-        if self.is_tripped { T::from(0.0) } else { current }
+    /// The contactor: 1 while it is closed, otherwise 0.
+    fn contact(&self) -> f64 {
+        f64::from(!self.is_tripped)
     }
 
     /// How far the voltage of the weakest cell is above the least one (V).
@@ -27,7 +28,7 @@ impl {Type} {
         let p = &variables.parameters;
         let charges = variables.states.charge.iter();
         let least = charges.fold(f64::INFINITY, |least, charge| least.min(*charge));
-        let drop = self.current(variables.inputs.current) * p.resistance;
+        let drop = variables.inputs.current * self.contact() * p.resistance;
         self.open_circuit_voltage().at(least) - drop - p.least_voltage
     }
 }
@@ -46,16 +47,13 @@ impl Equations for {Type} {
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         let p = variables.parameters;
-        let current = self.current(variables.inputs.current);
+        let current = variables.inputs.current * self.contact();
         let curve = self.open_circuit_voltage();
         variables.derivatives.charge = [-current / p.capacity; 12];
         let voltage = |charge| curve.at(charge) - current * p.resistance;
         variables.outputs.cell_voltage = variables.states.charge.map(voltage);
-        variables.outputs.voltage = if self.is_tripped {
-            T::from(0.0)
-        } else {
-            variables.outputs.cell_voltage.iter().sum()
-        };
+        let sum: T = variables.outputs.cell_voltage.iter().sum();
+        variables.outputs.voltage = sum * self.contact();
     }
 
     fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
