@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
+from fmu import TARGET
 from fmu.broken import copy_with
 from fmu.master import Fmu
 
@@ -109,6 +110,14 @@ def expected_of_libcosim(fmu: Fmu) -> set[Message]:
 @pytest.mark.parametrize("name", NAMES)
 def test_libcosim_finds_nothing(fmus: dict[str, Fmu], name: str) -> None:
     assert set(libcosim(fmus[name].path)) == expected_of_libcosim(fmus[name])
+
+
+def test_names_that_other_tools_write_are_taken(tmp_path: Path) -> None:
+    """By both, also by Modelon's FMI Library, with which PyFMI reads."""
+    file = TARGET / "names-model" / "names.fmu"
+    code, messages = fmutool(file)
+    assert (code, {message.level for message in messages}) == (0, {"INFO"})
+    assert set(libcosim(file)) == expected_of_libcosim(Fmu(file, tmp_path))
 
 
 def test_libcosim_finds_what_is_broken(controller_fmu: Fmu, broken: Path) -> None:
