@@ -213,9 +213,9 @@ def trials(folder: Path, fmus: dict[str, Path]) -> list[Trial]:
     ramp = "time,Float64_continuous_input\n0,0\n1,1\n"
     return [
         Trial("FMI 2.0, Co-Simulation", decay, decayed, stop=1),
-        Trial("FMI 2.0, Model Exchange", decay, decayed, "me", stop=1),
+        Trial("FMI 2.0, Model Exchange", decay, decayed, "me", stop=1, step=0.001),
         Trial("FMI 3.0, Co-Simulation", decay3, decayed, stop=1),
-        Trial("FMI 3.0, Model Exchange", decay3, decayed, "me", stop=1),
+        Trial("FMI 3.0, Model Exchange", decay3, decayed, "me", stop=1, step=0.001),
         Trial("Rows before and after events", ball, has_events, "me", stop=1),
         Trial("Periodic clocks of FMI 3.0", fmus["cascade"], ticks, stop=0.1),
         Trial(

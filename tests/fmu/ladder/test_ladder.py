@@ -556,8 +556,8 @@ def test_the_weakest_cell_trips_the_battery(fmu, interface):
     assert np.array_equal(result["is_tripped"].astype(bool), ~is_closed)
     expected = curve(starts - rate * np.minimum(times, trip)[:, None]) - drop * is_closed[:, None]
     found = result["cell_voltage"] if is_array else np.array([result[name] for name in cells]).T
-    # The charges' solution is a straight line, which solvers follow but for their tolerance; where they find the
-    # trip adds some of it. The curve's slope is below 20 V.
+    # The charges fall along a straight line, which solvers follow but for their tolerance; the place of the
+    # trip adds some. The curve's slope is below 20 V.
     assert np.abs(found - expected).max() < 20 * 100 * TOLERANCE
     assert np.abs(result["voltage"] - expected.sum(axis=1) * is_closed).max() < 12 * 20 * 100 * TOLERANCE
 

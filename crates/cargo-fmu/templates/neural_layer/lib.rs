@@ -51,7 +51,8 @@ mod tests {
         let mut simulation = Simulation::<{Type}>::default();
         simulation.inputs.u = [1.0, -2.0, 3.0];
         simulation.initialize()?;
-        assert!(simulation.variables.outputs.y.iter().all(|y| *y != 0.0 && y.abs() < 1.0));
+        let y = simulation.variables.outputs.y;
+        assert!(y.iter().all(|y| *y != 0.0 && y.abs() < 1.0));
         Ok(())
     }
 }

@@ -2,8 +2,8 @@
 #![allow(non_snake_case)] // the library is named after the model identifier
 
 use std::panic::panic_any;
-use std::thread;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use fmu_export::persistence::{Archive, Persistent};
 use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, Serves, Step, Tape, Variables as _};
