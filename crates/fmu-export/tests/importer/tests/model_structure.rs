@@ -241,7 +241,7 @@ fn what_both_fmus_and_the_templates_list_has_derivatives() {
         "ladder/fmu/Battery.fmu",
     ]));
     println!("{counts:?}");
-    assert!(counts.len() == 7 && counts.iter().all(|count| *count > 0), "{counts:?}");
+    assert!(counts.len() == 8 && counts.iter().all(|count| *count > 0), "{counts:?}");
 }
 
 #[test]
@@ -261,5 +261,5 @@ fn what_those_of_fmi3_list_has_derivatives() {
         "ladder-fmi3/fmu/fmi3/Diffusion.fmu",
     ]));
     println!("{counts:?}");
-    assert!(counts.len() == 9 && counts.iter().all(|count| *count > 0), "{counts:?}");
+    assert!(counts.len() == 10 && counts.iter().all(|count| *count > 0), "{counts:?}");
 }
