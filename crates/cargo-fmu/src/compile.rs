@@ -8,6 +8,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
+use fmu_package::MODEL_DESCRIPTION;
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 use super::metadata::{Message, Metadata, Package};
@@ -35,9 +36,9 @@ impl Compiled {
         self.generated
             .iter()
             .map(|folder| folder.join(model))
-            .find(|folder| folder.join("modelDescription.xml").is_file())
+            .find(|folder| folder.join(MODEL_DESCRIPTION).is_file())
             .with_context(|| {
-                format!("the build generated no modelDescription.xml for {model}; does build.rs call fmu_export_build::generate?")
+                format!("the build generated no {MODEL_DESCRIPTION} for {model}; does build.rs call fmu_export_build::generate?")
             })
     }
 
@@ -48,7 +49,7 @@ impl Compiled {
 
     /// The description generated for a model.
     pub fn description(&self, model: &str) -> Result<String> {
-        Ok(reading::text(&self.generated(model)?.join("modelDescription.xml"))?)
+        Ok(reading::text(&self.generated(model)?.join(MODEL_DESCRIPTION))?)
     }
 }
 

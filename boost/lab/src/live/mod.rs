@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use fmu_io::reading;
-use fmu_package::{FmuDescription, ParameterSet, Value};
+use fmu_package::{FmuDescription, MODEL_DESCRIPTION, ParameterSet, Value};
 use serde_json::{Value as Json, json};
 use wasmparser::{Parser, Payload};
 
@@ -36,9 +36,6 @@ const SCRIPTS: [&str; 7] = [
     include_str!("page.js"),
 ];
 
-/// The module section with its description.
-const DESCRIPTION: &str = "modelDescription.xml";
-
 /// An FMU as a WebAssembly module.
 pub struct Module {
     bytes: Vec<u8>,
@@ -57,7 +54,7 @@ impl Module {
     fn description(bytes: &[u8]) -> Result<FmuDescription> {
         for payload in Parser::new(0).parse_all(bytes) {
             if let Payload::CustomSection(section) = payload?
-                && section.name() == DESCRIPTION
+                && section.name() == MODEL_DESCRIPTION
             {
                 let description = FmuDescription::parse(std::str::from_utf8(section.data())?)?;
                 if !description.attribute("fmiVersion").starts_with("2.") {
@@ -66,7 +63,7 @@ impl Module {
                 return Ok(description);
             }
         }
-        bail!("it has no section {DESCRIPTION}")
+        bail!("it has no section {MODEL_DESCRIPTION}")
     }
 }
 

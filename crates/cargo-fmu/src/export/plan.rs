@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use fmu_io::terminal::complain;
 use fmu_io::{reading, writing};
-use fmu_package::{Fmu, Platform};
+use fmu_package::{Fmu, MODEL_DESCRIPTION, Platform};
 use fmu_terms::{Interfaces, Version};
 
 use super::packing::{
@@ -132,7 +132,7 @@ impl Plan {
                 description = without_type_descriptions(&description);
             }
             let mut module = reading::bytes(compiled.library(model)?)?;
-            module.extend(custom_section("modelDescription.xml", description.as_bytes()));
+            module.extend(custom_section(MODEL_DESCRIPTION, description.as_bytes()));
             write_file(&self.fmu_of(model, &description).with_extension("wasm"), &module)?;
         }
         Ok(())

@@ -11,7 +11,9 @@ use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::Pattern;
 use fmu_io::reading;
 use fmu_package::library::refuse_cut_short;
-use fmu_package::{BuildConfiguration, FmuDescription, FmuVariable, Linear, Platform, read_xml};
+use fmu_package::{
+    BuildConfiguration, FmuDescription, FmuVariable, Linear, MODEL_DESCRIPTION, Platform, read_xml,
+};
 use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;
@@ -79,13 +81,13 @@ impl Fmu {
             has_build_description.set(has_build_description.get() || entry == BuildConfiguration::PATH);
             platform.needs(entry)
         })?;
-        let description = folder.path().join("modelDescription.xml");
+        let description = folder.path().join(MODEL_DESCRIPTION);
         if !description.is_file() {
-            bail!("there is no modelDescription.xml in it");
+            bail!("there is no {MODEL_DESCRIPTION} in it");
         }
         let description = FmuDescription::parse(&read_xml(&description)?)
             .and_then(FmuDescription::scalars)
-            .context("its modelDescription.xml cannot be read")?;
+            .with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))?;
         let version = description.attribute("fmiVersion");
         let is_fmi3 = description.is_fmi3();
         if !version.starts_with("2.") && !is_fmi3 {
