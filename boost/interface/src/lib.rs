@@ -145,8 +145,7 @@ impl<'i> Port<'i> {
     #[must_use]
     pub fn unit(&self) -> Unit {
         let name = &self.variable.unit;
-        let undefined = || Unit { name: name.clone(), base: None, display_units: vec![] };
-        self.interface.unit(name).unwrap_or_else(undefined)
+        self.interface.unit(name).unwrap_or_else(|| Unit::undefined(name))
     }
 }
 

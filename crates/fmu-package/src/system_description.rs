@@ -259,8 +259,7 @@ impl ConnectorDescription {
         for value_type in children(connector) {
             if let Some(name) = value_type.attribute("unit") {
                 let known = units::find(name, &definitions.units);
-                let unknown = || Unit { name: name.to_owned(), base: None, display_units: vec![] };
-                read.unit = Some(known.unwrap_or_else(unknown));
+                read.unit = Some(known.unwrap_or_else(|| Unit::undefined(name)));
             }
             if value_type.tag_name().name() == "Enumeration" {
                 let name = text(value_type, "name");

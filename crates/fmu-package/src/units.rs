@@ -13,7 +13,7 @@ pub(crate) fn read<'d>(units: impl Iterator<Item = Element<'d>>) -> io::Result<V
 }
 
 fn read_unit(element: Element<'_>) -> io::Result<Unit> {
-    let mut unit = Unit { name: text(element, "name"), base: None, display_units: vec![] };
+    let mut unit = Unit::undefined(&text(element, "name"));
     for child in children(element) {
         let value = |name, default| Ok::<_, io::Error>(number(child, name)?.unwrap_or(default));
         let offset = value("offset", 0.0)?;

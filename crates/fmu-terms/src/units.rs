@@ -21,6 +21,14 @@ pub struct Unit {
     pub display_units: Vec<DisplayUnit>,
 }
 
+impl Unit {
+    /// A unit of which only the name is known.
+    #[must_use]
+    pub fn undefined(name: &str) -> Self {
+        Self { name: name.to_owned(), base: None, display_units: vec![] }
+    }
+}
+
 /// A unit in SI base units: value in them = factor · value in the unit + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseUnit {

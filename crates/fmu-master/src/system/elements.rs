@@ -299,8 +299,8 @@ impl Given<'_> {
             return Ok(Start { value: self.value(), unit: None });
         };
         let known = |name: &String| {
-            let unknown = || Unit { name: name.clone(), base: None, display_units: vec![] };
-            self.units.iter().find(|unit| unit.name == *name).cloned().unwrap_or_else(unknown)
+            let known = self.units.iter().find(|unit| unit.name == *name).cloned();
+            known.unwrap_or_else(|| Unit::undefined(name))
         };
         let own = unit.as_ref().map(known);
         let number = match (&own, &connector.unit) {
