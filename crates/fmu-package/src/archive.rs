@@ -14,6 +14,7 @@ use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
+pub use crate::validation::archive::is_inside;
 use crate::validation::archive::{Files, normalized, unpack};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
@@ -122,12 +123,6 @@ pub fn extract<R: Read + Seek>(
         })?;
     }
     Ok(())
-}
-
-/// Whether a path stays in the folder of its archive, on every system.
-#[must_use]
-pub fn is_inside(path: &str) -> bool {
-    crate::validation::archive::is_inside(path)
 }
 
 fn path_of<R: Read>(entry: &ZipFile<'_, R>) -> io::Result<String> {

@@ -246,8 +246,9 @@ pub(crate) fn normalized(path: &str) -> String {
     folders.chain([name]).collect()
 }
 
-/// Whether a path stays in its extraction folder, on every system.
-pub(crate) fn is_inside(path: &str) -> bool {
+/// Whether a path stays in the folder of its archive, on every system.
+#[must_use]
+pub fn is_inside(path: &str) -> bool {
     // A folder's path ends with a slash.
     let path = path.strip_suffix('/').unwrap_or(path);
     // Windows ignores trailing dots and blanks in a name.
