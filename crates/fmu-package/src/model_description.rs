@@ -232,7 +232,7 @@ impl FmuDescription {
     pub fn has_capability(&self, interface: Interface, flag: &str) -> bool {
         self.interface(interface).is_some_and(|attributes| {
             let value = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(flag));
-            value.is_some_and(|(_, value)| xml::is_true(value))
+            value.and_then(|(_, value)| xml::boolean(value)) == Some(true)
         })
     }
 

@@ -223,11 +223,7 @@ impl Value {
             "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
                 Self::Integer(text.trim().parse().map_err(|_| no("32-bit integer"))?)
             }
-            "Boolean" => match text.trim() {
-                "true" | "1" => Self::Boolean(true),
-                "false" | "0" => Self::Boolean(false),
-                _ => return Err(no("Boolean")),
-            },
+            "Boolean" => Self::Boolean(xml::boolean(text).ok_or_else(|| no("Boolean"))?),
             "String" => Self::String(text.to_owned()),
             "Enumeration" => Self::Enumeration(text.to_owned()),
             other => return Err(broken(format!("values of the type {other} are not supported"))),

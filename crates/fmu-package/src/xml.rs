@@ -212,22 +212,23 @@ pub(crate) fn listed<'d>(element: Element<'d>, list: &'static str) -> impl Itera
 
 /// Whether an attribute is a true XML boolean.
 pub(crate) fn flag(element: Element<'_>, name: &str) -> bool {
-    element.attribute(name).is_some_and(is_true)
+    element.attribute(name).and_then(boolean) == Some(true)
 }
 
-/// Whether an XML boolean, a word or a digit, is true.
-pub(crate) fn is_true(text: &str) -> bool {
-    matches!(text.trim(), "true" | "1")
+/// The value of an XML boolean, a word or a digit.
+pub(crate) fn boolean(text: &str) -> Option<bool> {
+    match text.trim() {
+        "true" | "1" => Some(true),
+        "false" | "0" => Some(false),
+        _ => None,
+    }
 }
 
 /// A required XML boolean.
 pub(crate) fn truth(element: Element<'_>, name: &str) -> io::Result<bool> {
     let text = required(element, name)?;
-    match text.trim() {
-        "true" | "1" => Ok(true),
-        "false" | "0" => Ok(false),
-        _ => Err(wrong(element, &format!("the attribute {name} is '{text}', which is not a Boolean"))),
-    }
+    boolean(&text)
+        .ok_or_else(|| wrong(element, &format!("the attribute {name} is '{text}', which is not a Boolean")))
 }
 
 /// A required attribute.
