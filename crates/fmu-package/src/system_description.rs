@@ -8,7 +8,7 @@ use fmu_terms::{Interface, Unit, Word};
 use crate::model_description::Enumeration;
 use crate::parameter_mapping::ParameterMapping;
 use crate::parameter_set::ParameterSet;
-use crate::system_structure::{DEFAULT_STRUCTURE, End, Kind};
+use crate::system_structure::{DEFAULT_STRUCTURE, End, FMU_TYPE, Kind};
 use crate::transformation::Transformation;
 use crate::units;
 use crate::xml::{
@@ -218,13 +218,13 @@ impl Content {
         };
         let (uri, structure) = uri.split_once('#').unwrap_or((uri, DEFAULT_STRUCTURE));
         let source = path(element, uri)?;
-        let of_source = || match source.rsplit_once('.') {
-            Some((_, "ssp")) => "application/x-ssp-package",
-            Some((_, "ssd")) => "application/x-ssp-definition",
-            _ => "application/x-fmu-sharedlibrary",
-        };
-        let kind = match element.attribute("type").unwrap_or_else(of_source) {
-            "application/x-fmu-sharedlibrary" => {
+        let ending = source.rsplit_once('.').map(|(_, ending)| ending);
+        let kind = match (element.attribute("type"), ending) {
+            (Some("application/x-ssp-package"), _) | (None, Some("ssp")) => {
+                ComponentKind::Package(path(element, structure)?)
+            }
+            (Some("application/x-ssp-definition"), _) | (None, Some("ssd")) => ComponentKind::Structure,
+            (None | Some(FMU_TYPE), _) => {
                 let interface = match element.attribute("implementation") {
                     None | Some("any") => None,
                     Some(text) => Some(
@@ -234,9 +234,7 @@ impl Content {
                 };
                 ComponentKind::Fmu(interface)
             }
-            "application/x-ssp-package" => ComponentKind::Package(path(element, structure)?),
-            "application/x-ssp-definition" => ComponentKind::Structure,
-            other => {
+            (Some(other), _) => {
                 return Err(wrong(element, &format!("components of the type {other} are not supported")));
             }
         };
@@ -273,10 +271,8 @@ impl ConnectorDescription {
 
 impl ConnectionDescription {
     fn read(connection: Element<'_>) -> io::Result<Self> {
-        for indices in ["startIndices", "endIndices"] {
-            if connection.has_attribute(indices) {
-                return Err(wrong(connection, "connections of an array's elements are not supported"));
-            }
+        if ["startIndices", "endIndices"].iter().any(|indices| connection.has_attribute(*indices)) {
+            return Err(wrong(connection, "connections of an array's elements are not supported"));
         }
         let end = |element: &str, connector: &str| End {
             // OMSimulator has an empty name for the system.

@@ -29,6 +29,8 @@ const OMSIMULATOR_NAMESPACE: &str =
 const OMSIMULATOR_TOLERANCE: f64 = 1e-4;
 /// The namespace of libcosim's annotations.
 const LIBCOSIM_NAMESPACE: &str = "http://opensimulationplatform.com/SSP/OSPAnnotations";
+/// The type of components that are FMUs (SSP, section 5).
+pub(crate) const FMU_TYPE: &str = "application/x-fmu-sharedlibrary";
 /// The structure that every package has, and every tool reads (SSP, section 3).
 pub const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 
@@ -269,7 +271,7 @@ impl SystemStructure {
     fn write_component(&self, writer: &mut XmlWriter, component: &SystemComponent) -> io::Result<()> {
         let attributes = vec![
             ("name", component.name.clone()),
-            ("type", "application/x-fmu-sharedlibrary".to_owned()),
+            ("type", FMU_TYPE.to_owned()),
             ("source", component.source.clone()),
             ("implementation", "CoSimulation".to_owned()),
         ];
