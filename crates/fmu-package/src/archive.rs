@@ -102,7 +102,7 @@ pub fn read_files<R: Read + Seek>(
 pub fn extract<R: Read + Seek>(
     archive: &mut ZipArchive<R>,
     folder: &Path,
-    is_needed: impl Fn(&str) -> bool,
+    mut is_needed: impl FnMut(&str) -> bool,
 ) -> io::Result<()> {
     for index in 0..archive.len() {
         let entry = archive.by_index(index).map_err(plain)?;

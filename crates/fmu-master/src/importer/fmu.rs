@@ -1,6 +1,5 @@
 //! FMUs, extracted and loaded for one of their interfaces.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::iter::repeat_n;
 use std::path::{Path, PathBuf};
@@ -76,9 +75,9 @@ impl Fmu {
             bail!("there is no such file");
         }
         let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
-        let has_build_description = Cell::new(false);
+        let mut has_build_description = false;
         let folder = extract(path, |entry| {
-            has_build_description.set(has_build_description.get() || entry == BuildConfiguration::PATH);
+            has_build_description |= entry == BuildConfiguration::PATH;
             platform.needs(entry)
         })?;
         let description = folder.path().join(MODEL_DESCRIPTION);
@@ -97,7 +96,7 @@ impl Fmu {
         let name = platform.library_path(identifier, is_fmi3);
         let library = folder.path().join(&name);
         if !library.is_file() {
-            let has_sources = has_build_description.get() || !description.source_files.is_empty();
+            let has_sources = has_build_description || !description.source_files.is_empty();
             let remedy = if has_sources {
                 format!("; `cargo fmu compile {}` compiles its C sources", path.display())
             } else {

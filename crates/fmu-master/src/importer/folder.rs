@@ -12,7 +12,7 @@ use fmu_package::archive;
 const PREFIX: &str = ".unpacked-by-fmu-master-";
 
 /// The entries of an archive whose paths are needed; the folder is removed when dropped.
-pub fn extract(path: &Path, is_needed: impl Fn(&str) -> bool) -> Result<Folder> {
+pub fn extract(path: &Path, is_needed: impl FnMut(&str) -> bool) -> Result<Folder> {
     let file = File::open(path).context("it cannot be opened")?;
     let mut archive = archive::open(BufReader::new(file))?;
     Ok(Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?)
