@@ -117,10 +117,10 @@ struct Wires {
 
 /// A connection of Strings.
 struct TextWire {
-    output: String,
+    output: Selection,
     input: String,
-    /// The output's value, once it is read.
-    text: Option<String>,
+    /// The number of the output's text; not a number until it is read.
+    number: f64,
     is_new: bool,
 }
 
@@ -465,10 +465,11 @@ impl Wires {
     /// Reads the outputs.
     fn read(&mut self, instance: &mut Instance) -> Result<()> {
         instance.read(&mut self.outputs, &mut self.values)?;
-        for TextWire { output, text, is_new, .. } in &mut self.texts {
-            let now = Some(instance.text(output)?);
-            *is_new |= now != *text;
-            *text = now;
+        for TextWire { output, number, is_new, .. } in &mut self.texts {
+            let mut now = [0.0];
+            instance.read(output, &mut now)?;
+            *is_new |= now[0].to_bits() != number.to_bits();
+            *number = now[0];
         }
         Ok(())
     }
@@ -476,8 +477,10 @@ impl Wires {
     /// Sets the inputs.
     fn write(&mut self, instance: &mut Instance) -> Result<()> {
         instance.write(&mut self.inputs, &self.values)?;
-        for TextWire { input, text, is_new, .. } in &mut self.texts {
-            if let Some(text) = text.as_deref().filter(|_| mem::take(is_new)) {
+        for TextWire { output, input, number, is_new } in &mut self.texts {
+            if mem::take(is_new)
+                && let Some(text) = output.text(*number)
+            {
                 instance.set(input, text)?;
             }
         }
@@ -574,11 +577,9 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
             };
             let (texts, between): (Vec<_>, Vec<_>) = between.into_iter().partition(is_text);
             let texts =
-                texts.into_iter().map(|Link { connection: Connection { output, input, .. }, .. }| TextWire {
-                    output: output.clone(),
-                    input: input.clone(),
-                    text: None,
-                    is_new: false,
+                texts.into_iter().map(|Link { connection: Connection { output, input, .. }, .. }| {
+                    let output = fmu.select_with_texts([output.as_str()])?;
+                    Ok(TextWire { output, input: input.clone(), number: f64::NAN, is_new: false })
                 });
             let conversions = between.iter().map(|link| link.conversion.clone()).enumerate();
             all.push(Wires {
@@ -589,7 +590,7 @@ fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) 
                 conversions: conversions
                     .filter(|(_, conversion)| *conversion != Function::IDENTITY)
                     .collect(),
-                texts: texts.collect(),
+                texts: texts.collect::<Result<_>>()?,
             });
         }
     }

@@ -267,17 +267,6 @@ impl Instance {
         Ok(value[0])
     }
 
-    /// The current value of a String.
-    ///
-    /// # Errors
-    /// When there is no String of this name, or the call fails.
-    pub fn text(&mut self, name: &str) -> Result<String> {
-        let mut selection = self.calls.fmu.select_with_texts([name])?;
-        self.read(&mut selection, &mut [0.0])?;
-        let text = selection.texts().find_map(|(_, texts)| texts.first().cloned());
-        text.with_context(|| format!("{name} is not a text"))
-    }
-
     /// Sets a variable to a value of its type, in its unit or one that converts to it. An Enumeration takes the name of
     /// an item or its number. A number is in the unit that the FMU declares.
     ///

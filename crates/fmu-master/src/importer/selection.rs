@@ -233,6 +233,12 @@ impl Selection {
         &self.names
     }
 
+    /// The text of the only variable, by its number.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a whole number from 0
+    pub(crate) fn text(&self, number: f64) -> Option<&str> {
+        self.texts.first()?.known.get(number as usize).map(String::as_str)
+    }
+
     /// The texts that have occurred, each with the index of its variable.
     pub(super) fn texts(&self) -> impl Iterator<Item = (usize, &[String])> {
         self.texts.iter().map(|texts| (texts.position, texts.known.as_slice()))
