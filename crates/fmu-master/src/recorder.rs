@@ -22,6 +22,10 @@ pub struct Recorder {
     sources: Vec<Source>,
     /// By member.
     values: Vec<Vec<f64>>,
+    /// The columns of what is read, by member.
+    columns: Vec<Vec<usize>>,
+    /// By member, those since the last communication point.
+    events: Vec<Vec<EventRow>>,
     row: Vec<f64>,
     /// The time of the last communication point (s), if there was one, and its row.
     last: Option<f64>,
@@ -126,8 +130,16 @@ impl Recorder {
             .zip(fmus)
             .map(|(names, fmu)| fmu.select_with_texts(names.iter().map(String::as_str)));
         let selections = selections.collect::<Result<_>>()?;
+        let mut columns_of: Vec<_> = names.iter().map(|names| vec![0; names.len()]).collect();
+        for (column, source) in sources.iter().enumerate() {
+            if let Source::Instance { member, position } = *source {
+                columns_of[member][position] = column;
+            }
+        }
         let recorder = Self {
             values: names.iter().map(|names| vec![0.0; names.len()]).collect(),
+            columns: columns_of,
+            events: names.iter().map(|_| vec![]).collect(),
             row: vec![0.0; sources.len()],
             last: None,
             last_row: vec![0.0; sources.len()],
@@ -140,15 +152,11 @@ impl Recorder {
 
     /// Records a row at a communication point (s), from the instances in their order, after those at events before it.
     pub fn take<'a>(&mut self, time: f64, instances: impl Iterator<Item = &'a mut Instance>) -> Result<()> {
-        let mut events = vec![];
-        for (index, (instance, values)) in instances.zip(&mut self.values).enumerate() {
-            values.copy_from_slice(instance.read_watched()?);
-            events.push(instance.take_events());
-            for (own, texts) in instance.watched_texts() {
-                let is_source = |source: &Source| matches!(source, Source::Instance { member, position } if (*member, *position) == (index, own));
-                if let Some(column) = self.sources.iter().position(is_source) {
-                    self.record.add_texts(column, texts);
-                }
+        for (member, instance) in instances.enumerate() {
+            self.values[member].copy_from_slice(instance.read_watched()?);
+            self.events[member] = instance.take_events();
+            for (position, texts) in instance.watched_texts() {
+                self.record.add_texts(self.columns[member][position], texts);
             }
         }
         for (value, source) in self.row.iter_mut().zip(&self.sources) {
@@ -162,9 +170,9 @@ impl Recorder {
         }
         // Those of a run-in precede the record.
         if let Some(last) = self.last
-            && events.iter().any(|rows| !rows.is_empty())
+            && self.events.iter().any(|rows| !rows.is_empty())
         {
-            for (time, row) in self.at_events((last, time), events) {
+            for (time, row) in self.at_events((last, time)) {
                 self.record.push_event(time, &row);
             }
         }
@@ -175,31 +183,31 @@ impl Recorder {
     }
 
     /// The rows at the members' events between two communication points (s).
-    fn at_events(&self, (begin, end): (f64, f64), mut events: Vec<Vec<EventRow>>) -> Vec<(f64, Vec<f64>)> {
-        for row in events.iter_mut().flatten() {
+    fn at_events(&mut self, (begin, end): (f64, f64)) -> Vec<(f64, Vec<f64>)> {
+        for row in self.events.iter_mut().flatten() {
             // Rounding may put them beside.
             row.time = row.time.max(begin).min(end);
         }
-        let mut times: Vec<_> = events.iter().flatten().map(|row| row.time).collect();
+        let this = &*self;
+        let mut times: Vec<_> = this.events.iter().flatten().map(|row| row.time).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
-        let events = &events;
-        let course = |column| LazyCell::new(move || self.course(column, (begin, end), events));
-        let courses: Vec<_> = (0..self.sources.len()).map(course).collect();
+        let course = |column| LazyCell::new(move || this.course(column, (begin, end)));
+        let courses: Vec<_> = (0..this.sources.len()).map(course).collect();
         let mut rows = vec![];
         for time in times {
             let at_time = |rows: &Vec<EventRow>| {
                 let first = rows.partition_point(|row| row.time < time);
                 first..rows.partition_point(|row| row.time <= time)
             };
-            let at_time: Vec<_> = events.iter().map(|rows| &rows[at_time(rows)]).collect();
+            let at_time: Vec<_> = this.events.iter().map(|rows| &rows[at_time(rows)]).collect();
             let mut count = at_time.iter().map(|rows| rows.len()).max().unwrap_or_default();
             // The row of the communication point is the one after an event there.
             if time >= end && at_time.iter().all(|rows| rows.last().is_none_or(|row| row.is_after)) {
                 count -= 1;
             }
             for index in 0..count {
-                let value = |(column, course): (usize, &LazyCell<_, _>)| match self.own(column) {
+                let value = |(column, course): (usize, &LazyCell<_, _>)| match this.own(column) {
                     Some((member, position)) if !at_time[member].is_empty() => {
                         let rows = at_time[member];
                         rows[index.min(rows.len() - 1)].values[position]
@@ -224,13 +232,13 @@ impl Recorder {
     }
 
     /// The course of a column between two communication points (s), with its own member's events in between.
-    fn course(&self, column: usize, (begin, end): (f64, f64), events: &[Vec<EventRow>]) -> Signal {
+    fn course(&self, column: usize, (begin, end): (f64, f64)) -> Signal {
         if let Source::Signal(signal) = &self.sources[column] {
             return signal.clone();
         }
         let mut points = vec![(begin, self.last_row[column])];
         if let Some((member, position)) = self.own(column) {
-            points.extend(events[member].iter().map(|row| (row.time, row.values[position])));
+            points.extend(self.events[member].iter().map(|row| (row.time, row.values[position])));
         }
         points.push((end, self.row[column]));
         if self.record.columns()[column].is_discrete { Signal::Steps(points) } else { Signal::Lines(points) }
