@@ -323,8 +323,7 @@ impl Elements {
             (Some(false), _) | (_, Some(true)) => true,
             _ => false,
         };
-        let ends = [(start.0, start.1), (end.0, end.1)];
-        let [start, end] = ends;
+        let [start, end] = [(start.0, start.1), (end.0, end.1)];
         Ok(if is_reversed { [end, start] } else { [start, end] })
     }
 

@@ -14,9 +14,6 @@ use fmu_package::{
 use super::files::{Base, Unpacked};
 use crate::scenario::{Location, Member};
 
-/// The most files around a structure: one that contains itself ends here.
-const DEEPEST: usize = 10;
-
 /// The elements, found by their indices.
 #[derive(Default)]
 pub struct Elements {
@@ -88,7 +85,7 @@ impl Elements {
         &mut self,
         description: ElementDescription,
         parent: Option<&str>,
-        bases: &[Base],
+        base: &Base,
         unpacked: &mut Unpacked,
     ) -> Result<usize> {
         let ElementDescription { name, connectors, parameters, content } = description;
@@ -97,50 +94,32 @@ impl Elements {
             Some("") => name.clone(),
             Some(parent) => format!("{parent}.{name}"),
         };
-        let base = bases.last().context("a base")?;
         let what = match &content {
             Content::Component { .. } => format!("the component {path}"),
             _ => format!("the system {}", if path.is_empty() { &name } else { &path }),
         };
         let location = Location::argument(&what);
         let index = self.all.len();
+        let mut within = (vec![], vec![], vec![]);
         let part = match content {
             Content::Component { kind: ComponentKind::Fmu(interface), source } => {
                 let file = location.locate(base.file(&source))?;
                 let description = FmuDescription::read(&file).and_then(FmuDescription::scalars);
                 let description = location.locate(description.map_err(Into::into))?;
-                let member = Member { interface, ..Member::new(&path, &file, location.clone()) };
+                let member = Member { interface, ..Member::new(&path, &file, location) };
                 self.fmus.push(SystemFmu { member, description });
                 Part::Fmu(self.fmus.len() - 1)
             }
             Content::Component { kind, source } => {
                 let (inner, inner_base) = location.locate(base.open(&source, &kind, unpacked))?;
-                if bases.len() > DEEPEST {
-                    return Err(location.error(format!("there are more than {DEEPEST} systems around it")));
-                }
                 let inner = ElementDescription { name, ..inner.system };
-                let bases = [bases, &[inner_base]].concat();
-                let index = self.add(inner, parent, &bases, unpacked)?;
+                self.add(inner, parent, &inner_base, unpacked)?;
                 self.take(index, &parameters, base, &what)?;
                 return Ok(index);
             }
             Content::System { elements, connections, dictionaries } => {
-                self.dictionaries.push(dictionaries.into_iter().map(|name| (name, None)).collect());
-                self.all.push(Element {
-                    name,
-                    path: path.clone(),
-                    connectors,
-                    part: Part::System,
-                    children: vec![],
-                });
-                for element in elements {
-                    let child = self.add(element, Some(&path), bases, unpacked)?;
-                    self.all[index].children.push(child);
-                }
-                self.dictionaries.pop();
-                self.connections.extend(connections.into_iter().map(|connection| (index, connection)));
-                self.take(index, &parameters, base, &what)?;
-                return Ok(index);
+                within = (elements, connections, dictionaries);
+                Part::System
             }
             Content::Reference { dictionary } => {
                 let known = self.dictionaries.iter_mut().rev().find_map(|known| known.get_mut(&dictionary));
@@ -149,7 +128,15 @@ impl Elements {
                 Part::Reference(*known.get_or_insert(index))
             }
         };
-        self.all.push(Element { name, path, connectors, part, children: vec![] });
+        self.all.push(Element { name, path: path.clone(), connectors, part, children: vec![] });
+        let (elements, connections, dictionaries) = within;
+        self.dictionaries.push(dictionaries.into_iter().map(|name| (name, None)).collect());
+        for element in elements {
+            let child = self.add(element, Some(&path), base, unpacked)?;
+            self.all[index].children.push(child);
+        }
+        self.dictionaries.pop();
+        self.connections.extend(connections.into_iter().map(|connection| (index, connection)));
         self.take(index, &parameters, base, &what)?;
         Ok(index)
     }

@@ -37,6 +37,9 @@ impl Unpacked {
     }
 }
 
+/// The most files around a structure: one that contains itself ends here.
+const DEEPEST: usize = 10;
+
 /// The folder of a structure.
 #[derive(Clone)]
 pub struct Base {
@@ -46,18 +49,20 @@ pub struct Base {
     folder: String,
     /// Whether no path leaves the root.
     is_package: bool,
+    /// How many files are around the structure's.
+    depth: usize,
 }
 
 impl Base {
     /// The folder of a package.
     pub fn of_package(root: PathBuf) -> Self {
-        Self { root, folder: String::new(), is_package: true }
+        Self { root, folder: String::new(), is_package: true, depth: 0 }
     }
 
     /// The folder of a structure that is not packed.
     pub fn of_structure(structure: &Path) -> Self {
         let root = structure.parent().unwrap_or(Path::new("")).to_owned();
-        Self { root, folder: String::new(), is_package: false }
+        Self { root, folder: String::new(), is_package: false, depth: 0 }
     }
 
     /// The path from the root of a file that the structure names.
@@ -89,6 +94,9 @@ impl Base {
         kind: &ComponentKind,
         unpacked: &mut Unpacked,
     ) -> Result<(SystemDescription, Self)> {
+        if self.depth == DEEPEST {
+            bail!("there are more than {DEEPEST} systems around it");
+        }
         let (base, structure) = match kind {
             ComponentKind::Package(structure) => {
                 (Self::of_package(unpacked.add(&self.file(source)?)?), structure.as_str())
@@ -97,7 +105,7 @@ impl Base {
         };
         let path = base.path(structure)?;
         let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();
-        Ok((parse(&base.root.join(&path))?, Self { folder, ..base }))
+        Ok((parse(&base.root.join(&path))?, Self { folder, depth: self.depth + 1, ..base }))
     }
 
     /// Reads what the structure contains or refers to; files in a component are in an FMU.

@@ -101,20 +101,20 @@ pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
         let folder = unpacked.add(path)?;
         (folder.join(DEFAULT_STRUCTURE), Base::of_package(folder))
     };
-    let scenario = of_structure(&structure, base, times, &mut unpacked)
+    let scenario = of_structure(&structure, &base, times, &mut unpacked)
         .with_context(|| format!("the system in {}", path.display()));
     let mut scenario = scenario.map_err(|error| unpacked.named(&error))?;
     scenario.files.push(path.to_owned());
     Ok((scenario, unpacked))
 }
 
-fn of_structure(structure: &Path, base: Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
+fn of_structure(structure: &Path, base: &Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
     let SystemDescription { system, start_time, stop_time, step_size } = files::parse(structure)?;
     let own = Times { start: start_time, stop: stop_time, step: step_size };
     let name = system.name.clone();
     let mut scenario = times.or(own).scenario(&name)?;
     let mut elements = Elements::default();
-    elements.add(system, None, &[base], unpacked)?;
+    elements.add(system, None, base, unpacked)?;
     if elements.fmus.is_empty() {
         complain(&format!("note: {name} has no FMUs: the values of its connectors are recorded"));
     }
