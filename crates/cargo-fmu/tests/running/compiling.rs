@@ -5,11 +5,9 @@ use std::path::Path;
 
 use fmu_package::Platform;
 
-use super::Bench;
+use super::archives::write_archive;
 use super::careless::DESCRIPTION;
-
-#[path = "../support/archives.rs"]
-mod archives;
+use super::{Bench, last};
 
 /// A library that is external, and one that is in the FMU.
 const LIBRARIES: &str = "<Library name=\"m\" external=\"true\"/><Library name=\"offset\"/>";
@@ -43,7 +41,7 @@ fn gain(bench: &Bench, sets: &str, more: &[(&str, &[u8])]) {
             b"#include <math.h>\n#include \"bias.h\"\ndouble bias(void) { return sqrt(BIAS); }\n",
         ),
     ];
-    archives::archive_of(bench.path("gain.fmu").to_str().unwrap(), &[&files, more].concat());
+    write_archive(&bench.path("gain.fmu"), &[&files, more].concat());
 }
 
 /// The configuration that `gain.c` demands.
@@ -65,11 +63,6 @@ fn configuration(libraries: &str, bias: &str) -> String {
           {libraries}
         </BuildConfiguration>"#
     )
-}
-
-/// The last value of a record's last column.
-fn last(record: &str) -> f64 {
-    record.lines().last().unwrap().rsplit(',').next().unwrap().parse().unwrap()
 }
 
 #[test]
@@ -130,6 +123,9 @@ fn libraries_are_linked() {
     gain(&bench, &without, &[empty]);
     let refusal = bench.refusal(&["compile", "gain.fmu"]);
     assert!(refusal.contains("there is no library offset in binaries/"), "{refusal}");
+    gain(&bench, &configuration("<Library name=\"none-such\" external=\"true\"/>", "16"), &[]);
+    let refusal = bench.refusal(&["compile", "gain.fmu"]);
+    assert!(refusal.contains("none-such"), "{refusal}");
 }
 
 #[test]
@@ -141,7 +137,7 @@ fn source_files_of_fmi_2_are_compiled() {
     let description = format!("{before}{listed}{}", after.split_once("/>").unwrap().1);
     let source = include_bytes!("../../../fmu-master/tests/careless/careless.c");
     let files = [("modelDescription.xml", description.as_bytes()), ("sources/careless.c", source)];
-    archives::archive_of(bench.path("c.fmu").to_str().unwrap(), &files);
+    write_archive(&bench.path("c.fmu"), &files);
     bench.succeeds(&["simulate", "careless.fmu", "--set", "input=0.3", "--out", "expected.csv"]);
     bench.succeeds(&["compile", "c.fmu", "--out", "new.fmu"]);
     bench.succeeds(&["simulate", "new.fmu", "--set", "input=0.3", "--out", "found.csv"]);

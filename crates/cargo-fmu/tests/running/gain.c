@@ -7,7 +7,7 @@
 
 #include "bias.h"
 
-#if !defined(GAIN) || !defined(FLAG) || !defined(OPTION) || defined(OPTIONAL) || __STDC_VERSION__ < 201112L
+#if !defined(GAIN) || !defined(FLAG) || !defined(OPTION) || defined(OPTIONAL) || __STDC_VERSION__ != 201112L
 #error "not compiled as described"
 #endif
 

@@ -1,13 +1,12 @@
 //! Systems as other tools write them, each named after its trait. Its FMUs integrate their input: after a step of 0.125 s
 //! the level is higher by an eighth of it.
 
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
+use std::iter;
 
 use fmu_package::{Fmu, Platform};
-use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
 
+use crate::archives::write_archive;
 use crate::careless::{DESCRIPTION, library};
 use crate::{Bench, careless, parameter_set};
 
@@ -88,13 +87,11 @@ fn bench() -> Bench {
 
 /// A package with files of the bench, by their paths in it.
 fn pack(bench: &Bench, package: &str, structure: &str, files: &[(&str, &str)]) {
-    let mut archive = ZipWriter::new(File::create(bench.path(package)).unwrap());
-    let files = files.iter().map(|(path, file)| (*path, fs::read(bench.path(file)).unwrap()));
-    for (path, content) in [("SystemStructure.ssd", structure.as_bytes().to_vec())].into_iter().chain(files) {
-        archive.start_file(path, SimpleFileOptions::default()).unwrap();
-        archive.write_all(&content).unwrap();
-    }
-    archive.finish().unwrap();
+    let files: Vec<_> =
+        files.iter().map(|(path, file)| (*path, fs::read(bench.path(file)).unwrap())).collect();
+    let files = files.iter().map(|(path, content)| (*path, content.as_slice()));
+    let all: Vec<_> = iter::once(("SystemStructure.ssd", structure.as_bytes())).chain(files).collect();
+    write_archive(&bench.path(package), &all);
 }
 
 const FMUS: &[(&str, &str)] = &[("resources/giver.fmu", "giver.fmu"), ("resources/taker.fmu", "taker.fmu")];
@@ -162,6 +159,8 @@ fn nested_systems_have_hierarchical_names_and_pass_values_through() {
         // 250 mbar are 25 kPa, and 2 mbar 200 Pa. The last one gets (200 + 25 · k / 8) Pa in kPa.
         let last = 0.125e-3 * (8.0 * 200.0 + 25.0 * 36.0 / 8.0);
         let expected = [0.25, 25.0, 200.0 + 25.0, 1.0, last];
+        assert_eq!(values.len(), expected.len());
+        // Conversions of units round a few times.
         for (value, wanted) in values.iter().zip(expected) {
             assert!((value - wanted).abs() < 1e-12 * wanted, "{values:?}");
         }
@@ -208,8 +207,8 @@ fn mapped_parameters_are_transformed_and_renamed() {
     }
 }
 
-/// A Boolean between two FMUs, and an item between the enumerations of the system and an FMU, whose number 7 there is none
-/// for.
+/// A Boolean passes between two FMUs; an item of the system's enumeration passes to that of an FMU, in which no item has
+/// its number, 7.
 #[test]
 fn connections_map_booleans_and_items() {
     let bench = bench();
@@ -317,21 +316,12 @@ fn packages_and_structures_are_components() {
         component("plain", "folder/other.ssd", binding),
     ];
     let outer = structure("1.0", &elements(&components, &[]), "");
-    pack(
-        &bench,
-        "outer.ssp",
-        &outer,
-        &[&inner[..], &[("inner.ssp", "inner.ssp"), ("own.ssv", "own.ssv")]].concat(),
-    );
+    let all = [&inner[..], &[("inner.ssp", "inner.ssp"), ("own.ssv", "own.ssv")]].concat();
+    pack(&bench, "outer.ssp", &outer, &all);
     let record = "package.u,package.a:level,changed.a:level,plain.a:level";
     assert_eq!(run(&bench, "outer.ssp", record).0, [3.0, 3.0, 4.0, 4.0]);
     bench.write("other.ssd", &variant("3").replace("../fmus", "../../fmus"));
-    pack(
-        &bench,
-        "outer.ssp",
-        &outer,
-        &[&inner[..], &[("inner.ssp", "inner.ssp"), ("own.ssv", "own.ssv")]].concat(),
-    );
+    pack(&bench, "outer.ssp", &outer, &all);
     let message = bench.refusal(&["simulate", "outer.ssp"]);
     assert!(
         message.contains("component plain.a: '../../fmus/giver.fmu' is not a file in the package"),
@@ -360,7 +350,7 @@ fn a_structure_runs_where_it_is() {
         libraries: vec![(Platform::host().unwrap(), library().to_vec())],
         files: vec![("resources/own.ssv".to_owned(), parameter_set("flag", "Boolean", "true").into_bytes())],
     };
-    fmu.write(File::create(bench.path("a/own.fmu")).unwrap()).unwrap();
+    fmu.write(fs::File::create(bench.path("a/own.fmu")).unwrap()).unwrap();
     let binding = "<D:ParameterBindings><D:ParameterBinding source=\"resources/own.ssv\" sourceBase=\"component\"/>\
                    </D:ParameterBindings>";
     let system = elements(&[component("a", "../own.fmu", binding)], &[connection("a.level", "a.input", "")]);

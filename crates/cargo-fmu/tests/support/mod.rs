@@ -1,11 +1,23 @@
 //! FMUs and archives as the tests of commands need them.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-pub use archives::{archive_of, scratch};
+use archives::write_archive;
 
 mod archives;
+
+/// A path in the folder of tests.
+pub fn scratch(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+/// A ZIP archive in the folder of tests.
+pub fn archive_of(name: &str, entries: &[(&str, &[u8])]) -> String {
+    let path = scratch(name);
+    write_archive(&path, entries);
+    path.to_str().unwrap().to_owned()
+}
 
 /// A ZIP archive with one entry.
 pub fn archive(name: &str, entry: &str, content: &str) -> String {
