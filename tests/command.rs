@@ -265,6 +265,19 @@ fn the_files_of_two_fmus_go_together() {
     let [one, other] = <[_; 2]>::try_from(systems).unwrap();
     assert_eq!(one, other);
 
+    // bar to Pa, 1 to %, rpm to rad/s and Pa to kPa.
+    for expected in [
+        ("Law:duty", "Engine:hp_wastegate_pwm", 100.0),
+        ("Engine:p", "Law:boost_pressure_signal", 1e5),
+        (":engine_speed", "Engine:n", std::f64::consts::TAU / 60.0),
+        (":boost_reference", "Law:target", 1e-3),
+    ] {
+        let found = one.iter().find(|(from, to, _)| (from.as_str(), to.as_str()) == (expected.0, expected.1));
+        let factor = found.unwrap_or_else(|| panic!("{expected:?}: {one:?}")).2;
+        // Up to the rounding of a quotient.
+        assert!((factor / expected.2 - 1.0).abs() < 4.0 * f64::EPSILON, "{expected:?}: {factor}");
+    }
+
     // For masters that zero inputs: one input remains, and the plant's speed is no connector any more.
     let files = ["--connections", "plant.toml", "--connections", "controller.toml"];
     let couple = ["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu"];
@@ -287,18 +300,6 @@ fn the_files_of_two_fmus_go_together() {
     let reason =
         "--inputs boost_refrence: the system has no such input; it has boost_reference, engine_speed";
     assert!(message.contains(reason), "{message}");
-    // bar to Pa, 1 to %, rpm to rad/s and Pa to kPa.
-    for expected in [
-        ("Law:duty", "Engine:hp_wastegate_pwm", 100.0),
-        ("Engine:p", "Law:boost_pressure_signal", 1e5),
-        (":engine_speed", "Engine:n", std::f64::consts::TAU / 60.0),
-        (":boost_reference", "Law:target", 1e-3),
-    ] {
-        let found = one.iter().find(|(from, to, _)| (from.as_str(), to.as_str()) == (expected.0, expected.1));
-        let factor = found.unwrap_or_else(|| panic!("{expected:?}: {one:?}")).2;
-        // Up to the rounding of a quotient.
-        assert!((factor / expected.2 - 1.0).abs() < 4.0 * f64::EPSILON, "{expected:?}: {factor}");
-    }
 }
 
 /// The root system of a package.

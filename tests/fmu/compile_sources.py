@@ -18,13 +18,18 @@ from tempfile import TemporaryDirectory
 from fmpy import platform_tuple, read_model_description
 
 
-def compile_sources(fmu: Path, to: Path, configuration: str = "Release") -> None:
-    """Copies one FMU."""
+def copy_without_libraries(fmu: Path, to: Path) -> None:
+    """Copies an FMU but for its libraries."""
     to.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(to, "w", zipfile.ZIP_DEFLATED) as copy:
         for name in archive.namelist():
             if not name.startswith("binaries/"):
                 copy.writestr(name, archive.read(name))
+
+
+def compile_sources(fmu: Path, to: Path, configuration: str = "Release") -> None:
+    """Copies one FMU."""
+    copy_without_libraries(fmu, to)
     description = read_model_description(to)
     if description.coSimulation or description.modelExchange:
         scripts = Path(sys.executable).parent

@@ -150,10 +150,10 @@ def test_reference_fmus_are_solved_by_model_exchange(
 def test_texts_are_recorded(other_makers: Path, tmp_path: Path, version: int) -> None:
     file, out = other_makers / REFERENCE / f"fmi{version}" / "Feedthrough.fmu", tmp_path / "out.csv"
     text = 'Größe, "groß"'
-    arguments = ["--set", f"String_input={text}", "--record", "String_output,Int*_output", "--stop-time", "1"]
+    arguments = ["--set", f"String_input={text}", "--record", "Strin*_output", "--stop-time", "1"]
     assert simulate_of_cargo(file, *arguments, "--step", "0.5", "--out", out).returncode == 0
     names, *rows = csv.reader(csv_lines(out))
-    assert names[:2] == ["time", "String_output"]
+    assert names == ["time", "String_output"]
     assert [row[1] for row in rows] == [text] * 3
 
 

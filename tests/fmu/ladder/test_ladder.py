@@ -543,11 +543,12 @@ def test_the_weakest_cell_trips_the_battery(fmu, interface):
     curve = PchipInterpolator(charges, voltages)
     is_array = read_model_description(path).fmiVersion.startswith("3")
     cells = ["cell_voltage"] if is_array else [f"cell_voltage[{number}]" for number in range(1, 13)]
-    inputs = {"current": 3.0, "resistance": 0.03}
-    result = simulate(path, interface, start_values=inputs, output=[*cells, "voltage", "is_tripped"])
+    current, resistance, least = 3.0, 0.03, 3.0
+    values = {"current": current, "resistance": resistance}
+    result = simulate(path, interface, start_values=values, output=[*cells, "voltage", "is_tripped"])
     starts = np.array([0.9, 0.91, 0.9, 0.89, 0.9, 0.88, 0.9, 0.92, 0.9, 0.9, 0.89, 0.9])
-    rate, drop = 3.0 / 7200, 3.0 * 0.03
-    trip = (starts.min() - brentq(lambda charge: curve(charge) - drop - 3.0, 0.05, 0.5, xtol=1e-15)) / rate
+    rate, drop = current / 7200, current * resistance
+    trip = (starts.min() - brentq(lambda charge: curve(charge) - drop - least, 0.05, 0.5, xtol=1e-15)) / rate
     # FMPy has rows at the event, a little before or after it.
     result = result[np.abs(result["time"] - trip) > 1e-3]
     times = result["time"]

@@ -27,7 +27,7 @@
   }
   const boxOf = (element) => {
     const { left, right, top, bottom } = element.getBoundingClientRect();
-    // A fifth each is above digits and below the line.
+    // The box of a line of text is taller than its digits: a fifth above and below.
     const margin = element.localName === "text" ? (bottom - top) / 5 : 0;
     return { left, right, top: top + margin, bottom: bottom - margin };
   };
@@ -46,5 +46,5 @@
   const plots = [...document.querySelectorAll(".plot")];
   const names = plots.filter(inView).map((plot) => plot.data.at(-1).name);
   const others = [...document.querySelectorAll("input[type=range], #engine")].filter(inView);
-  return { wide: shown.filter(isWide).map(name), broken, crossing, plots: names, others: others.map(({ id }) => id), texts: shown.length };
+  return { wide: shown.filter(isWide).map(name), broken, crossing, plots: names, others: others.map(({ id }) => id), texts: shown.length, drawn: drawn.length };
 }

@@ -30,3 +30,23 @@ impl Monotone {
         Some(self.curve().at(x)).filter(|value| !value.is_nan())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_extrapolated() {
+        let function = Monotone::through(vec![(0.0, 1.0), (2.0, 3.0)]).unwrap();
+        let values = [-1e-9, 0.0, 1.0, 2.0, 2.0 + 1e-9].map(|x| function.at(x));
+        assert_eq!(values, [None, Some(1.0), Some(2.0), Some(3.0), None]);
+        assert_eq!(function.at(f64::NAN), None);
+    }
+
+    #[test]
+    fn points_that_do_not_ascend_are_refused() {
+        assert!(Monotone::through(vec![(0.0, 1.0)]).is_none());
+        assert!(Monotone::through(vec![(0.0, 1.0), (0.0, 2.0)]).is_none());
+        assert!(Monotone::through(vec![(0.0, 1.0), (f64::NAN, 2.0)]).is_none());
+    }
+}

@@ -5,6 +5,7 @@ mod arrays;
 mod calculated_parameters;
 mod event_mode;
 mod foreign_state;
+mod importer;
 mod intermediate_update;
 mod look_ahead;
 mod rod;

@@ -1,4 +1,5 @@
-//! A model with the names that other tools write: reserved words, blanks, letters beyond ASCII, quotes, elements in between.
+//! A model with the names that other tools write: reserved words, blanks, letters beyond ASCII, quotes, and elements
+//! of arrays within a name.
 
 use fmu_export::{Equations, Number};
 
@@ -9,7 +10,7 @@ impl Equations for Names {
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
         let (p, inputs) = (variables.parameters, variables.inputs);
-        variables.outputs.sum_of_all =
+        variables.outputs.sum_of_some =
             [p.in_, p.type_, p.self_, p.größe, p.a_2__b, p.a_b_c].into_iter().sum();
         variables.derivatives._y__2___v = inputs.u - variables.states._y__2___v;
         variables.outputs.arr_in = [1.0, 2.0, 3.0].map(|factor| inputs.small_x * factor);
