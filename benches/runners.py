@@ -57,14 +57,11 @@ class Trial:
     inputs: str = ""
 
 
-def run(*words: object, folder: Path = ROOT, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    """A command; its output is of interest if it fails."""
+def must(*words: object, folder: Path = ROOT, **environment: str) -> None:
+    """A command that must succeed; its output is of interest if it fails."""
     words = tuple(str(word) for word in words)
     variables = {**os.environ, **environment}
-    return subprocess.run(words, cwd=folder, env=variables, capture_output=True, timeout=SECONDS, check=False)
-
-
-def must(done: subprocess.CompletedProcess[bytes]) -> None:
+    done = subprocess.run(words, cwd=folder, env=variables, capture_output=True, check=False)
     if done.returncode != 0:
         raise SystemExit(done.stderr.decode())
 
@@ -126,11 +123,14 @@ def judge(trial: Trial, words: Callable[[Trial, Path, Path | None], list[object]
         if data is not None:
             data.write_text(trial.inputs)
         try:
-            done = run(*words(trial, out, data))
+            command = [str(word) for word in words(trial, out, data)]
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=SECONDS, check=False)
         except subprocess.TimeoutExpired:
             return "no end"
         if done.returncode != 0:
             return "crashes" if done.returncode < 0 else "refused"
+        if not out.exists():
+            return "wrong"
         with out.open(encoding="utf-8", newline="") as text:
             names, *rows = csv.reader(text)
     columns = {
@@ -193,7 +193,7 @@ def has_events(columns: Columns) -> bool:
     return len(set(times)) < len(times)
 
 
-def trials(folder: Path, fmus: dict[str, Path]) -> list[Trial]:
+def trials(fmus: dict[str, Path]) -> list[Trial]:
     decay, decay3, ball, feedthrough = (fmus[name] for name in ("decay", "decay3", "ball", "feedthrough"))
     decayed = last("x", math.exp(-1.0))
     without_outputs = changed(decay, "without_outputs", described(hide_outputs))
@@ -255,38 +255,18 @@ def trials(folder: Path, fmus: dict[str, Path]) -> list[Trial]:
 def export(folder: Path, name: str, template: str, version: int, states: int | None = None) -> Path:
     """The FMU of a template."""
     package = folder / name
-    must(run(COMMAND, "new", package, "--template", template, folder=folder))
+    must(COMMAND, "new", package, "--template", template, folder=folder)
     if states is not None:
         text = (package / "model.json").read_text()
         (package / "model.json").write_text(text.replace('"start": 100,', f'"start": {states},', 1))
-    words = [
-        COMMAND,
-        "export",
-        "--fmi",
-        version,
-        "--interfaces",
-        "cs,me",
-        "--profile",
-        "dev",
-        "--out",
-        folder / "fmu",
-    ]
-    done = subprocess.run(
-        [str(word) for word in words],
-        cwd=package,
-        env={**os.environ, "CARGO_TARGET_DIR": str(folder / "target")},
-        capture_output=True,
-        check=False,
-    )
-    must(done)
+    options = ["--fmi", version, "--interfaces", "cs,me", "--profile", "dev", "--out", folder / "fmu"]
+    must(COMMAND, "export", *options, folder=package, CARGO_TARGET_DIR=str(folder / "target"))
     return folder / "fmu" / ("fmi3" if version == 3 else "") / f"{name}.fmu"
 
 
 def main() -> None:
     python, program = sys.argv[1:]
-    subprocess.run(
-        ["cargo", "build", "--release", "--locked", "--package", "cargo-fmu"], cwd=ROOT, check=True
-    )
+    must("cargo", "build", "--release", "--locked", "--package", "cargo-fmu")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         models = [
@@ -300,7 +280,7 @@ def main() -> None:
         ]
         fmus = {model: export(folder, model, *rest) for model, *rest in models}
         print("| | `cargo fmu` | FMPy | fmusim |\n|---|---|---|---|")
-        for trial in trials(folder, fmus):
+        for trial in trials(fmus):
             found = [judge(trial, words) for words in (ours, partial(fmpy, python), partial(fmusim, program))]
             print(f"| {trial.title} | {' | '.join(found)} |", flush=True)
 

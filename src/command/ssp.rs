@@ -29,8 +29,8 @@ pub struct Arguments {
     /// Parameter sets, each bound to the FMU that has its parameters
     #[arg(long, value_name = "FILE.ssv")]
     pub parameters: Vec<PathBuf>,
-    /// The only inputs of the system, for masters that set unconnected inputs to zero: those behind the others keep
-    /// their start values [default: all]
+    /// The system's only inputs, for masters that set unconnected inputs to zero; the FMUs keep the start values of
+    /// the others [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub inputs: Option<Vec<String>>,
     /// The file to write [default: Boost.ssp]

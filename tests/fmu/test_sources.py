@@ -3,7 +3,6 @@ take the states that those serialize: in both versions of FMI."""
 
 from __future__ import annotations
 
-import subprocess
 import zipfile
 from collections.abc import Callable
 from ctypes import byref, c_size_t, c_uint8, c_void_p
@@ -15,7 +14,7 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
 
-from fmu import TARGET
+from fmu import TARGET, Run
 from fmu.compile_sources import compile_sources, copy_without_libraries
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
 from fmu.master import Fmu, Instance, Master, Reals

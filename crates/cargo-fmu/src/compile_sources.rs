@@ -45,8 +45,8 @@ const LANGUAGES: [&str; 13] =
 
 /// Compile an FMU's C sources for this platform, into a new FMU
 ///
-/// Takes the C compiler of this machine, or that of the environment variable CC, and the FMU's own definitions, compiler
-/// options and libraries.
+/// Takes the compilers of this machine, or those of the environment variables CC and CXX, and the FMU's own definitions,
+/// compiler options and libraries.
 #[derive(Args, Debug)]
 pub struct Compile {
     /// An FMU with sources

@@ -93,7 +93,7 @@ Examples:
     },
     #[command(after_help = "\
 Examples:
-  cargo fmu compile decay.fmu                           # writes decay.linux64.fmu, on Linux
+  cargo fmu compile decay.fmu                           # writes decay.linux64.fmu, on x86-64 Linux
   CC=clang cargo fmu compile decay.fmu --out own.fmu")]
     Compile(Compile),
     #[command(after_help = "\

@@ -115,12 +115,14 @@ impl<'a> Context<'a> {
         self.log.at(time);
     }
 
-    /// Warns the user of something that may affect the results. The text gets the time, and is not repeated at once.
+    /// Warns the user of something that may affect the results. The time precedes the text; an immediate
+    /// repetition is dropped.
     pub fn warn(&mut self, message: fmt::Arguments<'_>) {
         self.log.message(logger::WARNING, message);
     }
 
-    /// Logs an event, if debug logging is on. The text gets the time, and is not repeated at once.
+    /// Logs an event, if debug logging is on. The time precedes the text; an immediate
+    /// repetition is dropped.
     pub fn event(&mut self, message: fmt::Arguments<'_>) {
         self.log.message(logger::EVENT, message);
     }

@@ -19,9 +19,9 @@ const MOST_GROUPS: usize = 61;
 /// Tests that a model's Real outputs and derivatives depend only on the inputs and states that its JSON lists
 /// (`reads`). Importers use these dependencies to find algebraic loops; an undeclared one hides a loop.
 ///
-/// Initializes the model with the resources of its package, and evaluates [`Model::differentiate`] around the values of `variables`: inputs and states shifted by up to their
-/// nominal values or magnitudes. A dependency that is zero at all points goes unnoticed. If there are more than 61
-/// inputs and states, several are moved at once.
+/// Initializes the model with the resources of its package, and evaluates [`Model::differentiate`] around the values of
+/// `variables`: inputs and states shifted by up to their nominal values or magnitudes. A dependency that is zero at all
+/// points goes unnoticed. If there are more than 61 inputs and states, several are moved at once.
 ///
 /// # Errors
 /// The first undeclared dependency, a failed initialization, or a model without derivatives.

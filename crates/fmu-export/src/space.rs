@@ -20,7 +20,7 @@ use crate::number::Number;
 pub struct Vector<T, const SIZE: usize = 3>(pub [T; SIZE]);
 
 impl<T: Number, const SIZE: usize> Vector<T, SIZE> {
-    /// No length.
+    /// The zero vector.
     #[must_use]
     pub fn zero() -> Self {
         Self([T::from(0.0); SIZE])
