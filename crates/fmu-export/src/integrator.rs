@@ -7,7 +7,8 @@
 //! serves several steps, and a step that went beyond the present time.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
-//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one. A
+//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one, all of
+//! them if that costs less. A
 //! product with one more direction checks the pattern whenever the Jacobian is renewed, so that an element that another
 //! branch of the equations adds is not missed. A Jacobian serves steps with little error, or any with a method that
 //! allows it.
@@ -16,7 +17,7 @@
 //! then those of the dense output, whose error is limited like the step's.
 //!
 //! Memory for a step is allocated in the first one, in the first that is linearly implicit, where the pattern changes, and
-//! for the long rows. It does not belong to a clone.
+//! for rows that are computed one by one. It does not belong to a clone.
 //!
 //! `docs/integrator.md` compares it with other solvers. The crates `diffsol`, `differential-equations` and
 //! `ode_solvers` were tried, but none can write its memory as bytes in the middle of a run, which a serialized FMU

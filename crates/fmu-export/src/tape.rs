@@ -8,6 +8,7 @@ use core::cmp::Ordering;
 use core::fmt;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use crate::integrator::Pattern;
 use crate::number::{Number, arithmetic};
 
 /// A recorded operation: the result changes by the operands' changes times the slopes.
@@ -39,11 +40,6 @@ impl Tape {
         let operations = self.operations.get_mut();
         operations.clear();
         operations.push(Operation::default());
-    }
-
-    /// The number of operations.
-    pub(crate) fn count(&self) -> usize {
-        self.operations.borrow().len()
     }
 
     /// A number to differentiate by.
@@ -93,40 +89,61 @@ impl Tape {
         })
     }
 
-    /// Computes the derivatives of one result.
-    pub(crate) fn differentiate(&self, result: Recorded<'_>) {
-        for operation in &mut *self.operations.borrow_mut() {
-            operation.adjoint = 0.0;
+    /// Computes the derivatives of one result with respect to so many variables, the first numbers on the tape, which
+    /// holds no weights. It goes back as far as the result rests on operations.
+    pub(crate) fn differentiate(&self, result: Recorded<'_>, variables: usize) {
+        let mut operations = self.operations.borrow_mut();
+        for variable in &mut operations[1..=variables] {
+            variable.adjoint = 0.0;
         }
-        self.weigh(result, 1.0);
-        self.go_back();
+        let mut place = result.place as usize;
+        let mut first = place;
+        operations[place].adjoint = 1.0;
+        while place > variables && place >= first {
+            let Operation { operands, slopes, adjoint } = operations[place];
+            if adjoint != 0.0 {
+                // For the next result.
+                operations[place].adjoint = 0.0;
+                for (operand, slope) in operands.into_iter().zip(slopes) {
+                    if slope != 0.0 {
+                        let operand = operand as usize;
+                        operations[operand].adjoint += slope * adjoint;
+                        if operand > variables {
+                            first = first.min(operand);
+                        }
+                    }
+                }
+            }
+            place -= 1;
+        }
     }
 
-    /// Adds the positions of the variables, the first numbers on the tape, on which a result depends. `reached` holds
-    /// which number was last reached from which `result`.
-    pub(crate) fn add_dependencies(
-        &self,
-        of: Recorded<'_>,
-        result: usize,
-        variables: usize,
-        reached: &mut Vec<usize>,
-        dependencies: &mut Vec<usize>,
-    ) {
-        let operations = self.operations.borrow();
-        reached.resize(operations.len(), usize::MAX);
-        let mut next = vec![of.place];
-        while let Some(place) = next.pop() {
-            let reached = &mut reached[place as usize];
-            if place == 0 || *reached == result {
-                continue;
+    /// Where the matrix of the results' derivatives with respect to as many variables has elements. These are the first
+    /// numbers on the tape.
+    pub(crate) fn pattern(&self, results: &[Recorded<'_>]) -> Pattern {
+        let (operations, variables) = (self.operations.borrow(), results.len());
+        // The result from which each number was last reached.
+        let mut reached = vec![usize::MAX; operations.len()];
+        let (mut next, mut traversed) = (vec![], 0_usize);
+        let pattern = Pattern::of_rows(variables, |row, columns| {
+            let place = results[row].place as usize;
+            let mut first = place;
+            next.push(place);
+            while let Some(place) = next.pop() {
+                if place == 0 || reached[place] == row {
+                    continue;
+                }
+                reached[place] = row;
+                if place <= variables {
+                    columns.push(place - 1);
+                } else {
+                    first = first.min(place);
+                    next.extend(operations[place].operands.map(|operand| operand as usize));
+                }
             }
-            *reached = result;
-            if place as usize <= variables {
-                dependencies.push(place as usize - 1);
-            } else {
-                next.extend(operations[place as usize].operands);
-            }
-        }
+            traversed = traversed.saturating_add(place - first);
+        });
+        pattern.with_operations(operations.len(), traversed)
     }
 
     /// The derivative of the weighted sum with respect to a number.
@@ -248,6 +265,32 @@ mod tests {
                     // Rounding errors of about twenty operations on numbers of order 10.
                     assert!((found - expected).abs() < 1e-13, "{found} instead of {expected}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn one_result_after_the_other() {
+        let mut tape = Tape::new();
+        tape.clear();
+        let numbers = [0.7, 0.3, 0.9].map(|value| tape.variable(value));
+        let results = functions(numbers);
+        // A variable and a constant are results, too.
+        let all = [results[0], results[1], numbers[1], Recorded::from(2.0)];
+        let derivatives = |result: usize| {
+            tape.differentiate(all[result], numbers.len());
+            numbers.map(|number| tape.derivative(number))
+        };
+        let found = [0, 1, 2, 3].map(derivatives);
+        // Whichever came before.
+        assert_eq!([3, 2, 1, 0].map(derivatives), [found[3], found[2], found[1], found[0]]);
+        assert_eq!([found[2], found[3]], [[0.0, 1.0, 0.0], [0.0; 3]]);
+        for (changing, derivatives) in (0..3).map(|number| (number, found.map(|found| found[number]))) {
+            let mut duals = numbers.map(|number| Dual::from(number.value()));
+            duals[changing].derivative = 1.0;
+            for (expected, found) in functions(duals).into_iter().zip(derivatives) {
+                // As above.
+                assert!((found - expected.derivative).abs() < 1e-13, "{found} instead of {expected:?}");
             }
         }
     }

@@ -178,18 +178,15 @@ impl<E: Equations> System for Equated<'_, E> {
         tape.clear();
         let (states, rates) = self.record(elapsed, states, &tape);
         for &row in rows {
-            tape.differentiate(rates[row]);
+            tape.differentiate(rates[row], states.len());
             take(row, &|column| tape.derivative(states[column]));
         }
     }
 
     fn pattern(&mut self, elapsed: f64, states: &[f64]) -> Pattern {
-        let (size, mut tape, mut reached) = (states.len(), Tape::new(), vec![]);
+        let mut tape = Tape::new();
         tape.clear();
         let (_, rates) = self.record(elapsed, states, &tape);
-        Pattern::of_rows(size, |row, columns| {
-            tape.add_dependencies(rates[row], row, size, &mut reached, columns);
-        })
-        .with_operations(tape.count())
+        tape.pattern(&rates)
     }
 }

@@ -6,25 +6,30 @@ use core::mem;
 /// precision.
 pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
     let size = pivots.len();
-    for column in 0..size {
-        let magnitude = |row: usize| matrix[row * size + column].abs();
-        let pivot = (column + 1..size)
-            .fold(column, |pivot, row| if magnitude(row) > magnitude(pivot) { row } else { pivot });
-        if !(magnitude(pivot) > f64::MIN_POSITIVE && magnitude(pivot).is_finite()) {
-            return false;
-        }
-        pivots[column] = pivot;
-        if pivot != column {
-            for other in 0..size {
-                matrix.swap(column * size + other, pivot * size + other);
+    for (column, pivot) in pivots.iter_mut().enumerate() {
+        let (above, below) = matrix.split_at_mut((column + 1) * size);
+        let pivot_row = &mut above[column * size..];
+        let mut largest = pivot_row[column].abs();
+        *pivot = column;
+        for (row, after) in below.chunks_exact(size).zip(column + 1..) {
+            let magnitude = row[column].abs();
+            if magnitude > largest {
+                (largest, *pivot) = (magnitude, after);
             }
         }
-        let (above, below) = matrix.split_at_mut((column + 1) * size);
-        let pivot_row = &above[column * size..];
+        if !(largest > f64::MIN_POSITIVE && largest.is_finite()) {
+            return false;
+        }
+        if let Some(after) = pivot.checked_sub(column + 1) {
+            pivot_row.swap_with_slice(&mut below[after * size..(after + 1) * size]);
+        }
+        let reciprocal = pivot_row[column].recip();
+        let pivot_row = &pivot_row[column + 1..];
         for row in below.chunks_exact_mut(size) {
-            let factor = row[column] / pivot_row[column];
-            row[column] = factor;
-            for (element, above) in row.iter_mut().zip(pivot_row).skip(column + 1) {
+            let (before, row) = row.split_at_mut(column + 1);
+            let factor = before[column] * reciprocal;
+            before[column] = factor;
+            for (element, above) in row.iter_mut().zip(pivot_row) {
                 *element -= factor * above;
             }
         }
@@ -38,14 +43,28 @@ pub(crate) fn solve(factors: &[f64], pivots: &[usize], vector: &mut [f64]) {
     for (row, &pivot) in pivots.iter().enumerate() {
         vector.swap(row, pivot);
     }
-    let known = |row: &[f64], vector: &[f64]| row.iter().zip(vector).map(|(a, x)| a * x).sum::<f64>();
-    for row in 1..size {
-        vector[row] -= known(&factors[row * size..row * size + row], vector);
+    for (row, factors) in factors.chunks_exact(size).enumerate() {
+        let (known, vector) = vector.split_at_mut(row);
+        vector[0] -= product(&factors[..row], known);
     }
-    for row in (0..size).rev() {
-        let (factors, after) = (&factors[row * size..(row + 1) * size], row + 1);
-        vector[row] = (vector[row] - known(&factors[after..], &vector[after..])) / factors[row];
+    for (row, factors) in factors.chunks_exact(size).enumerate().rev() {
+        let (vector, known) = vector[row..].split_at_mut(1);
+        let factors = &factors[row..];
+        vector[0] = (vector[0] - product(&factors[1..], known)) / factors[0];
     }
+}
+
+/// The scalar product of vectors of one length, by four sums, of which a processor adds several at once.
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 /// Inverts a matrix of a few rows in place, by Gauss-Jordan elimination with partial pivoting. Returns whether it is

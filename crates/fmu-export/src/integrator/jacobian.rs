@@ -196,7 +196,17 @@ impl Jacobian {
             }
         }
         self.elements.resize(size * size, 0.0);
-        system.linearize(time, states, &Units(size), &mut self.elements, by_time);
+        if S::MAY_BE_SPARSE && self.pattern.as_ref().is_some_and(|pattern| pattern.is_by_rows(size)) {
+            let rows: Vec<_> = (0..size).collect();
+            system.gradients(time, states, &rows, |row, gradient| {
+                for (column, element) in self.elements[row * size..(row + 1) * size].iter_mut().enumerate() {
+                    *element = gradient(column);
+                }
+            });
+            system.linearize(time, states, &Units(0), &mut [], by_time);
+        } else {
+            system.linearize(time, states, &Units(size), &mut self.elements, by_time);
+        }
     }
 
     /// A bound of the magnitudes of its eigenvalues: the root of the norm of its square, of magnitudes, for states

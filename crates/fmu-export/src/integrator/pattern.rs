@@ -13,11 +13,13 @@ pub struct Pattern {
     starts: Vec<u32>,
     /// The columns of the elements, ascending within each row.
     columns: Vec<u32>,
-    /// The operations by which the derivatives are evaluated, as far as known.
+    /// The operations by which the derivatives are evaluated, as far as known, …
     operations: u32,
+    /// … and those that the gradients of all rows go back through, some many times.
+    traversed: u32,
 }
 
-crate::persistent!(<> Pattern { starts, columns, operations });
+crate::persistent!(<> Pattern { starts, columns, operations, traversed });
 
 /// An order of elimination.
 pub(super) struct Elimination {
@@ -43,26 +45,32 @@ impl Pattern {
     /// The pattern with these columns in each row, or the full one if there are too many for it to be of use.
     #[must_use]
     pub fn of_rows(size: usize, mut row: impl FnMut(usize, &mut Vec<usize>)) -> Self {
-        let (mut pattern, mut found) = (Self { starts: vec![0], ..Self::default() }, vec![]);
+        let mut pattern = Self { starts: vec![0], ..Self::default() };
+        let (mut found, mut is_full) = (vec![], false);
         for index in 0..size {
             found.clear();
             found.push(index);
             row(index, &mut found);
+            if is_full {
+                continue;
+            }
             found.sort_unstable();
             found.dedup();
             pattern.columns.extend(found.iter().copied().map(number));
             pattern.starts.push(number(pattern.columns.len()));
             if pattern.columns.len() > (size.saturating_mul(size) / 4).max(FEW * size) {
-                return Self::full();
+                (pattern, is_full) = (Self::full(), true);
             }
         }
         pattern
     }
 
-    /// The pattern of derivatives that take so many operations.
+    /// The pattern of derivatives that take so many operations, of which the gradients of all rows go back through so
+    /// many.
     #[must_use]
-    pub fn with_operations(self, operations: usize) -> Self {
-        Self { operations: number(operations), ..self }
+    pub(crate) fn with_operations(self, operations: usize, traversed: usize) -> Self {
+        let most = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
+        Self { operations: most(operations), traversed: most(traversed), ..self }
     }
 
     /// The operations by which the derivatives are evaluated: at least one for each element.
@@ -72,13 +80,16 @@ impl Pattern {
 
     /// The pattern of a sum.
     pub(super) fn with(&self, other: &Self) -> Self {
-        if self.is_full() || other.is_full() {
-            return Self::full();
-        }
-        Self::of_rows(self.size(), |row, columns| {
-            columns.extend(self.row(row).iter().chain(other.row(row)).map(|&column| column as usize));
-        })
-        .with_operations(self.operations.max(other.operations) as usize)
+        let sum = if self.is_full() || other.is_full() {
+            Self::full()
+        } else {
+            Self::of_rows(self.size(), |row, columns| {
+                columns.extend(self.row(row).iter().chain(other.row(row)).map(|&column| column as usize));
+            })
+        };
+        let [operations, traversed] =
+            [(self.operations, other.operations), (self.traversed, other.traversed)].map(|(a, b)| a.max(b));
+        Self { operations, traversed, ..sum }
     }
 
     /// Whether every element may differ from zero.
@@ -153,6 +164,12 @@ impl Pattern {
         rows.truncate(count);
         rows.sort_unstable();
         rows
+    }
+
+    /// Whether the gradients of all rows take less than an evaluation for each column of a full matrix.
+    pub(super) fn is_by_rows(&self, size: usize) -> bool {
+        let [operations, traversed] = [self.operations, self.traversed].map(u64::from);
+        RECORDING as u64 * operations + GRADIENT as u64 * traversed < size as u64 * operations
     }
 
     /// The group of each column, and the number of groups: those of a group share no row but these, so that a product
@@ -259,7 +276,7 @@ impl Pattern {
     }
 }
 
-/// The time of recording an evaluation, and of a gradient from the record, in evaluations with a direction.
+/// The time of recording an evaluation, and of going back through all of the record, in evaluations with a direction.
 const RECORDING: usize = 8;
 const GRADIENT: usize = 4;
 /// Rows with so few elements are sparse, whatever their length; otherwise a quarter is too many.

@@ -375,12 +375,10 @@ impl<R: Rates, const PATTERN: bool> System for Counted<R, PATTERN> {
 
     fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
         self.counts[1] += 1;
-        let (mut tape, mut reached) = (Tape::new(), vec![]);
+        let mut tape = Tape::new();
         tape.clear();
         let (_, rates) = self.record(time, states, &tape);
-        Pattern::of_rows(states.len(), |row, columns| {
-            tape.add_dependencies(rates[row], row, states.len(), &mut reached, columns);
-        })
+        tape.pattern(&rates)
     }
 
     fn gradients(
@@ -394,7 +392,7 @@ impl<R: Rates, const PATTERN: bool> System for Counted<R, PATTERN> {
         tape.clear();
         let (states, rates) = self.record(time, states, &tape);
         for &row in rows {
-            tape.differentiate(rates[row]);
+            tape.differentiate(rates[row], states.len());
             take(row, &|column| tape.derivative(states[column]));
         }
     }
@@ -526,6 +524,39 @@ fn a_row_with_all_columns_is_as_exact_as_the_others() {
         "the steps are the same"
     );
     assert_same(&sparse, &dense);
+}
+
+/// States that decay and drive each other, all by all.
+#[derive(Clone, Copy)]
+struct Crowd {
+    /// Whether their squares are computed once, before the rows that all need them.
+    shares: bool,
+}
+
+impl Rates for Crowd {
+    fn rates<T: Number>(&self, _time: f64, states: &[T]) -> Vec<T> {
+        let once: Vec<_> = if self.shares { states.iter().map(|&x| x * x).collect() } else { vec![] };
+        let square = |state: usize| once.get(state).copied().unwrap_or_else(|| states[state] * states[state]);
+        let rate = |row: usize| {
+            let driven = (0..states.len()).map(|column| square(column) / (1 + row.abs_diff(column)) as f64);
+            driven.sum::<T>() - states[row] * (row * row) as f64
+        };
+        (0..states.len()).map(rate).collect()
+    }
+}
+
+#[test]
+fn a_full_jacobian_is_computed_by_rows_where_these_cost_less() {
+    for shares in [false, true] {
+        let (mut by_rows, mut by_columns) = (warm_end(), warm_end());
+        let (mut patterned, mut full) =
+            (Counted::<_, true>::new(Crowd { shares }), Counted::<_, false>::new(Crowd { shares }));
+        conduct(&mut patterned, &mut Integrator::new(CELLS), 0.0, 0.1, &mut by_rows);
+        conduct(&mut full, &mut Integrator::new(CELLS), 0.0, 0.1, &mut by_columns);
+        assert_same(&by_rows, &by_columns);
+        assert!(full.counts[0] > 0 && patterned.counts[2] == full.counts[2], "the Jacobians are as many");
+        assert_eq!(patterned.counts[4], if shares { full.counts[4] } else { 0 }, "directions");
+    }
 }
 
 #[test]
@@ -820,7 +851,7 @@ fn stiff_systems_are_found() {
 struct Plate(f64);
 
 impl Plate {
-    const EDGE: usize = 20;
+    const EDGE: usize = 30;
 }
 
 impl Rates for Plate {
