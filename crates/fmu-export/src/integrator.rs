@@ -58,6 +58,9 @@ use work::Work;
 /// larger by the stability limit.
 const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
 
+/// The most states for which solutions with kept factors take less time than the evaluations that they save.
+const MOST_SAVING: usize = 20;
+
 /// The integrator with its last step.
 #[derive(Debug)]
 pub struct Integrator {
@@ -254,8 +257,7 @@ impl Integrator {
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
                 if last.took_explicit::<S>() {
-                    // For more states, solutions with kept factors take longer than the evaluations that they save.
-                    let saves = work.would_keep && *size <= MOST_DENSE;
+                    let saves = work.would_keep && *size <= MOST_SAVING;
                     work.for_other = work.for_other.max(u32::from(saves));
                 } else if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);

@@ -58,7 +58,7 @@ impl Pattern {
             found.dedup();
             pattern.columns.extend(found.iter().copied().map(number));
             pattern.starts.push(number(pattern.columns.len()));
-            if pattern.columns.len() > (size.saturating_mul(size) / 4).max(FEW * size) {
+            if pattern.columns.len() > size.saturating_mul(FEW.clamp(size / 4, size.div_ceil(2))) {
                 (pattern, is_full) = (Self::full(), true);
             }
         }
@@ -279,7 +279,8 @@ impl Pattern {
 /// The time of recording an evaluation, and of going back through all of the record, in evaluations with a direction.
 const RECORDING: usize = 8;
 const GRADIENT: usize = 4;
-/// Rows with so few elements are sparse, whatever their length; otherwise a quarter is too many.
+/// Rows with so few elements are sparse unless more than half full; otherwise a quarter is too many. Sparse random
+/// networks then take less time than dense ones.
 const FEW: usize = 16;
 
 /// A position among fewer than 2³² states or elements.

@@ -6,7 +6,7 @@ use super::method::{Method, RODAS5P};
 use super::pattern::Pattern;
 
 /// The most states whose linear equations are always dense: about where both take equally long for random networks.
-pub const MOST_DENSE: usize = 20;
+pub const MOST_DENSE: usize = 8;
 
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
