@@ -362,7 +362,7 @@ pub(crate) struct Contents<'a> {
     pub(crate) components: &'a [ComponentDeclaration],
 }
 
-impl<'a> Contents<'a> {
+impl Contents<'_> {
     /// The path of one of the components.
     pub(crate) fn key_of(&self, component: usize) -> String {
         within(&self.key, &format!("components[{component}]"))

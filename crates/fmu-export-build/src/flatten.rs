@@ -145,13 +145,15 @@ impl<'a> Flat<'a> {
                 Err(reason) => return self.refusals.add(format!("{key}.type"), format!("{name}: {reason}")),
             },
             _ => {
-                let reason = format!("{name}: needs either a 'type' or 'variables' and 'components'");
+                let reason = format!("{name}: needs 'variables', 'components' or, instead of both, a 'type'");
                 return self.refusals.add(key, reason);
             }
         };
         self.parts[around].components.push(position);
         self.add_part(part, &inner);
-        self.refuse_unknown_starts(position);
+        if component.component_type.is_some() {
+            self.refuse_unknown_starts(position);
+        }
     }
 
     /// What the components of a type contain, unless one of them is around a part.

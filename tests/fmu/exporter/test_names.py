@@ -58,6 +58,52 @@ def test_each_variable_has_its_own_name(file: Path, interface: str) -> None:
 
 
 @pytest.mark.quick
+@pytest.mark.compiled
+@pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+def test_components_in_components_have_their_own_values(file: Path, interface: str) -> None:
+    """Two sections, each with a wall: the second takes heat from the first one's wall, and overrides its
+    type's start values."""
+    result = simulate_fmu(
+        str(file),
+        fmi_type=interface,
+        start_values={"u": 3.0, "plant.second.sensor.bias": 0.25},
+        output=[
+            "plant.first.wall.C",
+            "plant.second.wall.C",
+            "plant.first.sensor.reading",
+            "plant.second.sensor.reading",
+        ],
+        relative_tolerance=1e-8,
+    )
+    capacities = {(row["plant.first.wall.C"], row["plant.second.wall.C"]) for row in result}
+    assert capacities == {(2.0, 4.0)}
+    # 2 T' = 2 u - T, and 4 S' = 3 T - S, from 0 on. The solvers' errors are some tens of their tolerance.
+    first, second = result["plant.first.sensor.reading"], result["plant.second.sensor.reading"]
+    decay = np.exp(-result["time"] / 4.0)
+    assert first == pytest.approx(6.0 * (1.0 - decay**2), abs=1e-6)
+    assert second == pytest.approx(0.25 + 18.0 * (1.0 - decay) ** 2, abs=1e-6)
+
+
+@pytest.mark.quick
+def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
+    description = read_model_description(file, validate=True)
+    # Parameters are knowns only in FMI 3.0.
+    known = {
+        unknown.variable.name: [
+            dependency.name for dependency in unknown.dependencies if dependency.causality != "parameter"
+        ]
+        for unknown in [*description.outputs, *description.derivatives]
+        if unknown.variable.name.startswith(("plant.", "der(plant."))
+    }
+    assert known == {
+        "plant.first.sensor.reading": ["plant.first.wall.T"],
+        "plant.second.sensor.reading": ["plant.second.wall.T"],
+        "der(plant.first.wall.T)": ["u", "plant.first.wall.T"],
+        "der(plant.second.wall.T)": ["plant.first.wall.T", "plant.second.wall.T"],
+    }
+
+
+@pytest.mark.quick
 def test_aliases_are_of_the_same_variable_and_no_unknowns(file: Path) -> None:
     description = read_model_description(file, validate=True)
     assert description.variableNamingConvention == "flat"

@@ -28,7 +28,7 @@ fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
         if let Some(group) = part.state_group() {
             let reason = if part.around != Some(0) {
                 let outermost = outermost.map_or("", |outermost| &outermost.name);
-                format!("is in the state group of '{outermost}', with all components in it")
+                format!("'state_group' is for components of the model; this one is in that of '{outermost}'")
             } else if !names.contains(group) {
                 format!("'{group}' is not one of the state_groups{}", nearest(group, names.iter()))
             } else if model.held(Place::States, part).is_empty() {
