@@ -13,8 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
 use crate::declaration::{Declaration, Described, VariableDeclaration, within};
-use crate::error::{Refusals, nearest};
-use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique};
+use crate::error::{Refusals, nearest, refuse_if};
+use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique, variable_name};
 use crate::texts::{label, text};
 use crate::value_type::ValueType;
 
@@ -44,6 +44,7 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         refusals.add("capabilities.serialize_state", reason);
     }
     names(declaration, refusals);
+    real_types(declaration, refusals);
     event_indicators(declaration, refusals);
     texts(declaration, refusals);
 }
@@ -97,6 +98,35 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
             if variables.contains(component) {
                 let reason = format!("'{component}' is also the name of a variable");
                 refusals.add(format!("{}.name", contents.key_of(number)), reason);
+            }
+        }
+    }
+}
+
+/// The types of Reals.
+fn real_types(declaration: &Declaration, refusals: &mut Refusals) {
+    let types = &declaration.real_types;
+    unique("real_types", types.iter().map(|known| known.name.clone()), refusals);
+    for (number, known) in types.iter().enumerate() {
+        let (name, key) = (&known.name, format!("real_types[{number}]"));
+        refusals.require(format!("{key}.name"), variable_name(name));
+        if ValueType::of_name(name).is_some() {
+            refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
+        }
+        if declaration.enumerations.iter().any(|enumeration| enumeration.name == *name) {
+            refusals.add(format!("{key}.name"), format!("'{name}' is also the name of an enumeration"));
+        }
+        for (of, written) in [("description", &known.description), ("quantity", &known.quantity)] {
+            refusals.require(format!("{key}.{of}"), written.as_deref().map_or(Ok(()), text));
+        }
+        let is_shown_only = known.display_unit.is_some() && known.unit.is_none();
+        for checked in [
+            refuse_if(is_shown_only, "display_unit", "needs a 'unit'"),
+            variable::nominal(known.nominal),
+            variable::range(known.min, known.max),
+        ] {
+            if let Err((of, reason)) = checked {
+                refusals.add(format!("{key}.{of}"), format!("{name}: {reason}"));
             }
         }
     }

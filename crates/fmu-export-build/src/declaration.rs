@@ -57,6 +57,9 @@ pub(crate) struct Declaration {
     /// Types whose values are names.
     #[serde(default)]
     pub(crate) enumerations: Vec<EnumerationDeclaration>,
+    /// Types of Reals, with attributes that variables of the type have unless they declare them.
+    #[serde(default)]
+    pub(crate) real_types: Vec<RealType>,
     /// The model's own variables: its inputs and outputs, and others that belong to no component.
     #[serde(default)]
     pub(crate) variables: Vec<VariableDeclaration>,
@@ -100,11 +103,11 @@ impl Declaration {
         // FMI 3.0.2, section 4.4: an FMU with clocks has Event Mode.
         self.capabilities.event_mode |= self.has_clocks();
         self.sample_clock = self.clock.as_ref().map(ClockDeclaration::variable);
-        self.find_sizes()
+        self.complete_variables()
     }
 
-    /// Finds the sizes of arrays, some of which are structural parameters.
-    fn find_sizes(&mut self) -> Result<(), Refusal> {
+    /// Adds to variables what their types say, and the sizes of arrays, some of which are structural parameters.
+    fn complete_variables(&mut self) -> Result<(), Refusal> {
         let is_structural =
             |variable: &&VariableDeclaration| variable.causality == Causality::StructuralParameter;
         let structural = self.variables.iter().filter(is_structural);
@@ -117,6 +120,7 @@ impl Declaration {
         });
         for (list, variables) in own.into_iter().chain(of_types) {
             for (number, variable) in variables.iter_mut().enumerate() {
+                variable.take_from_type(&self.real_types);
                 for dimension in &variable.dimensions {
                     variable.sizes.push(match dimension {
                         Dimension::Size(size) => *size,
@@ -279,6 +283,34 @@ impl Default for Capabilities {
 pub(crate) struct Described {
     pub(crate) name: String,
     pub(crate) description: String,
+}
+
+/// A type of Reals.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RealType {
+    /// As a variable's.
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
+    /// The physical quantity, such as `Pressure`.
+    pub(crate) quantity: Option<String>,
+    /// Unit of the variables.
+    pub(crate) unit: Option<String>,
+    /// Unit in which tools show the values.
+    pub(crate) display_unit: Option<String>,
+    /// Values are differences: conversion to other units ignores offsets.
+    #[serde(default)]
+    pub(crate) relative_quantity: bool,
+    /// Smallest value.
+    pub(crate) min: Option<f64>,
+    /// Largest value.
+    pub(crate) max: Option<f64>,
+    /// Typical magnitude, for solvers.
+    pub(crate) nominal: Option<f64>,
+    /// Values may become much larger than `nominal`, such as the angle of a shaft.
+    #[serde(default)]
+    pub(crate) unbounded: bool,
 }
 
 /// A type whose values are items.

@@ -239,6 +239,7 @@ impl<'a> Flat<'a> {
                 variability: checked.variability,
                 initial: checked.initial,
                 data_type: checked.data_type,
+                real_type: declaration.real_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
                 aliases: aliases(declaration, part, &subscripts),

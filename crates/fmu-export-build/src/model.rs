@@ -156,6 +156,8 @@ pub(crate) struct Scalar {
     /// None for inputs and the independent variable.
     pub(crate) initial: Option<Initial>,
     pub(crate) data_type: ValueType,
+    /// The position of its type among the declaration's `real_types`, if any.
+    pub(crate) real_type: Option<usize>,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
     pub(crate) aliases: Vec<Alias>,

@@ -156,14 +156,21 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// The units used by variables.
+    /// The units used by variables and types.
     pub(crate) fn find_units(&mut self, units: &Units<'_>) -> Vec<Unit> {
         let mut used: Vec<Unit> = Vec::new();
         let mut places = BTreeMap::new();
-        for scalar in &self.scalars {
-            let Some(name) = scalar.unit.as_deref() else { continue };
+        let of_variables = self.scalars.iter().map(|scalar| {
+            (scalar.key.clone(), &scalar.name, scalar.unit.as_deref(), scalar.display_unit.as_deref())
+        });
+        let of_types = self.declaration.real_types.iter().enumerate().map(|(number, known)| {
+            let key = format!("real_types[{number}]");
+            (key, &known.name, known.unit.as_deref(), known.display_unit.as_deref())
+        });
+        for (key, of_name, name, display) in of_types.chain(of_variables) {
+            let Some(name) = name else { continue };
             let mut refuse = |of: &str, reason: String| {
-                self.refusals.add(format!("{}.{of}", scalar.key), format!("{}: {reason}", scalar.name));
+                self.refusals.add(format!("{key}.{of}"), format!("{of_name}: {reason}"));
             };
             let place = *places.entry(name).or_insert_with(|| {
                 let unit = units.find(name).map_err(|reason| refuse("unit", reason)).ok()?;
@@ -171,7 +178,7 @@ impl<'a> Flat<'a> {
                 Some(used.len() - 1)
             });
             if let Some(unit) = place.map(|place| &mut used[place])
-                && let Some(display) = scalar.display_unit.as_deref()
+                && let Some(display) = display
                 && unit.display_units.iter().all(|known| known.name != display)
             {
                 match units.display_unit(name, display) {

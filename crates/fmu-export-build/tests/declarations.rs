@@ -56,6 +56,9 @@ const TEXTS: [&str; 19] = [
     "\u{202e}turned",
 ];
 
+/// The type of some Reals.
+const REAL_TYPE: &str = "a 'type' of \"Reals\"";
+
 /// `SplitMix64` (Steele, Lea and Flood 2014).
 struct Random(u64);
 
@@ -156,6 +159,9 @@ impl Random {
         if matches!(data_type, "Real" | "Float32") {
             variable["unit"] = self.pick(&["1", "m", "kg.m2/s2", "%"]).into();
         }
+        if data_type == "Real" && self.one_in(4) {
+            variable["type"] = REAL_TYPE.into();
+        }
         let sizes: Vec<_> = match self.below(8) {
             0 => vec![1 + self.below(3)],
             1 => vec![1 + self.below(2), 1 + self.below(3)],
@@ -253,7 +259,8 @@ impl Random {
         let written = json!([components, component_types]).to_string();
         component_types.retain(|known| written.contains(&json!({"type": known["name"]}).to_string()[1..]));
         let mut declaration = json!({
-            "model_identifier": "Random", "enumerations": described, "variables": variables,
+            "model_identifier": "Random", "real_types": [{"name": REAL_TYPE, "description": self.text(), "min": -1e31}],
+            "enumerations": described, "variables": variables,
             "component_types": component_types, "components": components, "event_indicators": self.lower_names(1),
             "log_categories": [{"name": self.text(), "description": self.text()}],
         });

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 
+use crate::declaration::Declaration;
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Part, Place, Scalar, outward};
 use crate::names::{OF_CLOCKS, field_name, mixed_name, unique};
@@ -13,6 +14,7 @@ use crate::type_names::{FIXED_NAMES, struct_names};
 pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     state_groups(model, refusals);
     type_names(model, refusals);
+    declared_types(model, refusals);
     types_of_version(model, refusals);
     calculated_parameters(model, refusals);
     clocks(model, refusals);
@@ -72,6 +74,21 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
             refusals.add(key, format!("two generated types would be called '{name}'"));
         }
         names.insert(name);
+    }
+}
+
+/// A declared type is not named like a variable (FMI 2.0.5, section 2.2.3).
+fn declared_types(model: &Model<'_>, refusals: &mut Refusals) {
+    let Declaration { enumerations, real_types, .. } = model.declaration;
+    let enumerations = enumerations.iter().map(|known| &known.name).enumerate();
+    let real_types = real_types.iter().map(|known| &known.name).enumerate();
+    for (list, (number, name)) in
+        enumerations.map(|known| ("enumerations", known)).chain(real_types.map(|known| ("real_types", known)))
+    {
+        if model.names.contains_key(name) {
+            let reason = format!("'{name}' is also the name of a variable");
+            refusals.add(format!("{list}[{number}].name"), reason);
+        }
     }
 }
 
