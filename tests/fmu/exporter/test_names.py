@@ -104,6 +104,31 @@ def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
 
 
 @pytest.mark.quick
+def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None:
+    """FMI 2.0.5, section 2.2.7: for the runner, and for FMPy, which leaves it to its users."""
+    variables = {
+        variable.name: variable for variable in read_model_description(file, validate=True).modelVariables
+    }
+    reading, bias = variables["plant.first.sensor.reading"], variables["plant.first.sensor.bias"]
+    assert (reading.unit, reading.displayUnit, reading.min, reading.nominal) == (None, "K", None, "20.0")
+    declared = reading.declaredType
+    assert declared is bias.declaredType
+    assert (declared.name, declared.quantity) == ("wärmer um [K]", "TemperatureDifference")
+    assert (declared.unit, declared.displayUnit, declared.relativeQuantity) == ("K", "degC", True)
+    assert (declared.min, declared.nominal, declared.unbounded) == ("-1.0", "10.0", "true")
+    known = {
+        variable["name"]: variable
+        for variable in json.loads(cargo_fmu("info", file, "--format=json").stdout)["variables"]
+    }
+    shown = {key: known["plant.first.sensor.reading"][key] for key in ("unit", "min", "max")}
+    assert shown == {"unit": "K", "min": "-1.0", "max": "1000000.0"}
+    # The least value of the type is that of its variables, in the model, too.
+    refused = cargo_fmu("simulate", file, "--set=plant.first.sensor.bias=-2")
+    assert refused.returncode != 0
+    assert "-2 K is not within -1..inf K" in refused.stderr
+
+
+@pytest.mark.quick
 def test_aliases_are_of_the_same_variable_and_no_unknowns(file: Path) -> None:
     description = read_model_description(file, validate=True)
     assert description.variableNamingConvention == "flat"
