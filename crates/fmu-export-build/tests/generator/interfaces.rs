@@ -194,8 +194,8 @@ fn types_of_reals_are_defaults_of_variables() {
          "min": 0, "max": 1e7, "nominal": 1e5},
         {"name": "Warming", "unit": "K", "display_unit": "degC", "relative_quantity": true, "unbounded": true}
     ], "variables": [
-        {"name": "p", "causality": "output", "type": "SI.Pressure", "nominal": 1e5, "start": 2e5, "derivative": true},
-        {"name": "q", "causality": "input", "type": "SI.Pressure", "display_unit": "kPa", "min": 1, "start": 1},
+        {"name": "p", "causality": "output", "type": "SI.Pressure", "start": 2e5, "derivative": true},
+        {"name": "q", "causality": "input", "type": "SI.Pressure", "display_unit": "kPa", "min": 1, "max": 1e7, "start": 1},
         {"name": "w", "causality": "parameter", "type": "Warming", "unit": "degC", "dimensions": [2], "start": 10},
         {"name": "d", "causality": "parameter", "type": "Warming", "start": 10}
     ]}"#;
