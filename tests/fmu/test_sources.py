@@ -4,7 +4,7 @@ take the states that those serialize: in both versions of FMI."""
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from ctypes import byref, c_size_t, c_uint8, c_void_p
 from pathlib import Path
 from struct import pack
@@ -12,6 +12,7 @@ from struct import pack
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+from fmpy.fmi3 import FMU3Slave
 from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
 
 from fmu import TARGET, Run
@@ -128,30 +129,64 @@ def module(path: Path) -> tuple[Callable[..., int], Callable[[bytes], int], Memo
     return call, put, fmu["memory"], store
 
 
-def test_an_array_of_states_in_a_module(make: Make, modules: Path, tmp_path: Path) -> None:
-    """It goes into the WebAssembly module and comes out of it as of the native library."""
-    fmu = Fmu(TARGET / "ladder-fmi3" / "fmu" / "fmi3" / "Diffusion.fmu", tmp_path)
-    start, variable = np.linspace(300, 400, 100), fmu.variables["T"].valueReference
-    slave = make(fmu).slave
-    slave.setFloat64([variable], start.tolist())
+def steps_of_both(
+    slave: FMU3Slave, path: Path, token: str, starts: dict[int, np.ndarray], sizes: dict[int, int]
+) -> Iterator[np.ndarray]:
+    """Steps of a native instance and of one in a module, from the same start values by value reference: after
+    each, the values of references with these sizes, which are equal to the last bit."""
+    call, put, memory, store = module(path)
+    known = put(token.encode() + b"\0")
+    instance = call("fmi3InstantiateCoSimulation", put(b"name\0"), known, *[0] * 10)
+    given = np.concatenate(list(starts.values()))
+    slave.setFloat64(list(starts), given.tolist())
+    references = put(pack(f"<{len(starts)}I", *starts))
+    assert call("fmi3SetFloat64", instance, references, len(starts), put(given.tobytes()), len(given)) == 0
     slave.enterInitializationMode()
     slave.exitInitializationMode()
-    call, put, memory, store = module(modules / "ladder" / "fmi3" / "Diffusion.wasm")
-    token = put(fmu.description.guid.encode() + b"\0")
-    instance = call("fmi3InstantiateCoSimulation", put(b"name\0"), token, *[0] * 10)
-    reference, values = put(pack("<I", variable)), put(start.tobytes())
-    assert call("fmi3SetFloat64", instance, reference, 1, values, len(start)) == 0
     assert call("fmi3EnterInitializationMode", instance, 0, 0.0, 0.0, 0, 0.0) == 0
     assert call("fmi3ExitInitializationMode", instance) == 0
+    references, count = put(pack(f"<{len(sizes)}I", *sizes)), sum(sizes.values())
+    values = put(bytes(8 * count))
     # Three flags, and the time reached.
     ends = [put(bytes(8)) for _ in range(4)]
     for step in range(20):
         slave.doStep(step * 0.05, 0.05)
         assert call("fmi3DoStep", instance, step * 0.05, 0.05, 1, *ends) == 0
-        assert call("fmi3GetFloat64", instance, reference, 1, values, len(start)) == 0
-        found = np.array(slave.getFloat64([variable], len(start)))
-        assert memory.read(store, values, values + 8 * len(start)) == found.tobytes()
+        assert call("fmi3GetFloat64", instance, references, len(sizes), values, count) == 0
+        found = np.array(slave.getFloat64(list(sizes), count))
+        assert memory.read(store, values, values + 8 * count) == found.tobytes()
+        yield found
+
+
+def test_an_array_of_states_in_a_module(make: Make, modules: Path, tmp_path: Path) -> None:
+    """It goes into the WebAssembly module and comes out of it as of the native library."""
+    fmu = Fmu(TARGET / "ladder-fmi3" / "fmu" / "fmi3" / "Diffusion.fmu", tmp_path)
+    start, variable = np.linspace(300, 400, 100), fmu.variables["T"].valueReference
+    path = modules / "ladder" / "fmi3" / "Diffusion.wasm"
+    token = fmu.description.guid
+    *_, found = steps_of_both(make(fmu).slave, path, token, {variable: start}, {variable: len(start)})
     assert np.abs(found - start).max() > 10
+
+
+def test_names_that_other_tools_write_in_a_module(make: Make, modules: Path, tmp_path: Path) -> None:
+    """The module has the FMU's description, and by each of its names the value of the native library."""
+    fmu = Fmu(TARGET / "names-model" / "fmi3" / "names.fmu", tmp_path)
+    path = modules / "names" / "fmi3" / "names.wasm"
+    with zipfile.ZipFile(fmu.path) as archive:
+        assert archive.read("modelDescription.xml") in path.read_bytes()
+    reals = {name: variable for name, variable in fmu.variables.items() if variable.type == "Float64"}
+    given = [variable for variable in reals.values() if variable.causality in {"parameter", "input"}]
+    starts = {
+        reference: np.array([100.0 + number])
+        for number, reference in enumerate({variable.valueReference: None for variable in given})
+    }
+    assert len(starts) == 60 + 2 + 6
+    sizes = {variable.valueReference: int(np.prod(variable.shape or 1)) for variable in reals.values()}
+    *_, last = steps_of_both(make(fmu).slave, path, fmu.description.guid, starts, sizes)
+    places = dict(zip(sizes, np.cumsum([0, *sizes.values()]), strict=False))
+    value = {name: last[places[variable.valueReference]] for name, variable in reals.items()}
+    assert [value[name] for name in ("in", '&<>"', "a[2].b")] == [100.0, 141.0, 111.0]
+    assert value["plant.second.sensor.reading"] > value["plant.second.sensor.bias"] > 100.0
 
 
 @pytest.mark.parametrize(

@@ -112,11 +112,16 @@ def test_libcosim_finds_nothing(fmus: dict[str, Fmu], name: str) -> None:
     assert set(libcosim(fmus[name].path)) == expected_of_libcosim(fmus[name])
 
 
-def test_names_that_other_tools_write_are_taken(tmp_path: Path) -> None:
-    """By both, also by Modelon's FMI Library, with which PyFMI reads."""
-    file = TARGET / "names-model" / "names.fmu"
-    code, messages = fmutool(file)
+@pytest.mark.parametrize("file", ["names.fmu", "fmi3/names.fmu"])
+def test_names_that_other_tools_write_are_taken(file: str) -> None:
+    code, messages = fmutool(TARGET / "names-model" / file)
     assert (code, {message.level for message in messages}) == (0, {"INFO"})
+    assert any("No semantic error" in message.text for message in messages)
+
+
+def test_names_that_other_tools_write_are_read_by_the_fmi_library(tmp_path: Path) -> None:
+    """With Modelon's library PyFMI reads, too, for either interface. libcosim has no FMI 3.0."""
+    file = TARGET / "names-model" / "names.fmu"
     assert set(libcosim(file)) == expected_of_libcosim(Fmu(file, tmp_path))
 
 

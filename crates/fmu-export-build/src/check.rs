@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
-use crate::declaration::{Declaration, Described, VariableDeclaration};
-use crate::error::{Refusals, nearest};
-use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique};
+use crate::declaration::{Declaration, Described, VariableDeclaration, within};
+use crate::error::{Refusals, nearest, refuse_if};
+use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique, variable_name};
 use crate::texts::{label, text};
 use crate::value_type::ValueType;
 
@@ -44,6 +44,7 @@ pub(crate) fn declaration(declaration: &Declaration, identifier: &str, refusals:
         refusals.add("capabilities.serialize_state", reason);
     }
     names(declaration, refusals);
+    real_types(declaration, refusals);
     event_indicators(declaration, refusals);
     texts(declaration, refusals);
 }
@@ -86,22 +87,57 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     for (number, component_type) in types.iter().enumerate() {
         refusals.require(format!("component_types[{number}].name"), type_name(&component_type.name));
     }
-    let groups = described(&declaration.state_groups);
-    let components = declaration.components.iter().map(|component| component.name.clone()).collect();
-    for (list, names) in [("state_groups", &groups), ("components", &components)] {
-        for (number, name) in names.iter().enumerate() {
-            refusals.require(format!("{list}[{number}].name"), field_name(name));
-        }
-        unique(list, names.iter().cloned(), refusals);
-    }
-    let variables = declaration.variables.iter().map(VariableDeclaration::rust_name);
-    let variables: BTreeSet<_> = variables.chain(["time".to_owned()]).collect();
-    for (number, component) in components.iter().enumerate() {
-        if variables.contains(component) {
-            let reason = format!("'{component}' is also the name of a variable");
-            refusals.add(format!("components[{number}].name"), reason);
+    fields("state_groups", &described(&declaration.state_groups), refusals);
+    for contents in declaration.contents() {
+        let components: Vec<_> = contents.components.iter().map(|component| component.name.clone()).collect();
+        fields(&within(&contents.key, "components"), &components, refusals);
+        let variables = contents.variables.iter().map(VariableDeclaration::rust_name);
+        let time = contents.key.is_empty().then(|| "time".to_owned());
+        let variables: BTreeSet<_> = variables.chain(time).collect();
+        for (number, component) in components.iter().enumerate() {
+            if variables.contains(component) {
+                let reason = format!("'{component}' is also the name of a variable");
+                refusals.add(format!("{}.name", contents.key_of(number)), reason);
+            }
         }
     }
+}
+
+/// The types of Reals.
+fn real_types(declaration: &Declaration, refusals: &mut Refusals) {
+    let types = &declaration.real_types;
+    unique("real_types", types.iter().map(|known| known.name.clone()), refusals);
+    for (number, known) in types.iter().enumerate() {
+        let (name, key) = (&known.name, format!("real_types[{number}]"));
+        refusals.require(format!("{key}.name"), variable_name(name));
+        if ValueType::of_name(name).is_some() {
+            refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
+        }
+        if declaration.enumerations.iter().any(|enumeration| enumeration.name == *name) {
+            refusals.add(format!("{key}.name"), format!("'{name}' is also the name of an enumeration"));
+        }
+        for (of, written) in [("description", &known.description), ("quantity", &known.quantity)] {
+            refusals.require(format!("{key}.{of}"), written.as_deref().map_or(Ok(()), text));
+        }
+        let is_shown_only = known.display_unit.is_some() && known.unit.is_none();
+        for checked in [
+            refuse_if(is_shown_only, "display_unit", "needs a 'unit'"),
+            variable::nominal(known.nominal),
+            variable::range(known.min, known.max),
+        ] {
+            if let Err((of, reason)) = checked {
+                refusals.add(format!("{key}.{of}"), format!("{name}: {reason}"));
+            }
+        }
+    }
+}
+
+/// The names in a list, each of which is a field in Rust.
+fn fields(list: &str, names: &[String], refusals: &mut Refusals) {
+    for (number, name) in names.iter().enumerate() {
+        refusals.require(format!("{list}[{number}].name"), field_name(name));
+    }
+    unique(list, names.iter().cloned(), refusals);
 }
 
 /// Event indicators are named like variables, such as `vessel.empty`.
@@ -134,8 +170,10 @@ fn texts(declaration: &Declaration, refusals: &mut Refusals) {
     check("author".to_owned(), declaration.author.as_ref());
     check("copyright".to_owned(), declaration.copyright.as_ref());
     check("license".to_owned(), declaration.license.as_ref());
-    for (number, component) in declaration.components.iter().enumerate() {
-        check(format!("components[{number}].description"), component.description.as_ref());
+    for contents in declaration.contents() {
+        for (number, component) in contents.components.iter().enumerate() {
+            check(format!("{}.description", contents.key_of(number)), component.description.as_ref());
+        }
     }
     for (number, enumeration) in declaration.enumerations.iter().enumerate() {
         check(format!("enumerations[{number}].description"), Some(&enumeration.description));

@@ -57,10 +57,13 @@ pub(crate) struct Declaration {
     /// Types whose values are names.
     #[serde(default)]
     pub(crate) enumerations: Vec<EnumerationDeclaration>,
+    /// Types of Reals, with attributes that variables of the type have unless they declare them.
+    #[serde(default)]
+    pub(crate) real_types: Vec<RealType>,
     /// The model's own variables: its inputs and outputs, and others that belong to no component.
     #[serde(default)]
     pub(crate) variables: Vec<VariableDeclaration>,
-    /// Variables shared by several components.
+    /// Variables and components shared by several components.
     #[serde(default)]
     pub(crate) component_types: Vec<ComponentType>,
     /// The model's parts. Variable x of component c is called c.x.
@@ -100,26 +103,24 @@ impl Declaration {
         // FMI 3.0.2, section 4.4: an FMU with clocks has Event Mode.
         self.capabilities.event_mode |= self.has_clocks();
         self.sample_clock = self.clock.as_ref().map(ClockDeclaration::variable);
-        self.find_sizes()
+        self.complete_variables()
     }
 
-    /// Finds the sizes of arrays, some of which are structural parameters.
-    fn find_sizes(&mut self) -> Result<(), Refusal> {
+    /// Adds to variables what their types say, and the sizes of arrays, some of which are structural parameters.
+    fn complete_variables(&mut self) -> Result<(), Refusal> {
         let is_structural =
             |variable: &&VariableDeclaration| variable.causality == Causality::StructuralParameter;
         let structural = self.variables.iter().filter(is_structural);
         let size = |start: &Option<Value>| usize::try_from(start.as_ref()?.as_u64()?).ok();
         let sizes: BTreeMap<_, _> =
             structural.map(|variable| (variable.name.clone(), size(&variable.start))).collect();
-        let of_components = self.components.iter_mut().enumerate().filter_map(|(number, component)| {
-            Some((format!("components[{number}].variables"), component.variables.as_mut()?))
+        let own = lists("", &mut self.variables, &mut self.components);
+        let of_types = self.component_types.iter_mut().enumerate().flat_map(|(number, known)| {
+            lists(&format!("component_types[{number}]"), &mut known.variables, &mut known.components)
         });
-        let of_types = self.component_types.iter_mut().enumerate().map(|(number, component_type)| {
-            (format!("component_types[{number}].variables"), &mut component_type.variables)
-        });
-        let own = ("variables".to_owned(), &mut self.variables);
-        for (list, variables) in [own].into_iter().chain(of_components).chain(of_types) {
+        for (list, variables) in own.into_iter().chain(of_types) {
             for (number, variable) in variables.iter_mut().enumerate() {
+                variable.take_from_type(&self.real_types);
                 for dimension in &variable.dimensions {
                     variable.sizes.push(match dimension {
                         Dimension::Size(size) => *size,
@@ -138,11 +139,30 @@ impl Declaration {
         Ok(())
     }
 
+    /// What the model, its types and the components in both contain.
+    pub(crate) fn contents(&self) -> Vec<Contents<'_>> {
+        let types = 0..self.component_types.len();
+        [self.own()]
+            .into_iter()
+            .chain(types.map(|number| self.of_type(number)))
+            .flat_map(Contents::all)
+            .collect()
+    }
+
+    /// What the model itself contains.
+    pub(crate) fn own(&self) -> Contents<'_> {
+        Contents { key: String::new(), variables: &self.variables, components: &self.components }
+    }
+
+    /// What a type contains.
+    pub(crate) fn of_type(&self, number: usize) -> Contents<'_> {
+        let ComponentType { variables, components, .. } = &self.component_types[number];
+        Contents { key: format!("component_types[{number}]"), variables, components }
+    }
+
     /// The variables' built-in types.
     fn types(&self) -> impl Iterator<Item = DataType> {
-        let of_components = self.components.iter().filter_map(|component| component.variables.as_ref());
-        let of_types = self.component_types.iter().map(|component_type| &component_type.variables);
-        let variables = [&self.variables].into_iter().chain(of_components).chain(of_types).flatten();
+        let variables = self.contents().into_iter().flat_map(|contents| contents.variables);
         variables.filter_map(|variable| ValueType::of_name(&variable.data_type))
     }
 
@@ -265,6 +285,34 @@ pub(crate) struct Described {
     pub(crate) description: String,
 }
 
+/// A type of Reals.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RealType {
+    /// As a variable's.
+    pub(crate) name: String,
+    pub(crate) description: Option<String>,
+    /// The physical quantity, such as `Pressure`.
+    pub(crate) quantity: Option<String>,
+    /// Unit of the variables.
+    pub(crate) unit: Option<String>,
+    /// Unit in which tools show the values.
+    pub(crate) display_unit: Option<String>,
+    /// Values are differences: conversion to other units ignores offsets.
+    #[serde(default)]
+    pub(crate) relative_quantity: bool,
+    /// Smallest value.
+    pub(crate) min: Option<f64>,
+    /// Largest value.
+    pub(crate) max: Option<f64>,
+    /// Typical magnitude, for solvers.
+    pub(crate) nominal: Option<f64>,
+    /// Values may become much larger than `nominal`, such as the angle of a shaft.
+    #[serde(default)]
+    pub(crate) unbounded: bool,
+}
+
 /// A type whose values are items.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -297,17 +345,20 @@ pub(crate) struct ItemDeclaration {
     pub(crate) description: Option<String>,
 }
 
-/// Variables shared by several components.
+/// Variables and components shared by several components.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentType {
     /// In the form `TypeName`.
     pub(crate) name: String,
+    #[serde(default)]
     pub(crate) variables: Vec<VariableDeclaration>,
+    #[serde(default)]
+    pub(crate) components: Vec<ComponentDeclaration>,
 }
 
-/// A part of the model, with its own variables or those of a type.
+/// A part of the model, with variables and components of its own or those of a type.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -317,18 +368,71 @@ pub(crate) struct ComponentDeclaration {
     pub(crate) description: Option<String>,
     /// Its variables, unless it has a type.
     pub(crate) variables: Option<Vec<VariableDeclaration>>,
+    /// The components in it, unless it has a type. Variable x of component d in component c is called c.d.x.
+    #[serde(default)]
+    pub(crate) components: Vec<ComponentDeclaration>,
     /// One of the `component_types`.
     #[serde(rename = "type")]
     pub(crate) component_type: Option<String>,
-    /// The `state_groups` entry to which its states belong.
+    /// The `state_groups` entry to which its states belong, including those of the components in it.
     pub(crate) state_group: Option<String>,
-    /// Start values for this component of its type's variables.
+    /// Start values for this component of its type's variables; d.x is variable x of the type's component d.
     #[serde(default, deserialize_with = "without_duplicates")]
     #[cfg_attr(test, schemars(schema_with = "starts_schema"))]
     pub(crate) start: BTreeMap<String, Value>,
     /// The variables for the type's {placeholders} in this component.
     #[serde(default, deserialize_with = "without_duplicates")]
     pub(crate) connections: BTreeMap<String, String>,
+}
+
+/// What the model, a component or a type contains.
+#[derive(Clone)]
+pub(crate) struct Contents<'a> {
+    /// The path of what contains it; empty for the model.
+    pub(crate) key: String,
+    pub(crate) variables: &'a [VariableDeclaration],
+    pub(crate) components: &'a [ComponentDeclaration],
+}
+
+impl Contents<'_> {
+    /// The path of one of the components.
+    pub(crate) fn key_of(&self, component: usize) -> String {
+        within(&self.key, &format!("components[{component}]"))
+    }
+
+    /// What a component without a type contains.
+    pub(crate) fn of(&self, component: usize) -> Self {
+        let ComponentDeclaration { variables, components, .. } = &self.components[component];
+        let variables = variables.as_deref().unwrap_or_default();
+        Self { key: self.key_of(component), variables, components }
+    }
+
+    /// These, and those of the components in them.
+    fn all(self) -> Vec<Self> {
+        let inner: Vec<_> =
+            (0..self.components.len()).flat_map(|component| self.of(component).all()).collect();
+        [self].into_iter().chain(inner).collect()
+    }
+}
+
+/// The path of a list.
+pub(crate) fn within(key: &str, list: &str) -> String {
+    if key.is_empty() { list.to_owned() } else { format!("{key}.{list}") }
+}
+
+/// The variables of some contents and of the components in them, each list with its path.
+fn lists<'a>(
+    key: &str,
+    variables: &'a mut [VariableDeclaration],
+    components: &'a mut [ComponentDeclaration],
+) -> Vec<(String, &'a mut [VariableDeclaration])> {
+    let mut found = vec![(within(key, "variables"), variables)];
+    for (number, component) in components.iter_mut().enumerate() {
+        let key = within(key, &format!("components[{number}]"));
+        let variables = component.variables.as_deref_mut().unwrap_or_default();
+        found.extend(lists(&key, variables, &mut component.components));
+    }
+    found
 }
 
 /// A map with unique keys; serde's own keeps the last duplicate.

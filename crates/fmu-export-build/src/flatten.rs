@@ -1,4 +1,4 @@
-//! Turns the declaration into parts and scalars: fills in components, and spreads arrays into scalars.
+//! Turns the declaration into parts and scalars: fills in components, at any depth, and spreads arrays into scalars.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -8,9 +8,13 @@ use fmu_terms::{Causality, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::variable;
-use crate::declaration::{AliasDeclaration, ComponentDeclaration, Declaration, VariableDeclaration};
+use crate::declaration::{AliasDeclaration, Contents, Declaration, VariableDeclaration, within};
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description};
+use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description, outward};
+use crate::names::{length, pascal_case};
+
+/// The most components: types could contain each other in numbers that no computer holds.
+const MOST_COMPONENTS: usize = 100_000;
 
 /// The largest value reference that can be declared, leaving room for those that follow.
 const LARGEST_REFERENCE: u32 = i32::MAX.cast_unsigned();
@@ -21,6 +25,8 @@ pub(crate) struct Flat<'a> {
     /// The positions of the component types.
     types: BTreeMap<&'a str, usize>,
     pub(crate) parts: Vec<Part<'a>>,
+    /// The paths of components' start values for variables that exist.
+    started: BTreeSet<String>,
     pub(crate) scalars: Vec<Scalar>,
     /// The declared value references, with their keys' paths.
     pinned: Vec<(usize, u32, String)>,
@@ -39,7 +45,6 @@ pub(crate) struct Flat<'a> {
 pub(crate) struct Equation<'a> {
     pub(crate) positions: Vec<usize>,
     pub(crate) sizes: &'a [usize],
-    pub(crate) component: Option<&'a ComponentDeclaration>,
     pub(crate) reads: Option<&'a [String]>,
     pub(crate) initial_reads: Option<&'a [String]>,
 }
@@ -51,6 +56,7 @@ impl<'a> Flat<'a> {
             declaration,
             types: types.map(|(position, known)| (known.name.as_str(), position)).collect(),
             parts: Vec::new(),
+            started: BTreeSet::new(),
             scalars: vec![Scalar::time()],
             pinned: Vec::new(),
             names: BTreeMap::from([("time".to_owned(), vec![0])]),
@@ -59,21 +65,70 @@ impl<'a> Flat<'a> {
             reads_elements: false,
             refusals: Refusals::default(),
         };
-        flat.add_part("variables", None, &declaration.variables);
-        for (number, component) in declaration.components.iter().enumerate() {
-            flat.add_component(number, component);
-        }
+        flat.add_part(Part::default(), &declaration.own());
         flat.refuse_unused_types();
         flat.refusals.check()?;
         flat.assign_value_references();
         Ok(flat)
     }
 
-    fn add_component(&mut self, number: usize, component: &'a ComponentDeclaration) {
-        let (name, key) = (&component.name, format!("components[{number}]"));
-        let types = &self.declaration.component_types;
-        let (variables, list) = match (&component.variables, &component.component_type) {
-            (Some(variables), None) => {
+    /// Adds a part with its variables, and the components in it.
+    fn add_part(&mut self, mut part: Part<'a>, contents: &Contents<'a>) {
+        let list = within(&contents.key, "variables");
+        let mut names = BTreeMap::new();
+        for (number, variable) in contents.variables.iter().enumerate() {
+            let (name, key) = (&variable.name, format!("{list}[{number}]"));
+            let own = || (variable.start.as_ref(), format!("{key}.start"));
+            let (start, start_key) =
+                self.overridden(&part, name).map_or_else(own, |(start, key)| (Some(start), key));
+            let name_key = format!("{key}.name");
+            let field = self.add_field(&part, variable, start, [key, start_key]);
+            let Some(field) = self.refusals.take(field) else { continue };
+            if let Some(other) = names.insert((field.place, field.name()), name) {
+                let reason =
+                    format!("{name}: its Rust name is that of '{other}'; give it another 'rust_name'");
+                self.refusals.add(name_key, reason);
+            }
+            part.fields.push(field);
+        }
+        let position = self.parts.len();
+        self.parts.push(part);
+        for component in 0..contents.components.len() {
+            self.add_component(position, contents, component);
+        }
+    }
+
+    /// Adds one of the components of a part's contents.
+    fn add_component(&mut self, around: usize, contents: &Contents<'a>, number: usize) {
+        let (component, key) = (&contents.components[number], contents.key_of(number));
+        let position = self.parts.len();
+        let outer = &self.parts[around];
+        let part = Part {
+            component: Some(component),
+            name: outer.name_of(&component.name),
+            description: match &component.description {
+                Some(description) => Some(outer.describe(description)),
+                None => outer.description.clone(),
+            },
+            type_name: match &component.component_type {
+                Some(name) => name.clone(),
+                None => outer.type_name.clone() + &pascal_case(&component.name),
+            },
+            around: Some(around),
+            key: key.clone(),
+            ..Part::default()
+        };
+        let name = part.name.clone();
+        if let Err(reason) = length(&name) {
+            return self.refusals.add(format!("{key}.name"), reason);
+        }
+        if position > MOST_COMPONENTS {
+            let reason = format!("{name}: there are more than {MOST_COMPONENTS} components");
+            return self.refusals.add(key, reason);
+        }
+        let is_written = component.variables.is_some() || !component.components.is_empty();
+        let inner = match &component.component_type {
+            None if is_written => {
                 for (unused, of) in [
                     (!component.start.is_empty(), "start"),
                     (!component.connections.is_empty(), "connections"),
@@ -83,82 +138,83 @@ impl<'a> Flat<'a> {
                         self.refusals.add(format!("{key}.{of}"), reason);
                     }
                 }
-                (variables, format!("{key}.variables"))
+                contents.of(number)
             }
-            (None, Some(wanted)) => {
-                if let Some(&found) = self.types.get(wanted.as_str()) {
-                    (&types[found].variables, format!("component_types[{found}].variables"))
-                } else {
-                    let nearest = nearest(wanted, self.types.keys());
-                    let reason = format!("{name}: '{wanted}' is not one of the component_types{nearest}");
-                    return self.refusals.add(format!("{key}.type"), reason);
-                }
+            Some(wanted) if !is_written => match self.contents_of_type(wanted, around) {
+                Ok(contents) => contents,
+                Err(reason) => return self.refusals.add(format!("{key}.type"), format!("{name}: {reason}")),
+            },
+            _ => {
+                let reason = format!("{name}: needs 'variables', 'components' or, instead of both, a 'type'");
+                return self.refusals.add(key, reason);
             }
-            _ => return self.refusals.add(key, format!("{name}: needs either 'variables' or a 'type'")),
         };
-        let names: BTreeSet<_> = variables.iter().map(|variable| &variable.name).collect();
-        for started in component.start.keys() {
-            if !names.contains(started) {
-                let nearest = nearest(started, &names);
-                let reason = format!("{name}: its type has no variable '{started}'{nearest}");
-                self.refusals.add(format!("{key}.start.{started}"), reason);
-            }
+        self.parts[around].components.push(position);
+        self.add_part(part, &inner);
+        if component.component_type.is_some() {
+            self.refuse_unknown_starts(position);
         }
-        self.add_part(&list, Some((number, component)), variables);
     }
 
-    fn add_part(
-        &mut self,
-        list: &str,
-        component: Option<(usize, &'a ComponentDeclaration)>,
-        variables: &'a [VariableDeclaration],
-    ) {
-        let (number, component) = component.unzip();
-        let mut part = Part {
-            name: component.map(|component| component.name.as_str()),
-            component_type: component.and_then(|component| component.component_type.as_deref()),
-            state_group: component.and_then(|component| component.state_group.as_deref()),
-            description: component.and_then(|component| component.description.as_deref()),
-            fields: Vec::new(),
-            key: number.map(|number| format!("components[{number}]")).unwrap_or_default(),
-        };
-        let mut names = BTreeMap::new();
-        for (position, variable) in variables.iter().enumerate() {
-            let key = format!("{list}[{position}]");
-            let own = component.and_then(|component| component.start.get(&variable.name));
-            let (start, start_key) = match own {
-                Some(_) => (own, format!("{}.start.{}", part.key, variable.name)),
-                None => (variable.start.as_ref(), format!("{key}.start")),
-            };
-            let name_key = format!("{key}.name");
-            let field = self.add_field(&part, component, variable, start, [key, start_key]);
-            let Some(field) = self.refusals.take(field) else { continue };
-            let name = &variable.name;
-            if let Some(other) = names.insert((field.place, field.name()), name) {
-                let reason =
-                    format!("{name}: its Rust name is that of '{other}'; give it another 'rust_name'");
-                self.refusals.add(name_key, reason);
-            }
-            part.fields.push(field);
+    /// What the components of a type contain, unless one of them is around a part.
+    fn contents_of_type(&self, wanted: &str, part: usize) -> Result<Contents<'a>, String> {
+        let found = self.types.get(wanted).ok_or_else(|| {
+            format!("'{wanted}' is not one of the component_types{}", nearest(wanted, self.types.keys()))
+        })?;
+        let around = outward(&self.parts, part).filter_map(|part| self.parts[part].component_type());
+        let mut chain: Vec<_> = [wanted].into_iter().chain(around).collect();
+        if let Some(outer) = chain.iter().skip(1).position(|known| *known == wanted) {
+            chain.truncate(outer + 2);
+            chain.reverse();
+            return Err(format!("the type '{wanted}' contains itself: {}", chain.join(" -> ")));
         }
-        self.parts.push(part);
+        Ok(self.declaration.of_type(*found))
+    }
+
+    /// The start value that the components around a variable of a part give it, and its path: the outermost one's.
+    fn overridden(&mut self, part: &Part<'a>, variable: &str) -> Option<(&'a Value, String)> {
+        let around = part.around.into_iter().flat_map(|around| outward(&self.parts, around));
+        let parts = [part].into_iter().chain(around.map(|part| &self.parts[part]));
+        let (mut name, mut found) = (variable.to_owned(), None);
+        for part in parts {
+            let Some(component) = part.component else { break };
+            if let Some(start) = component.start.get(&name) {
+                let key = format!("{}.start.{name}", part.key);
+                self.started.insert(key.clone());
+                found = Some((start, key));
+            }
+            name = format!("{}.{name}", component.name);
+        }
+        found
+    }
+
+    /// Rejects the start values of a component for variables that its type does not have.
+    fn refuse_unknown_starts(&mut self, part: usize) {
+        let Part { component: Some(component), name, key, .. } = &self.parts[part] else { return };
+        for started in component.start.keys() {
+            let path = format!("{key}.start.{started}");
+            if !self.started.contains(&path) {
+                // Those in it follow it.
+                let fields = self.parts[part..].iter().flat_map(|part| {
+                    part.fields
+                        .iter()
+                        .map(|field| part.name_of(&field.declaration.name)[name.len() + 1..].to_owned())
+                });
+                let nearest = nearest(started, fields);
+                self.refusals.add(path, format!("{name}: its type has no variable '{started}'{nearest}"));
+            }
+        }
     }
 
     /// Spreads a declared variable into its scalars, each state followed by its derivative.
     fn add_field(
         &mut self,
         part: &Part<'a>,
-        component: Option<&'a ComponentDeclaration>,
         declaration: &'a VariableDeclaration,
         start: Option<&Value>,
         [key, start_key]: [String; 2],
     ) -> Result<Field<'a>, Refusal> {
-        let prefix = part.name.map(|component| format!("{component}.")).unwrap_or_default();
-        let name = format!("{prefix}{}", declaration.name);
-        let describe = |text: &str| match part.description {
-            Some(component) => format!("{component}: {text}"),
-            None => text.to_owned(),
-        };
+        let name = part.name_of(&declaration.name);
         let before = self.scalars.len();
         let checked =
             variable::check(self.declaration, declaration, start, before).map_err(|(of, reason)| {
@@ -177,22 +233,23 @@ impl<'a> Flat<'a> {
                 name: format!("{name}{subscripts}"),
                 key: key.clone(),
                 field: [self.parts.len(), part.fields.len()],
-                description: declaration.description.as_deref().map(describe),
+                description: declaration.description.as_deref().map(|text| part.describe(text)),
                 place: checked.place,
                 causality: declaration.causality,
                 variability: checked.variability,
                 initial: checked.initial,
                 data_type: checked.data_type,
+                real_type: declaration.real_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
-                aliases: aliases(declaration, &prefix, &subscripts, describe),
+                aliases: aliases(declaration, part, &subscripts),
                 min: fixed.or(declaration.min),
                 max: fixed.or(declaration.max),
                 nominal: declaration.nominal,
                 reinit: declaration.reinit,
                 strict: [declaration.strict_min, declaration.strict_max],
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
-                path: format!("{prefix}{}{indices}", declaration.rust_name()),
+                path: part.name_of(&declaration.rust_name()) + &indices,
                 ..Scalar::time()
             };
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
@@ -200,7 +257,7 @@ impl<'a> Flat<'a> {
                 key: format!("{key}.derivative"),
                 field: state.field,
                 description: Some(match &derivative.description {
-                    Some(description) => describe(description),
+                    Some(description) => part.describe(description),
                     None => derivative_description(&state.name),
                 }),
                 place: Place::Derivatives,
@@ -227,19 +284,19 @@ impl<'a> Flat<'a> {
             let [reads, initial_reads] =
                 [&declaration.reads, &declaration.initial_reads].map(Option::as_deref);
             let positions = positions.clone();
-            self.equations.push(Equation { positions, sizes, component, reads, initial_reads });
+            self.equations.push(Equation { positions, sizes, reads, initial_reads });
         }
         if let Some(derivative) = &declaration.derivative {
             let [reads, initial_reads] = [&derivative.reads, &derivative.initial_reads].map(Option::as_deref);
             let positions = derivatives.clone();
-            self.equations.push(Equation { positions, sizes, component, reads, initial_reads });
+            self.equations.push(Equation { positions, sizes, reads, initial_reads });
         }
         if !sizes.is_empty() {
             self.arrays.push(before..self.scalars.len());
             if checked.place == Place::States {
                 self.names.insert(format!("der({name})"), derivatives);
             }
-            let names = aliases(declaration, &prefix, "", describe).into_iter().map(|alias| alias.name);
+            let names = aliases(declaration, part, "").into_iter().map(|alias| alias.name);
             for name in names.chain([name]) {
                 if self.names.insert(name.clone(), positions.clone()).is_some() {
                     return Err(duplicate(&name, &key));
@@ -299,7 +356,7 @@ impl<'a> Flat<'a> {
 
     /// Rejects types without a component, which nothing would check.
     fn refuse_unused_types(&mut self) {
-        let used: BTreeSet<_> = self.parts.iter().filter_map(|part| part.component_type).collect();
+        let used: BTreeSet<_> = self.parts.iter().filter_map(Part::component_type).collect();
         for (number, component_type) in self.declaration.component_types.iter().enumerate() {
             let name = &component_type.name;
             if !used.contains(name.as_str()) {
@@ -344,17 +401,12 @@ impl<'a> Flat<'a> {
     }
 }
 
-/// The further names of a variable in a component, or of its element.
-fn aliases(
-    declaration: &VariableDeclaration,
-    prefix: &str,
-    subscripts: &str,
-    describe: impl Fn(&str) -> String,
-) -> Vec<Alias> {
+/// The further names of a part's variable, or of its element.
+fn aliases(declaration: &VariableDeclaration, part: &Part<'_>, subscripts: &str) -> Vec<Alias> {
     let of_variable = declaration.description.as_deref();
     let alias = |alias: &AliasDeclaration| Alias {
-        name: format!("{prefix}{}{subscripts}", alias.name),
-        description: alias.description.as_deref().or(of_variable).map(&describe),
+        name: part.name_of(&alias.name) + subscripts,
+        description: alias.description.as_deref().or(of_variable).map(|text| part.describe(text)),
     };
     declaration.aliases.iter().map(alias).collect()
 }

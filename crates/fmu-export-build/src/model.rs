@@ -3,11 +3,12 @@
 //! All output is printed from the [`Model`], which is complete and consistent.
 
 use std::collections::BTreeMap;
+use std::iter;
 
 use fmu_terms::{Causality, Initial, Variability};
 use fmu_terms::{Unit, Version, is_structured};
 
-use crate::declaration::{Declaration, Described, UnitNames, VariableDeclaration};
+use crate::declaration::{ComponentDeclaration, Declaration, Described, UnitNames, VariableDeclaration};
 use crate::interfaces::Fmi;
 use crate::start::Start;
 use crate::value_type::ValueType;
@@ -27,7 +28,7 @@ pub(crate) struct Model<'a> {
     pub(crate) log_categories: Vec<Described>,
     /// The units used: those of the file first, in its order.
     pub(crate) units: Vec<Unit>,
-    /// The interface (the part without a name) and the components.
+    /// The model itself and its components, each before those in it.
     pub(crate) parts: Vec<Part<'a>>,
     /// All scalar variables, in the order of the XML.
     pub(crate) scalars: Vec<Scalar>,
@@ -37,15 +38,60 @@ pub(crate) struct Model<'a> {
     pub(crate) reads_elements: bool,
 }
 
-/// The variables of one component, or of none.
+/// The model itself, or a component at any depth.
+#[derive(Default)]
 pub(crate) struct Part<'a> {
-    pub(crate) name: Option<&'a str>,
-    pub(crate) component_type: Option<&'a str>,
-    pub(crate) state_group: Option<&'a str>,
-    pub(crate) description: Option<&'a str>,
+    /// None for the model.
+    pub(crate) component: Option<&'a ComponentDeclaration>,
+    /// Its name in FMI, such as `outer.inner`; empty for the model.
+    pub(crate) name: String,
+    /// The description with those of the components around it.
+    pub(crate) description: Option<String>,
+    /// With what the names of its structs begin.
+    pub(crate) type_name: String,
+    /// The position of the part around it.
+    pub(crate) around: Option<usize>,
+    /// The positions of the components directly in it.
+    pub(crate) components: Vec<usize>,
     pub(crate) fields: Vec<Field<'a>>,
-    /// Its path in the declaration; empty for the interface.
+    /// Its path in the declaration; empty for the model.
     pub(crate) key: String,
+}
+
+impl<'a> Part<'a> {
+    /// Its name within the part around it.
+    pub(crate) fn own_name(&self) -> &'a str {
+        self.component.map_or("", |component| &component.name)
+    }
+
+    /// Its description without those of the components around it.
+    pub(crate) fn own_description(&self) -> Option<&'a str> {
+        self.component?.description.as_deref()
+    }
+
+    pub(crate) fn component_type(&self) -> Option<&'a str> {
+        self.component?.component_type.as_deref()
+    }
+
+    /// The group of its states, for a component of the model.
+    pub(crate) fn state_group(&self) -> Option<&'a str> {
+        self.component?.state_group.as_deref()
+    }
+
+    /// The name in FMI of one of its variables or components.
+    pub(crate) fn name_of(&self, inner: &str) -> String {
+        if self.name.is_empty() { inner.to_owned() } else { format!("{}.{inner}", self.name) }
+    }
+
+    /// A description with those of the components around.
+    pub(crate) fn describe(&self, inner: &str) -> String {
+        self.description.as_ref().map_or_else(|| inner.to_owned(), |outer| format!("{outer}: {inner}"))
+    }
+}
+
+/// The positions of a part and those around it, the model last.
+pub(crate) fn outward(parts: &[Part<'_>], part: usize) -> impl Iterator<Item = usize> {
+    iter::successors(Some(part), |&part| parts[part].around)
 }
 
 /// A declared variable, possibly an array: a field of a generated struct.
@@ -110,6 +156,8 @@ pub(crate) struct Scalar {
     /// None for inputs and the independent variable.
     pub(crate) initial: Option<Initial>,
     pub(crate) data_type: ValueType,
+    /// The position of its type among the declaration's `real_types`, if any.
+    pub(crate) real_type: Option<usize>,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
     pub(crate) aliases: Vec<Alias>,
@@ -229,6 +277,17 @@ impl<'a> Model<'a> {
     /// Whether the FMU has a place's variables. In FMI 2.0 it has no clocks: their ticks are time events.
     pub(crate) fn exports(&self, place: Place) -> bool {
         place != Place::Clocks || self.fmi.version == Version::Three
+    }
+
+    /// The components directly in a part.
+    pub(crate) fn components(&self, part: &Part<'a>) -> impl Iterator<Item = &Part<'a>> {
+        part.components.iter().map(|&position| &self.parts[position])
+    }
+
+    /// The variables in a place of a part and of the components in it, at any depth.
+    pub(crate) fn held<'m>(&'m self, place: Place, part: &'m Part<'a>) -> Vec<&'m Field<'a>> {
+        let inner = self.components(part).flat_map(|component| self.held(place, component));
+        place.fields(part).chain(inner).collect()
     }
 
     /// The declared variable of a position.

@@ -5,27 +5,31 @@ use std::collections::{BTreeMap, BTreeSet};
 use fmu_terms::Unit;
 use fmu_terms::{Causality, Variability};
 
-use crate::declaration::ComponentDeclaration;
 use crate::dependencies;
-use crate::error::nearest;
+use crate::error::{Refusals, nearest};
 use crate::flatten::{Equation, Flat};
-use crate::model::{Place, Scalar, without_subscripts};
+use crate::model::{Part, Place, Scalar, outward, without_subscripts};
 use crate::subscripts::Read;
 use crate::units::Units;
 
 impl<'a> Flat<'a> {
     /// Resolves the names that equations read to positions.
     pub(crate) fn look_up_reads(&mut self) {
-        let (mut used, mut read) = (BTreeSet::new(), 0);
-        for Equation { positions, sizes, component, reads, initial_reads } in &self.equations {
+        let mut connections = Connections::new(&self.names, &self.parts, &mut self.refusals);
+        let mut read = 0;
+        for Equation { positions, sizes, reads, initial_reads } in &self.equations {
             let first = &self.scalars[positions[0]];
+            let [part, _] = first.field;
             let mut look_up = |list: &str, names: &'a [String]| {
                 let mut elements = vec![BTreeSet::new(); positions.len()];
                 for (number, name) in names.iter().enumerate() {
                     let is_whole = self.names.contains_key(name);
                     let entry = if is_whole { Ok(Read::whole(name)) } else { Read::new(name) };
                     let found = entry.and_then(|read| {
-                        let found = look_up_read(&self.names, *component, &read.name, &mut used)?;
+                        let found = connections.look_up(part, &read.name);
+                        let found = found.map_err(|reason| format!("reads {reason}"))?;
+                        // A rejected connection leads to nothing.
+                        let found = found.map_or(&[][..], |name| &self.names[name]);
                         self.reads_elements |= read.is_of_elements();
                         let known = found.iter().map(|&position| &self.scalars[position]).next();
                         let known = known.filter(|known| known.place != Place::Time).map(|known| known.field);
@@ -70,22 +74,7 @@ impl<'a> Flat<'a> {
                 }
             }
         }
-        for (number, component) in self.declaration.components.iter().enumerate() {
-            for (connection, variable) in &component.connections {
-                let name = &component.name;
-                let reason = if !self.names.contains_key(variable) {
-                    format!(
-                        "{name}: there is no variable '{variable}'{}",
-                        nearest(variable, self.names.keys())
-                    )
-                } else if used.contains(&(name.as_str(), connection.as_str())) {
-                    continue;
-                } else {
-                    format!("{name}: no variable reads '{{{connection}}}'")
-                };
-                self.refusals.add(format!("components[{number}].connections.{connection}"), reason);
-            }
-        }
+        connections.refuse_unread(&mut self.refusals);
     }
 
     /// Resolves names of clocks to positions. A variable depends on their ticks, too.
@@ -167,14 +156,21 @@ impl<'a> Flat<'a> {
         }
     }
 
-    /// The units used by variables.
+    /// The units used by variables and types.
     pub(crate) fn find_units(&mut self, units: &Units<'_>) -> Vec<Unit> {
         let mut used: Vec<Unit> = Vec::new();
         let mut places = BTreeMap::new();
-        for scalar in &self.scalars {
-            let Some(name) = scalar.unit.as_deref() else { continue };
+        let of_variables = self.scalars.iter().map(|scalar| {
+            (scalar.key.clone(), &scalar.name, scalar.unit.as_deref(), scalar.display_unit.as_deref())
+        });
+        let of_types = self.declaration.real_types.iter().enumerate().map(|(number, known)| {
+            let key = format!("real_types[{number}]");
+            (key, &known.name, known.unit.as_deref(), known.display_unit.as_deref())
+        });
+        for (key, of_name, name, display) in of_types.chain(of_variables) {
+            let Some(name) = name else { continue };
             let mut refuse = |of: &str, reason: String| {
-                self.refusals.add(format!("{}.{of}", scalar.key), format!("{}: {reason}", scalar.name));
+                self.refusals.add(format!("{key}.{of}"), format!("{of_name}: {reason}"));
             };
             let place = *places.entry(name).or_insert_with(|| {
                 let unit = units.find(name).map_err(|reason| refuse("unit", reason)).ok()?;
@@ -182,7 +178,7 @@ impl<'a> Flat<'a> {
                 Some(used.len() - 1)
             });
             if let Some(unit) = place.map(|place| &mut used[place])
-                && let Some(display) = scalar.display_unit.as_deref()
+                && let Some(display) = display
                 && unit.display_units.iter().all(|known| known.name != display)
             {
                 match units.display_unit(name, display) {
@@ -196,40 +192,76 @@ impl<'a> Flat<'a> {
     }
 }
 
-/// The positions behind an entry of `reads`; records which connections are used.
-fn look_up_read<'n, 'a>(
+/// The variables behind the connections of components.
+struct Connections<'n, 'a> {
     names: &'n BTreeMap<String, Vec<usize>>,
-    component: Option<&'a ComponentDeclaration>,
-    read: &str,
-    used: &mut BTreeSet<(&'a str, &'a str)>,
-) -> Result<&'n [usize], String> {
-    let (read, of_derivative) = match read.strip_prefix("der(").and_then(|read| read.strip_suffix(')')) {
-        Some(state) => (state, true),
-        None => (read, false),
-    };
-    let wrap = |name: &str| {
-        if of_derivative { format!("der({name})") } else { name.to_owned() }
-    };
-    let placeholder = read.strip_prefix('{').and_then(|read| read.strip_suffix('}'));
-    let candidates = if let Some(connection) = placeholder {
-        let component = component
-            .filter(|component| component.component_type.is_some())
-            .ok_or_else(|| format!("reads '{read}', but connections are for components with a type"))?;
-        let (connection, name) = component.connections.get_key_value(connection).ok_or_else(|| {
-            format!("reads '{read}', but the component '{}' has no such connection", component.name)
-        })?;
-        used.insert((&component.name, connection));
-        if !names.contains_key(name) {
-            // The connection itself is rejected.
-            return Ok(&[]);
+    parts: &'n [Part<'a>],
+    /// By the component's position and the connection's name; none for rejected ones.
+    variables: BTreeMap<(usize, &'a str), Option<&'n str>>,
+    /// Those that are read.
+    read: BTreeSet<(usize, &'a str)>,
+}
+
+impl<'n, 'a> Connections<'n, 'a> {
+    /// Looks up each connection around its component, where earlier connections lead on.
+    fn new(names: &'n BTreeMap<String, Vec<usize>>, parts: &'n [Part<'a>], refusals: &mut Refusals) -> Self {
+        let mut found = Self { names, parts, variables: BTreeMap::new(), read: BTreeSet::new() };
+        for (position, part) in parts.iter().enumerate() {
+            let (Some(component), Some(around)) = (part.component, part.around) else { continue };
+            for (connection, variable) in &component.connections {
+                let looked_up = found.look_up(around, variable).map_err(|reason| {
+                    let reason = format!("{}: is connected to {reason}", part.name);
+                    refusals.add(format!("{}.connections.{connection}", part.key), reason);
+                });
+                found.variables.insert((position, connection), looked_up.unwrap_or_default());
+            }
         }
-        vec![wrap(name)]
-    } else {
-        let own = component.map(|component| wrap(&format!("{}.{read}", component.name)));
-        own.into_iter().chain([wrap(read)]).collect()
-    };
-    candidates.iter().find_map(|name| names.get(name)).map(Vec::as_slice).ok_or_else(|| {
-        let read = &candidates[candidates.len() - 1];
-        format!("reads '{read}', which is not a variable{}", nearest(&candidates[0], names.keys()))
-    })
+        found
+    }
+
+    /// The name of the variable that a part means by a name or `{placeholder}`; none behind a rejected connection.
+    fn look_up(&mut self, part: usize, written: &str) -> Result<Option<&'n str>, String> {
+        let (name, of_derivative) = match written.strip_prefix("der(").and_then(|name| name.strip_suffix(')'))
+        {
+            Some(state) => (state, true),
+            None => (written, false),
+        };
+        let wrap = |name: &str| if of_derivative { format!("der({name})") } else { name.to_owned() };
+        let candidates =
+            if let Some(connection) = name.strip_prefix('{').and_then(|name| name.strip_suffix('}')) {
+                match self.follow(part, connection).map_err(|reason| format!("'{name}', but {reason}"))? {
+                    Some(name) => vec![wrap(name)],
+                    None => return Ok(None),
+                }
+            } else {
+                outward(self.parts, part).map(|part| wrap(&self.parts[part].name_of(name))).collect()
+            };
+        let known = candidates.iter().find_map(|name| self.names.get_key_value(name));
+        known.map(|(name, _)| Some(name.as_str())).ok_or_else(|| {
+            let (own, of_model) = (&candidates[0], &candidates[candidates.len() - 1]);
+            format!("'{of_model}', which is not a variable{}", nearest(own, self.names.keys()))
+        })
+    }
+
+    /// The variable behind a connection, which is of the innermost component with a type.
+    fn follow(&mut self, part: usize, connection: &str) -> Result<Option<&'n str>, String> {
+        let of_type = outward(self.parts, part).find(|&part| self.parts[part].component_type().is_some());
+        let of_type = of_type.ok_or("connections are for components with a type")?;
+        let Part { component, name, .. } = &self.parts[of_type];
+        let known = component.and_then(|component| component.connections.get_key_value(connection));
+        let (connection, _) =
+            known.ok_or_else(|| format!("the component '{name}' has no such connection"))?;
+        self.read.insert((of_type, connection));
+        Ok(self.variables.get(&(of_type, connection.as_str())).copied().flatten())
+    }
+
+    fn refuse_unread(&self, refusals: &mut Refusals) {
+        for (key @ (part, connection), variable) in &self.variables {
+            if variable.is_some() && !self.read.contains(key) {
+                let Part { name, key, .. } = &self.parts[*part];
+                let reason = format!("{name}: no variable reads '{{{connection}}}'");
+                refusals.add(format!("{key}.connections.{connection}"), reason);
+            }
+        }
+    }
 }

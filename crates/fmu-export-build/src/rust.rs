@@ -55,17 +55,14 @@ use ::fmu_export::description as fmi;
     );
     let mut written = BTreeSet::new();
     for place in PLACES {
-        for part in model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part)) {
-            if written.insert(place.struct_name(part)) {
-                text += &generator.component_struct(place, part);
+        let (of_model, of_components) = model.parts.split_at(1);
+        for part in of_components.iter().chain(of_model) {
+            let is_left_out = part.component.is_some() || place.is_optional();
+            if is_left_out && model.held(place, part).is_empty() || !written.insert(place.struct_name(part)) {
+                continue;
             }
+            text += &generator.part_struct(place, part);
         }
-        let parts: Vec<_> = model.parts.iter().filter(|part| place.is_in(part)).collect();
-        if place.is_optional() && parts.is_empty() {
-            continue;
-        }
-        let description = format!("{} of the model.", place.description());
-        text += &generator.place_struct(place, place.type_name(), &description, &parts);
     }
     text += &generator.states_impl();
     text += &generator.state_groups();

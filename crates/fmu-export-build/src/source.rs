@@ -137,9 +137,16 @@ fn offset(root: &ast::Value<'_>, path: &str) -> usize {
                 .ok()
                 .and_then(|index: usize| array.elements.get(index))
                 .map(|next| (next, next.start())),
-            (ast::Value::Object(object), None) => {
-                object.get(segment).map(|property| (&property.value, property.start()))
-            }
+            // The last key may have dots: a variable's name.
+            (ast::Value::Object(object), None) => object
+                .get(segment)
+                .or_else(|| {
+                    object
+                        .properties
+                        .iter()
+                        .find(|property| path.ends_with(&format!(".{}", property.name.as_str())))
+                })
+                .map(|property| (&property.value, property.start())),
             _ => None,
         };
         let Some(found) = next else { break };

@@ -2,10 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use fmu_terms::DataType;
-
-use crate::declaration::Declaration;
-use crate::model::{Field, Part, Place};
+use crate::model::{Field, Model, Part, Place};
 use crate::names::pascal_case;
 
 /// The types that are always generated.
@@ -66,35 +63,24 @@ impl Place {
         part.fields.iter().filter(move |field| field.place == self)
     }
 
-    pub(crate) fn is_in(self, part: &Part<'_>) -> bool {
-        self.fields(part).next().is_some()
-    }
-
-    /// Whether a part has Real variables in this place.
-    pub(crate) fn is_real_in(self, part: &Part<'_>) -> bool {
-        self.fields(part).any(|field| field.data_type == DataType::Real)
-    }
-
     /// The struct that holds a part's variables.
     pub(crate) fn struct_name(self, part: &Part<'_>) -> String {
-        let prefix = match (part.component_type, part.name) {
-            (Some(component_type), _) => component_type.to_owned(),
-            (None, name) => pascal_case(name.unwrap_or_default()),
-        };
-        prefix + self.type_name()
+        part.type_name.clone() + self.type_name()
     }
 }
 
-/// The struct names of component variables and state groups, each with the path of its origin.
-pub(crate) fn struct_names(declaration: &Declaration, parts: &[Part<'_>]) -> Vec<(String, String)> {
-    let mut types = BTreeSet::new();
+/// The struct names of components and state groups, each with the path of its origin.
+pub(crate) fn struct_names(model: &Model<'_>) -> Vec<(String, String)> {
+    let declaration = model.declaration;
+    // Components of a type, or within a type, share the structs.
+    let mut origins = BTreeSet::new();
     let mut is_first =
-        |part: &&Part<'_>| part.component_type.is_none_or(|name| types.insert(name.to_owned()));
-    let own: Vec<_> = parts.iter().filter(|part| part.name.is_some() && is_first(part)).collect();
+        |part: &&Part<'_>| origins.insert(part.component_type().unwrap_or(&part.key).to_owned());
+    let own: Vec<_> = model.parts[1..].iter().filter(&mut is_first).collect();
     let groups = declaration.state_groups.iter().enumerate();
     own.into_iter()
         .flat_map(|part| {
-            let places = PLACES.into_iter().filter(|place| place.is_in(part));
+            let places = PLACES.into_iter().filter(|&place| !model.held(place, part).is_empty());
             places.map(|place| (format!("{}.name", part.key), place.struct_name(part)))
         })
         .chain(

@@ -27,8 +27,8 @@ impl ValueType {
         Self::standard().find(|(_, known)| *known == name).map(|(data_type, _)| data_type)
     }
 
-    /// A type of a model with these enumerations.
-    pub(crate) fn find(name: &str, enumerations: &[&str]) -> Result<Self, String> {
+    /// A type of a model with these enumerations, and with types of Reals that someone may mean.
+    pub(crate) fn find(name: &str, enumerations: &[&str], real_types: &[&str]) -> Result<Self, String> {
         let enumeration = || enumerations.iter().position(|known| *known == name).map(Self::Enumeration);
         Self::of_name(name).map(Self::Standard).or_else(enumeration).ok_or_else(|| {
             let types: Vec<_> = Self::standard().map(|(_, name)| name).collect();
@@ -38,9 +38,12 @@ impl ValueType {
                 "Int32" | "i32" | "int" => "; use 'Integer'".to_owned(),
                 "bool" => "; use 'Boolean'".to_owned(),
                 "str" => "; use 'String'".to_owned(),
-                _ => nearest(name, types.iter().chain(enumerations).copied()),
+                _ => nearest(name, types.iter().chain(enumerations).chain(real_types).copied()),
             };
-            format!("'{name}' is not one of {} and the enumerations{nearest}", types.join(", "))
+            format!(
+                "'{name}' is not one of {}, the enumerations and the real_types{nearest}",
+                types.join(", ")
+            )
         })
     }
 

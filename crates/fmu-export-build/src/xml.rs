@@ -16,7 +16,7 @@ use uuid::Uuid;
 use crate::declaration::{Declaration, Described};
 use crate::dependencies::Structure;
 use crate::model::Model;
-use variables::Variables;
+use variables::{Variables, real_type_attributes};
 
 /// The tool that made the FMU.
 pub(crate) const GENERATION_TOOL: &str = concat!("fmu-export ", env!("CARGO_PKG_VERSION"));
@@ -101,11 +101,22 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
 }
 
 fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
-    let enumerations = &model.declaration.enumerations;
-    if enumerations.is_empty() {
+    let Declaration { real_types, enumerations, .. } = model.declaration;
+    if real_types.is_empty() && enumerations.is_empty() {
         return Ok(());
     }
     element(writer, "TypeDefinitions", vec![], |writer| {
+        real_types.iter().try_for_each(|known| {
+            let common =
+                given([("name", Some(known.name.clone())), ("description", known.description.clone())]);
+            let inherited = real_type_attributes(known);
+            match model.fmi.version {
+                Version::Two => {
+                    element(writer, "SimpleType", common, |writer| empty(writer, "Real", inherited))
+                }
+                Version::Three => empty(writer, "Float64Type", [common, inherited].concat()),
+            }
+        })?;
         enumerations.iter().try_for_each(|enumeration| {
             let items = |writer: &mut XmlWriter| {
                 enumeration.valued().try_for_each(|(item, value)| {

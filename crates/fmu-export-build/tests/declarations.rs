@@ -56,6 +56,9 @@ const TEXTS: [&str; 19] = [
     "\u{202e}turned",
 ];
 
+/// The type of some Reals.
+const REAL_TYPE: &str = "a 'type' of \"Reals\"";
+
 /// `SplitMix64` (Steele, Lea and Flood 2014).
 struct Random(u64);
 
@@ -156,6 +159,9 @@ impl Random {
         if matches!(data_type, "Real" | "Float32") {
             variable["unit"] = self.pick(&["1", "m", "kg.m2/s2", "%"]).into();
         }
+        if data_type == "Real" && self.one_in(4) {
+            variable["type"] = REAL_TYPE.into();
+        }
         let sizes: Vec<_> = match self.below(8) {
             0 => vec![1 + self.below(3)],
             1 => vec![1 + self.below(2), 1 + self.below(3)],
@@ -190,6 +196,36 @@ impl Random {
         names.iter().map(|name| self.variable(name, fmi3, enumerations, grouped)).collect()
     }
 
+    /// Components that contain others, to a depth.
+    fn components(
+        &mut self,
+        fmi3: bool,
+        enumerations: &[(String, Vec<String>)],
+        grouped: bool,
+        types: &[Value],
+        depth: usize,
+    ) -> Vec<Value> {
+        let count = self.below(2 + depth);
+        let names = self.lower_names(count);
+        let component = |name| {
+            let mut component = json!({"name": name});
+            if self.one_in(2) {
+                component["description"] = self.text();
+            }
+            if !types.is_empty() && self.one_in(2) {
+                component["type"] = types[self.below(types.len())]["name"].clone();
+                return component;
+            }
+            component["variables"] = self.variables(fmi3, enumerations, grouped).into();
+            if depth > 0 && self.one_in(2) {
+                component["components"] =
+                    self.components(fmi3, enumerations, grouped, types, depth - 1).into();
+            }
+            component
+        };
+        names.into_iter().map(component).collect()
+    }
+
     fn declaration(&mut self, fmi3: bool) -> Value {
         let mut enumerations: Vec<(String, Vec<String>)> = Vec::new();
         for _ in 0..self.below(3) {
@@ -210,36 +246,33 @@ impl Random {
         let grouped = self.one_in(4);
         let mut variables = self.variables(fmi3, &enumerations, grouped);
         variables.push(json!({"name": "result", "causality": "output", "type": "Integer"}));
-        let component_type =
-            json!({"name": self.pick(&TYPES), "variables": self.variables(fmi3, &enumerations, true)});
-        let count = self.below(4);
-        let mut components: Vec<_> =
-            self.lower_names(count).into_iter().map(|name| json!({"name": name})).collect();
-        let mut is_typed = false;
-        for component in &mut components {
-            if self.one_in(2) {
-                component["description"] = self.text();
-            }
-            if self.one_in(3) {
-                component["type"] = component_type["name"].clone();
-                is_typed = true;
-            } else {
-                component["variables"] = self.variables(fmi3, &enumerations, grouped).into();
-            }
+        // Each may contain those before it.
+        let mut component_types: Vec<Value> = Vec::new();
+        for _ in 0..self.below(3) {
+            let components = self.components(fmi3, &enumerations, true, &component_types, 1);
+            let variables = self.variables(fmi3, &enumerations, true);
+            let name = self.pick(&TYPES);
+            component_types.push(json!({"name": name, "variables": variables, "components": components}));
         }
+        let components = self.components(fmi3, &enumerations, grouped, &component_types, 2);
+        // Those that no component has are refused.
+        let written = json!([components, component_types]).to_string();
+        component_types.retain(|known| written.contains(&json!({"type": known["name"]}).to_string()[1..]));
         let mut declaration = json!({
-            "model_identifier": "Random", "enumerations": described, "variables": variables, "components": components,
-            "event_indicators": self.lower_names(1), "log_categories": [{"name": self.text(), "description": self.text()}],
+            "model_identifier": "Random", "real_types": [{"name": REAL_TYPE, "description": self.text(), "min": -1e31}],
+            "enumerations": described, "variables": variables,
+            "component_types": component_types, "components": components, "event_indicators": self.lower_names(1),
+            "log_categories": [{"name": self.text(), "description": self.text()}],
         });
-        if is_typed {
-            declaration["component_types"] = json!([component_type]);
-        }
         if grouped {
             // With a state of its own: each group has one.
             let name = self.lower_names(1).remove(0);
             let state = json!({"name": "level", "unit": "m", "start": 1, "derivative": true});
             declaration["state_groups"] = json!([{"name": name, "description": self.text()}]);
-            let component = json!({"name": "tank", "state_group": name, "variables": [state]});
+            let mut component = json!({"name": "tank", "state_group": name, "variables": [state]});
+            if self.one_in(2) {
+                component["components"] = json!([{"name": "inner", "variables": [state]}]);
+            }
             declaration["components"].as_array_mut().expect("it is a list").push(component);
         }
         declaration

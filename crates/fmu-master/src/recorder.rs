@@ -389,7 +389,7 @@ impl Found {
 pub fn column_of(name: &str, variable: &FmuVariable, description: &FmuDescription) -> Column {
     let enumeration = || description.enumeration(&variable.declared_type);
     Column {
-        display_unit: description.display_unit(variable).cloned(),
+        display_unit: description.display_unit(variable),
         is_discrete: variable.is_discrete(),
         is_text: variable.value_type() == ValueType::String,
         items: match variable.value_type() {

@@ -114,6 +114,7 @@ impl Connection {
             return Ok(Function::IDENTITY);
         }
         let function = unit_conversion((from_unit, declared.1), (to_unit, &taker.units));
+        let function = function.map(|conversion| input.of_its_quantity(conversion));
         function.map(Function::from).map_err(|reason| anyhow!("{} to {}: {reason}", self.from(), self.to()))
     }
 }

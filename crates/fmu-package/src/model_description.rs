@@ -333,11 +333,13 @@ impl FmuDescription {
         units::find(name, &self.units)
     }
 
-    /// The display unit that a variable's declaration names.
+    /// The display unit that a variable's declaration names, without an offset if the values are differences.
     #[must_use]
-    pub fn display_unit(&self, variable: &FmuVariable) -> Option<&DisplayUnit> {
+    pub fn display_unit(&self, variable: &FmuVariable) -> Option<DisplayUnit> {
         let unit = self.units.iter().find(|unit| unit.name == variable.unit)?;
-        unit.display_units.iter().find(|display| display.name == variable.display_unit)
+        let display = unit.display_units.iter().find(|display| display.name == variable.display_unit)?;
+        let offset = if variable.relative_quantity { 0.0 } else { display.offset };
+        Some(DisplayUnit { offset, ..display.clone() })
     }
 
     /// An enumeration by name.

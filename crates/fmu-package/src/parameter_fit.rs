@@ -58,9 +58,9 @@ impl Value {
             (ValueType::Real, Self::Real(value, unit)) => {
                 let value = match unit {
                     Some(unit) if *unit != variable.unit => {
-                        unit_conversion((unit, units), (&variable.unit, &fmu.units))
-                            .map_err(|reason| self.refused(variable, &reason))?
-                            .apply(*value)
+                        let conversion = unit_conversion((unit, units), (&variable.unit, &fmu.units));
+                        let conversion = conversion.map_err(|reason| self.refused(variable, &reason))?;
+                        variable.of_its_quantity(conversion).apply(*value)
                     }
                     _ => *value,
                 };
@@ -127,7 +127,7 @@ impl Value {
         let comes_near = |unit: &Unit| {
             unit.base
                 .and_then(|unit| unit.to(&own))
-                .is_some_and(|conversion| is_near(conversion.apply(*value)))
+                .is_some_and(|conversion| is_near(variable.of_its_quantity(conversion).apply(*value)))
         };
         if is_near(*value) { None } else { units_of(variable, fmu).find(comes_near).map(|unit| unit.name) }
     }
@@ -175,23 +175,34 @@ impl FmuVariable {
             return Ok(Linear::IDENTITY);
         }
         unit_conversion((unit, &fmu.units), (&self.unit, &fmu.units))
+            .map(|conversion| self.of_its_quantity(conversion))
+    }
+
+    /// A conversion of its values between units: without the offset if they are differences.
+    pub(crate) fn of_its_quantity(&self, conversion: Linear) -> Linear {
+        if self.relative_quantity { Linear { offset: 0.0, ..conversion } } else { conversion }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use fmu_terms::DisplayUnit;
+
     use super::*;
 
     const FMU: &str = r#"<fmiModelDescription fmiVersion="2.0" modelName="Vessel">
       <UnitDefinitions><Unit name="Pa"><BaseUnit kg="1" m="-1" s="-2"/><DisplayUnit name="kPa" factor="1e-3"/></Unit>
-      </UnitDefinitions>
-      <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="3"/><Item name="on" value="5"/>
+      <Unit name="K"><BaseUnit K="1"/><DisplayUnit name="degC" offset="-273.15"/></Unit></UnitDefinitions>
+      <TypeDefinitions><SimpleType name="Warming"><Real unit="K" displayUnit="degC" relativeQuantity="true"/></SimpleType>
+      <SimpleType name="Mode"><Enumeration><Item name="off" value="3"/><Item name="on" value="5"/>
       </Enumeration></SimpleType></TypeDefinitions>
       <ModelVariables>
         <ScalarVariable name="pressure" causality="parameter"><Real unit="Pa" min="0" max="2e5" start="101325"/></ScalarVariable>
         <ScalarVariable name="count" causality="parameter"><Integer min="1" max="4"/></ScalarVariable>
         <ScalarVariable name="mode" causality="parameter"><Enumeration declaredType="Mode"/></ScalarVariable>
         <ScalarVariable name="level" causality="output"><Real/></ScalarVariable>
+        <ScalarVariable name="warming" causality="parameter"><Real declaredType="Warming"/></ScalarVariable>
+        <ScalarVariable name="temperature" causality="parameter"><Real unit="K" displayUnit="degC"/></ScalarVariable>
       </ModelVariables></fmiModelDescription>"#;
 
     fn fit(name: &str, value: Value) -> Result<Value, String> {
@@ -221,6 +232,20 @@ mod tests {
         assert_eq!(fit("count", Value::Integer(4)), Ok(Value::Integer(4)));
         for value in [Value::Enumeration("on".into()), Value::String("on".into()), Value::Integer(5)] {
             assert_eq!(fit("mode", value), Ok(Value::Enumeration("on".to_owned())));
+        }
+    }
+
+    /// FMI 2.0.5, section 2.2.3: a difference of 10 degC is one of 10 K.
+    #[test]
+    fn differences_are_converted_without_offsets() {
+        let fmu = FmuDescription::parse(FMU).unwrap();
+        for (name, offset) in [("temperature", 273.15), ("warming", 0.0)] {
+            let variable = fmu.variable(name).unwrap();
+            let degrees = Value::Real(10.0, Some("degC".to_owned()));
+            assert_eq!(fit(name, degrees), Ok(Value::Real(10.0 + offset, Some("K".to_owned()))));
+            assert_eq!(variable.conversion_from("degC", &fmu), Ok(Linear { factor: 1.0, offset }));
+            let degrees = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -offset };
+            assert_eq!(fmu.display_unit(variable), Some(degrees));
         }
     }
 

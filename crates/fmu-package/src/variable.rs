@@ -7,7 +7,7 @@ use fmu_io::reading::broken;
 use fmu_terms::{Causality, DataType, Initial, IntervalVariability, Variability, Version};
 
 use crate::declared::Declared;
-use crate::xml::{self, children, named, number, text};
+use crate::xml::{self, boolean, children, named, number, text};
 
 /// A variable as declared; undeclared fields are empty, or have the default of the FMI version.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +30,8 @@ pub struct FmuVariable {
     pub unit: String,
     /// The unit in which to show values, or that of its type.
     pub display_unit: String,
+    /// Whether its values, or those of its type, are differences: their conversion between units ignores offsets.
+    pub relative_quantity: bool,
     /// The start value.
     pub start: String,
     /// The smallest value.
@@ -152,6 +154,7 @@ impl FmuVariable {
             interval_variability: Declared::word(typed.attribute("intervalVariability")),
             unit: inherited("unit"),
             display_unit: inherited("displayUnit"),
+            relative_quantity: declaration.inherited("relativeQuantity").and_then(boolean) == Some(true),
             start: typed.attribute("start").map_or_else(|| texts.join("\n"), str::to_owned),
             min: inherited("min"),
             max: inherited("max"),

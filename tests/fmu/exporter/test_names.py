@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+from fmpy.validation import validate_fmu
 
 from fmu import ROOT, TARGET, Run
 
@@ -55,6 +57,90 @@ def test_each_variable_has_its_own_name(file: Path, interface: str) -> None:
     # A lag of 1 s after 1 s; the solvers' errors are some tens of their tolerance.
     assert last["'y [2]'.v"] == pytest.approx(3.0 * (1.0 - math.exp(-1.0)), abs=1e-6)
     assert np.hstack([last[name] for name in arrays]).tolist() == 2 * [7.0, 14.0, 21.0]
+
+
+@pytest.mark.quick
+@pytest.mark.compiled
+@pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+def test_components_in_components_have_their_own_values(file: Path, interface: str) -> None:
+    """Two sections, each with a wall: the second takes heat from the first one's wall, and overrides its
+    type's start values."""
+    result = simulate_fmu(
+        str(file),
+        fmi_type=interface,
+        start_values={"u": 3.0, "plant.second.sensor.bias": 0.25},
+        output=[
+            "plant.first.wall.C",
+            "plant.second.wall.C",
+            "plant.first.sensor.reading",
+            "plant.second.sensor.reading",
+        ],
+        relative_tolerance=1e-8,
+    )
+    capacities = {(row["plant.first.wall.C"], row["plant.second.wall.C"]) for row in result}
+    assert capacities == {(2.0, 4.0)}
+    # 2 T' = 2 u - T, and 4 S' = 3 T - S, from 0 on. The solvers' errors are some tens of their tolerance.
+    first, second = result["plant.first.sensor.reading"], result["plant.second.sensor.reading"]
+    decay = np.exp(-result["time"] / 4.0)
+    assert first == pytest.approx(6.0 * (1.0 - decay**2), abs=1e-6)
+    assert second == pytest.approx(0.25 + 18.0 * (1.0 - decay) ** 2, abs=1e-6)
+
+
+@pytest.mark.quick
+def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
+    description = read_model_description(file, validate=True)
+    # Parameters are knowns only in FMI 3.0.
+    known = {
+        unknown.variable.name: [
+            dependency.name for dependency in unknown.dependencies if dependency.causality != "parameter"
+        ]
+        for unknown in [*description.outputs, *description.derivatives]
+        if unknown.variable.name.startswith(("plant.", "der(plant."))
+    }
+    assert known == {
+        "plant.first.sensor.reading": ["plant.first.wall.T"],
+        "plant.second.sensor.reading": ["plant.second.wall.T"],
+        "der(plant.first.wall.T)": ["u", "plant.first.wall.T"],
+        "der(plant.second.wall.T)": ["plant.first.wall.T", "plant.second.wall.T"],
+    }
+
+
+@pytest.mark.quick
+def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None:
+    """FMI 2.0.5, section 2.2.7: for the runner, and for FMPy, which leaves it to its users."""
+    variables = {
+        variable.name: variable for variable in read_model_description(file, validate=True).modelVariables
+    }
+    reading, bias = variables["plant.first.sensor.reading"], variables["plant.first.sensor.bias"]
+    assert (reading.unit, reading.displayUnit, reading.min, reading.nominal) == (None, "K", None, "20.0")
+    declared = reading.declaredType
+    assert declared is bias.declaredType
+    assert (declared.name, declared.quantity) == ("wärmer um [K]", "TemperatureDifference")
+    assert (declared.unit, declared.displayUnit, declared.relativeQuantity) == ("K", "degC", True)
+    assert (declared.min, declared.nominal, declared.unbounded) == ("-1.0", "10.0", "true")
+    known = {
+        variable["name"]: variable
+        for variable in json.loads(cargo_fmu("info", file, "--format=json").stdout)["variables"]
+    }
+    shown = {key: known["plant.first.sensor.reading"][key] for key in ("unit", "min", "max")}
+    assert shown == {"unit": "K", "min": "-1.0", "max": "1000000.0"}
+    # The least value of the type is that of its variables, in the model, too.
+    refused = cargo_fmu("simulate", file, "--set=plant.first.sensor.bias=-2")
+    assert refused.returncode != 0
+    assert "-2 K is not within -1..inf K" in refused.stderr
+
+
+@pytest.mark.quick
+def test_fmpy_finds_nothing(file: Path) -> None:
+    found = validate_fmu(str(file))
+    if file.parent.name == "fmi3":
+        # It takes an alias for another unknown; in FMI 3.0 an `<Alias>` is a name of its variable
+        # (section 2.4.7), whose value reference is in the list.
+        message = found.pop()
+        assert message.startswith("ModelStructure/InitialUnknowns does not contain the expected set")
+        expected, actual = (set(names.split(", ")) for names in re.findall(r"\{(.*?)\}", message))
+        assert expected - actual == {"arr.out"}
+    assert not found
 
 
 @pytest.mark.quick

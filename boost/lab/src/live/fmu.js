@@ -27,18 +27,18 @@ class Model {
 
   read(xml) {
     this.guid = xml.documentElement.getAttribute("guid");
-    const items = new Map([...xml.querySelectorAll("SimpleType")].map(type => [
-      type.getAttribute("name"),
-      new Map([...type.querySelectorAll("Item")].map(item => [item.getAttribute("name"), Number(item.getAttribute("value"))])),
-    ]));
+    const types = new Map([...xml.querySelectorAll("SimpleType")].map(type => [type.getAttribute("name"), type.firstElementChild]));
+    const items = type => new Map([...type.querySelectorAll("Item")].map(item => [item.getAttribute("name"), Number(item.getAttribute("value"))]));
     const display = new Map([...xml.querySelectorAll("DisplayUnit")].map(unit => [
       `${unit.parentElement.getAttribute("name")} ${unit.getAttribute("name")}`,
       { unit: unit.getAttribute("name"), factor: Number(unit.getAttribute("factor") ?? 1), offset: Number(unit.getAttribute("offset") ?? 0) },
     ]));
     this.variables = new Map([...xml.querySelectorAll("ModelVariables > ScalarVariable")].map(element => {
       const type = element.firstElementChild;
-      const [name, unit] = [element.getAttribute("name"), type.getAttribute("unit") ?? ""];
-      const number = key => (type.hasAttribute(key) ? Number(type.getAttribute(key)) : undefined);
+      const declared = types.get(type.getAttribute("declaredType"));
+      const attribute = key => type.getAttribute(key) ?? declared?.getAttribute(key) ?? undefined;
+      const [name, unit] = [element.getAttribute("name"), attribute("unit") ?? ""];
+      const number = key => (attribute(key) === undefined ? undefined : Number(attribute(key)));
       return [name, {
         name, unit,
         type: type.localName,
@@ -46,8 +46,11 @@ class Model {
         causality: element.getAttribute("causality"),
         variability: element.getAttribute("variability"),
         description: element.getAttribute("description") ?? "",
-        items: items.get(type.getAttribute("declaredType")),
-        display: display.get(`${unit} ${type.getAttribute("displayUnit")}`) ?? { unit: unit === "1" ? "" : unit, factor: 1, offset: 0 },
+        items: type.localName === "Enumeration" ? items(declared) : undefined,
+        display: {
+          ...(display.get(`${unit} ${attribute("displayUnit")}`) ?? { unit: unit === "1" ? "" : unit, factor: 1, offset: 0 }),
+          ...(attribute("relativeQuantity") === "true" && { offset: 0 }),
+        },
         min: number("min"), max: number("max"),
         start: type.localName === "Boolean" ? Number(type.getAttribute("start") === "true") : number("start"),
       }];

@@ -185,17 +185,18 @@ pub(super) fn with_source_files(description: &str, files: &[&str]) -> Result<Str
 
 /// A description without those of FMI 3.0's types; nothing else changes.
 pub(super) fn without_type_descriptions(description: &str) -> String {
-    const TYPE: &str = "<EnumerationType ";
-    let mut types = description.split(TYPE);
-    let mut text = types.next().unwrap_or_default().to_owned();
-    for rest in types {
-        let attributes = rest.split('>').next().unwrap_or_default();
-        let described = attributes.split_once(" description=\"");
-        let described = described.and_then(|(before, value)| Some((before, value.split_once('"')?.1)));
-        let (before, after) = described.unwrap_or((attributes, ""));
-        text += &[TYPE, before, after, &rest[attributes.len()..]].concat();
-    }
-    text
+    ["<Float64Type ", "<EnumerationType "].into_iter().fold(description.to_owned(), |description, begin| {
+        let mut types = description.split(begin);
+        let mut text = types.next().unwrap_or_default().to_owned();
+        for rest in types {
+            let attributes = rest.split('>').next().unwrap_or_default();
+            let described = attributes.split_once(" description=\"");
+            let described = described.and_then(|(before, value)| Some((before, value.split_once('"')?.1)));
+            let (before, after) = described.unwrap_or((attributes, ""));
+            text += &[begin, before, after, &rest[attributes.len()..]].concat();
+        }
+        text
+    })
 }
 
 /// A custom section of a WebAssembly module (WebAssembly Core Specification 1.0, sections 5.5.2 and 5.5.3).
@@ -255,7 +256,7 @@ mod tests {
     fn types_lose_their_descriptions_only() {
         let text = |of_type| {
             format!(
-                "<M description=\"a\"><EnumerationType name=\"T\"{of_type}>\n<Item description=\"b\"/></EnumerationType>\
+                "<M description=\"a\"><Float64Type name=\"R\"{of_type} unit=\"m\"/><EnumerationType name=\"T\"{of_type}>\n<Item description=\"b\"/></EnumerationType>\
                  <EnumerationType name=\"U\"/></M>"
             )
         };

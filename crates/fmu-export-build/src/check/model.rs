@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 
 use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 
+use crate::declaration::Declaration;
 use crate::error::{Refusals, nearest};
-use crate::model::{Model, Place, Scalar};
+use crate::model::{Model, Part, Place, Scalar, outward};
 use crate::names::{OF_CLOCKS, field_name, mixed_name, unique};
 use crate::texts::text;
 use crate::type_names::{FIXED_NAMES, struct_names};
@@ -13,36 +14,40 @@ use crate::type_names::{FIXED_NAMES, struct_names};
 pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     state_groups(model, refusals);
     type_names(model, refusals);
+    declared_types(model, refusals);
     types_of_version(model, refusals);
     calculated_parameters(model, refusals);
     clocks(model, refusals);
 }
 
-/// If there are groups, each state belongs to one, and each group has states.
+/// If there are groups, each state belongs to that of its outermost component, and each group has states.
 fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
     let groups = &model.declaration.state_groups;
     let names: BTreeSet<_> = groups.iter().map(|group| group.name.as_str()).collect();
-    for part in &model.parts {
-        let state = part.fields.iter().find(|field| field.place == Place::States);
-        let component = part.name.unwrap_or_default();
-        match (part.state_group, state) {
-            (Some(group), _) if !names.contains(group) => {
-                let nearest = nearest(group, names.iter());
-                let reason = format!("{component}: '{group}' is not one of the state_groups{nearest}");
-                refusals.add(format!("{}.state_group", part.key), reason);
-            }
-            (Some(group), None) => {
-                let reason = format!("{component}: is in the state group '{group}', but has no states");
-                refusals.add(format!("{}.state_group", part.key), reason);
-            }
-            (None, Some(state)) if !groups.is_empty() => {
-                let Scalar { name, key, .. } = &model.scalars[state.positions[0]];
-                refusals.add(key, format!("{name}: is a state, but its component has no 'state_group'"));
-            }
-            _ => {}
+    for (position, part) in model.parts.iter().enumerate() {
+        let outermost = outward(&model.parts, position).filter_map(|part| model.parts[part].component).last();
+        let state = Place::States.fields(part).next();
+        if let Some(group) = part.state_group() {
+            let reason = if part.around != Some(0) {
+                let outermost = outermost.map_or("", |outermost| &outermost.name);
+                format!("'state_group' is for components of the model; this one is in that of '{outermost}'")
+            } else if !names.contains(group) {
+                format!("'{group}' is not one of the state_groups{}", nearest(group, names.iter()))
+            } else if model.held(Place::States, part).is_empty() {
+                format!("is in the state group '{group}', but has no states")
+            } else {
+                continue;
+            };
+            refusals.add(format!("{}.state_group", part.key), format!("{}: {reason}", part.name));
+        } else if let Some(state) = state
+            && !groups.is_empty()
+            && outermost.is_none_or(|outermost| outermost.state_group.is_none())
+        {
+            let Scalar { name, key, .. } = &model.scalars[state.positions[0]];
+            refusals.add(key, format!("{name}: is a state, but its component has no 'state_group'"));
         }
     }
-    let used: BTreeSet<_> = model.parts.iter().filter_map(|part| part.state_group).collect();
+    let used: BTreeSet<_> = model.parts.iter().filter_map(Part::state_group).collect();
     for (number, group) in groups.iter().enumerate() {
         if !used.contains(group.name.as_str()) {
             let reason = format!("no component is in the state group '{}'", group.name);
@@ -55,7 +60,7 @@ fn state_groups(model: &Model<'_>, refusals: &mut Refusals) {
 fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
     let declaration = model.declaration;
     let mut names: BTreeSet<_> = FIXED_NAMES.map(str::to_owned).into();
-    if model.parts.iter().any(|part| Place::CalculatedParameters.is_in(part)) {
+    if model.in_place(Place::CalculatedParameters).next().is_some() {
         names.insert(Place::CalculatedParameters.type_name().to_owned());
     }
     if declaration.has_clocks() {
@@ -64,11 +69,26 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
     let enumerations = declaration.enumerations.iter().enumerate();
     let enumerations =
         enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.name.clone()));
-    for (key, name) in struct_names(declaration, &model.parts).into_iter().chain(enumerations) {
+    for (key, name) in struct_names(model).into_iter().chain(enumerations) {
         if names.contains(&name) {
             refusals.add(key, format!("two generated types would be called '{name}'"));
         }
         names.insert(name);
+    }
+}
+
+/// A declared type is not named like a variable (FMI 2.0.5, section 2.2.3).
+fn declared_types(model: &Model<'_>, refusals: &mut Refusals) {
+    let Declaration { enumerations, real_types, .. } = model.declaration;
+    let enumerations = enumerations.iter().map(|known| &known.name).enumerate();
+    let real_types = real_types.iter().map(|known| &known.name).enumerate();
+    for (list, (number, name)) in
+        enumerations.map(|known| ("enumerations", known)).chain(real_types.map(|known| ("real_types", known)))
+    {
+        if model.names.contains_key(name) {
+            let reason = format!("'{name}' is also the name of a variable");
+            refusals.add(format!("{list}[{number}].name"), reason);
+        }
     }
 }
 

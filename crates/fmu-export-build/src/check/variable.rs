@@ -38,7 +38,9 @@ pub(crate) fn check(
     texts(variable)?;
     size(variable, before)?;
     let enumerations: Vec<_> = declaration.enumerations.iter().map(|known| known.name.as_str()).collect();
-    let data_type = ValueType::find(&variable.data_type, &enumerations).map_err(|reason| ("type", reason))?;
+    let real_types: Vec<_> = declaration.real_types.iter().map(|known| known.name.as_str()).collect();
+    let data_type = ValueType::find(&variable.data_type, &enumerations, &real_types);
+    let data_type = data_type.map_err(|reason| ("type", reason))?;
     let (place, variability) = place(variable, data_type)?;
     let initial = initial(variable, place, variability)?;
     reads(variable, place, variability, initial)?;
@@ -260,8 +262,20 @@ fn unit(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blam
         refuse_if(units.len() != elements, "unit", reason)?;
         refuse_if(variable.display_unit.is_some(), "display_unit", "needs one unit, not a list")?;
     }
-    let is_positive = variable.nominal.is_none_or(|nominal| nominal > 0.0);
-    refuse_if(!is_positive, "nominal", "must be greater than 0")
+    nominal(variable.nominal)
+}
+
+/// The nominal of a variable or type.
+pub(crate) fn nominal(nominal: Option<f64>) -> Result<(), Blame> {
+    refuse_if(nominal.is_some_and(|nominal| nominal <= 0.0), "nominal", "must be greater than 0")
+}
+
+/// Min and max of a variable or type.
+pub(crate) fn range(min: Option<f64>, max: Option<f64>) -> Result<(), Blame> {
+    match (min, max) {
+        (Some(min), Some(max)) if min > max => Err(("min", format!("{min} is greater than max {max}"))),
+        _ => Ok(()),
+    }
 }
 
 /// Min and max, for types that have them.
@@ -278,10 +292,7 @@ fn bounds(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Bl
         };
         refuse_if(!is_of_type, key, format_args!("{bound} is not of type {}", variable.data_type))?;
     }
-    if let (Some(min), Some(max)) = (variable.min, variable.max) {
-        refuse_if(min > max, "min", format_args!("{min} is greater than max {max}"))?;
-    }
-    Ok(())
+    range(variable.min, variable.max)
 }
 
 /// The nearest bound that a JSON number represents exactly.

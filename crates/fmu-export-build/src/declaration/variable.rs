@@ -8,6 +8,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
+use super::RealType;
 use crate::names::rust_name;
 
 /// A variable, or an array of them.
@@ -35,10 +36,13 @@ pub(crate) struct VariableDeclaration {
     /// (the default with `initial_reads`); for other discrete variables: calculated (the default), or exact if they
     /// begin at a start value that events change.
     pub(crate) initial: Option<Initial>,
-    /// Real (the default), Integer, Boolean, String or an enumeration's name; in FMI 3.0 also `Float32`, `Int8`,
+    /// Real (the default), Integer, Boolean, String or the name of an enumeration or a type of Reals; in FMI 3.0 also `Float32`, `Int8`,
     /// `UInt8`, `Int16`, `UInt16`, `UInt32`, `Int64`, `UInt64`, `Binary` and `Clock`.
     #[serde(rename = "type", default = "real")]
     pub(crate) data_type: String,
+    /// The position of its type among the `real_types`, from [`VariableDeclaration::take_from_type`].
+    #[serde(skip)]
+    pub(crate) real_type: Option<usize>,
     /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. An array may have a list of units.
     pub(crate) unit: Option<UnitNames>,
     /// Unit in which tools show the value.
@@ -125,6 +129,18 @@ pub(crate) struct AliasDeclaration {
 }
 
 impl VariableDeclaration {
+    /// Makes a variable of one of the types of Reals a Real with what the type says (FMI 2.0.5, section 2.2.7).
+    pub(super) fn take_from_type(&mut self, types: &[RealType]) {
+        self.real_type = types.iter().position(|known| known.name == self.data_type);
+        let Some(known) = self.real_type.map(|position| &types[position]) else { return };
+        self.data_type = real();
+        self.unit = self.unit.take().or_else(|| known.unit.clone().map(UnitNames::All));
+        self.display_unit = self.display_unit.take().or_else(|| known.display_unit.clone());
+        self.min = self.min.or(known.min);
+        self.max = self.max.or(known.max);
+        self.nominal = self.nominal.or(known.nominal);
+    }
+
     /// Its name in Rust.
     pub(crate) fn rust_name(&self) -> String {
         self.rust_name.clone().unwrap_or_else(|| rust_name(&self.name))

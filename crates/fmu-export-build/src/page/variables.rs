@@ -79,8 +79,7 @@ pub(super) fn fields<'m, 'a>(model: &'m Model<'a>) -> impl Iterator<Item = (&'m 
 
 /// The name of a declared variable, without subscripts.
 pub(super) fn name(part: &Part<'_>, field: &Field<'_>) -> String {
-    let component = part.name.map(|name| format!("{name}.")).unwrap_or_default();
-    format!("{component}{}", field.declaration.name)
+    part.name_of(&field.declaration.name)
 }
 
 fn derivative(name: &str) -> String {
@@ -145,12 +144,13 @@ impl<'m, 'a> Page<'m, 'a> {
         let _ = writeln!(text, "<thead><tr>{titles}</tr></thead>");
         for (part, fields) in &parts {
             text += "<tbody>\n";
-            if let Some(component) = part.name {
+            if part.component.is_some() {
                 let _ = writeln!(
                     text,
-                    "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{component}</code> {}</th></tr>",
+                    "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{}</code> {}</th></tr>",
                     head.len(),
-                    escape(part.description.unwrap_or_default())
+                    part.name,
+                    escape(part.description.as_deref().unwrap_or_default())
                 );
             }
             for field in fields {
@@ -310,8 +310,11 @@ impl<'m, 'a> Page<'m, 'a> {
         let Some(Start::Real(start)) = variable.start else { return None };
         let unit = self.units.get(variable.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
+        let types = &self.model.declaration.real_types;
+        let is_relative = variable.real_type.is_some_and(|known| types[known].relative_quantity);
+        let offset = if is_relative { 0.0 } else { display.offset };
         // Conversion leaves errors of some 1e-16, which are not shown.
-        let value = format!("{:.11e}", start * display.factor + display.offset).parse().ok()?;
+        let value = format!("{:.11e}", start * display.factor + offset).parse().ok()?;
         Some(format!("{} {}", unbroken(value), unit_markup(wanted)))
     }
 

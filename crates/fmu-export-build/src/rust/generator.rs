@@ -29,28 +29,69 @@ pub(super) struct Generator<'m, 'a> {
     /// All variables, in order of declaration.
     pub(super) variables: Vec<Variable<'m>>,
     pub(super) structure: &'m Structure,
-    /// The structs of components with equal start values, which therefore have a default.
-    pub(super) with_default: BTreeSet<String>,
+    /// The structs of components with different start values, which therefore have no default.
+    pub(super) without_default: BTreeSet<String>,
 }
 
 impl<'m, 'a> Generator<'m, 'a> {
     pub(super) fn new(model: &'m Model<'a>, structure: &'m Structure) -> Self {
         let mut generator =
-            Self { model, variables: variables(model), structure, with_default: BTreeSet::new() };
-        let mut starts: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+            Self { model, variables: variables(model), structure, without_default: BTreeSet::new() };
+        let mut starts = BTreeMap::new();
         for place in PLACES {
-            for part in model.parts.iter().filter(|part| part.name.is_some() && place.is_in(part)) {
-                starts.entry(place.struct_name(part)).or_default().insert(generator.starts(place, part));
+            for part in &model.parts[1..] {
+                let name = place.struct_name(part);
+                let own = generator
+                    .values(place, &generator.members(place, part), &|field| generator.field_start(field));
+                if *starts.entry(name.clone()).or_insert_with(|| own.clone()) != own {
+                    generator.without_default.insert(name);
+                }
             }
         }
-        generator.with_default =
-            starts.into_iter().filter(|(_, starts)| starts.len() == 1).map(|(name, _)| name).collect();
         generator
     }
 
-    /// The start values of a part's variables.
-    pub(super) fn starts(&self, place: Place, part: &Part<'_>) -> String {
-        values(place, part, |field| self.field_start(field))
+    /// What the struct of a part in a place contains.
+    pub(super) fn members<'p>(&self, place: Place, part: &'p Part<'a>) -> Members<'p, 'a>
+    where
+        'm: 'p,
+    {
+        let components = self.model.components(part).filter(|part| !self.model.held(place, part).is_empty());
+        Members { fields: place.fields(part).collect(), components: components.collect() }
+    }
+
+    /// The variables in members, at any depth.
+    pub(super) fn all<'p>(&'p self, place: Place, members: &Members<'p, 'a>) -> Vec<&'p Field<'a>> {
+        let inner = members.components.iter().flat_map(|part| self.model.held(place, part));
+        members.fields.iter().copied().chain(inner).collect()
+    }
+
+    /// Members as the fields of a struct expression, all components in full.
+    pub(super) fn values(
+        &self,
+        place: Place,
+        members: &Members<'_, 'a>,
+        value: &dyn Fn(&Field<'_>) -> String,
+    ) -> String {
+        members.expression(value, |part| {
+            format!(
+                "{} {{ {} }}",
+                place.struct_name(part),
+                self.values(place, &self.members(place, part), value)
+            )
+        })
+    }
+
+    /// The start values of members as the fields of a struct expression.
+    pub(super) fn starts(&self, place: Place, members: &Members<'_, 'a>) -> String {
+        members.expression(&|field| self.field_start(field), |part| {
+            let name = place.struct_name(part);
+            if self.without_default.contains(&name) {
+                format!("{name} {{ {} }}", self.starts(place, &self.members(place, part)))
+            } else {
+                format!("{name}::default()")
+            }
+        })
     }
 
     /// The start value of a field.
@@ -131,7 +172,7 @@ impl<'m, 'a> Generator<'m, 'a> {
 
     /// Whether the struct of a place is generic over its number type.
     pub(super) fn is_real(&self, place: Place) -> bool {
-        self.model.parts.iter().any(|part| place.is_real_in(part))
+        self.model.parts.iter().flat_map(|part| place.fields(part)).any(is_real)
     }
 
     pub(super) fn value_reference(&self, position: usize) -> u32 {
@@ -289,26 +330,30 @@ pub(super) fn is_copy(data_type: ValueType) -> bool {
     !matches!(data_type.data_type(), DataType::String | DataType::Binary)
 }
 
-/// The variables of a part as the fields of a struct expression.
-pub(super) fn values(place: Place, part: &Part<'_>, value: impl Fn(&Field<'_>) -> String) -> String {
-    let fields = place.fields(part).map(|field| format!("{}: {}", field.name(), value(field)));
-    fields.collect::<Vec<_>>().join(", ")
+/// Whether a field is a number over which its struct is generic.
+pub(super) fn is_real(field: &Field<'_>) -> bool {
+    field.data_type == DataType::Real
 }
 
-/// The variables of several parts as the fields of a struct expression, each component in its own struct.
-pub(super) fn nested_values(
-    place: Place,
-    parts: &[&Part<'_>],
-    value: impl Fn(&Field<'_>) -> String,
-) -> String {
-    let parts = parts.iter().map(|part| {
-        let values = values(place, part, &value);
-        match part.name {
-            None => values,
-            Some(component) => format!("{component}: {} {{ {values} }}", place.struct_name(part)),
-        }
-    });
-    parts.collect::<Vec<_>>().join(",\n            ")
+/// What a generated struct contains in a place: variables, and components, each with its own struct.
+pub(super) struct Members<'m, 'a> {
+    pub(super) fields: Vec<&'m Field<'a>>,
+    pub(super) components: Vec<&'m Part<'a>>,
+}
+
+impl<'a> Members<'_, 'a> {
+    /// The fields of a struct expression.
+    fn expression(
+        &self,
+        value: &dyn Fn(&Field<'_>) -> String,
+        component: impl Fn(&Part<'a>) -> String,
+    ) -> String {
+        let fields: Vec<_> =
+            self.fields.iter().map(|field| format!("{}: {}", field.name(), value(field))).collect();
+        let own = (!fields.is_empty()).then(|| fields.join(", "));
+        let nested = self.components.iter().map(|part| format!("{}: {}", part.own_name(), component(part)));
+        own.into_iter().chain(nested).collect::<Vec<_>>().join(",\n            ")
+    }
 }
 
 /// An array expression of equal elements.

@@ -3,32 +3,34 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::generator::{Generator, bound, filled, markdown, nested_values};
+use super::generator::{Generator, Members, bound, filled, markdown};
 use super::structs::is_copied;
 use crate::declaration::Described;
-use crate::model::{Field, Part, Place};
+use crate::model::{Field, Place};
 use crate::type_names::{STATE_GROUPS, states_name};
 
 impl Generator<'_, '_> {
     /// All states as an array, for solvers.
     pub(super) fn states_impl(&self) -> String {
-        let parts: Vec<_> = self.model.parts.iter().filter(|part| Place::States.is_in(part)).collect();
-        self.arrays(Place::States.type_name(), &parts, "")
+        self.arrays(Place::States.type_name(), &self.members(Place::States, &self.model.parts[0]), "")
     }
 
     /// The structs that each hold a group's states.
     pub(super) fn state_groups(&self) -> String {
         let groups = &self.model.declaration.state_groups;
         let (mut text, mut all_are_copy) = (String::new(), true);
-        let (mut members, mut fields) = (String::new(), vec![String::new(); self.model.parts.len()]);
-        let mut parts_of: BTreeMap<_, Vec<_>> = BTreeMap::new();
-        for (position, part) in self.model.parts.iter().enumerate() {
-            parts_of.entry(part.state_group).or_default().push((position, part));
+        let (mut structs, mut fields) = (String::new(), String::new());
+        let mut components_of: BTreeMap<_, Vec<_>> = BTreeMap::new();
+        for component in self.model.components(&self.model.parts[0]) {
+            let Some(group) = component.state_group() else { continue };
+            components_of.entry(group).or_default().push(component);
+            let name = component.own_name();
+            let _ = writeln!(fields, "            {name}: groups.{group}.{name},");
         }
         for Described { name: group, description } in groups {
             let name = states_name(group);
-            let own = parts_of.remove(&Some(group.as_str())).unwrap_or_default();
-            let parts: Vec<_> = own.iter().map(|(_, part)| *part).collect();
+            let components = components_of.remove(group.as_str()).unwrap_or_default();
+            let members = Members { fields: Vec::new(), components };
             let scalar = |field: &Field<'_>| &self.model.scalars[field.positions[0]];
             let nominal = |field: &Field<'_>| {
                 let nominal = format!("{:?}", scalar(field).nominal.unwrap_or(1.0));
@@ -49,16 +51,16 @@ impl Generator<'_, '_> {
             {}
     }};
 ",
-                nested_values(Place::States, &parts, nominal),
-                nested_values(Place::States, &parts, min),
+                self.values(Place::States, &members, &nominal),
+                self.values(Place::States, &members, &min),
             );
             let title = format!("The states of a group: {}.", markdown(description));
-            text += &self.place_struct(Place::States, &name, &title, &parts);
-            text += &self.arrays(&name, &parts, &constants);
-            let is_copy = parts.iter().flat_map(|part| Place::States.fields(part)).all(is_copied);
+            text += &self.members_struct(Place::States, &name, &title, &members);
+            text += &self.arrays(&name, &members, &constants);
+            let is_copy = self.all(Place::States, &members).into_iter().all(is_copied);
             all_are_copy &= is_copy;
             let clone = if is_copy { "" } else { ".clone()" };
-            let of = parts.iter().filter_map(|part| part.name);
+            let of = members.components.iter().map(|part| part.own_name());
             let of: Vec<_> = of.map(|name| format!("{name}: states.{name}{clone}")).collect();
             let _ = write!(
                 text,
@@ -73,11 +75,7 @@ impl<T: ::core::marker::Copy> {name}<T> {{
 ",
                 of.join(", ")
             );
-            let _ = writeln!(members, "    /// {}\n    pub {group}: {name}<T>,", markdown(description));
-            for (position, part) in own {
-                let component = part.name.unwrap_or_default();
-                fields[position] = format!("            {component}: groups.{group}.{component},\n");
-            }
+            let _ = writeln!(structs, "    /// {}\n    pub {group}: {name}<T>,", markdown(description));
         }
         if !groups.is_empty() {
             let _ = write!(
@@ -86,27 +84,26 @@ impl<T: ::core::marker::Copy> {name}<T> {{
 /// All states by group.
 #[derive(Clone, {copy}Debug, PartialEq)]
 pub struct {STATE_GROUPS}<T = f64> {{
-{members}}}
+{structs}}}
 
 impl<T: ::core::marker::Copy> States<T> {{
     /// All states, from their groups.
     #[must_use]
     pub fn from_groups(groups: {STATE_GROUPS}<T>) -> Self {{
         Self {{
-{}        }}
+{fields}        }}
     }}
 }}
 ",
-                fields.concat(),
                 copy = if all_are_copy { "Copy, " } else { "" },
             );
         }
         text
     }
 
-    /// Some parts' states as an array, with further constants; neither of states on the heap.
-    fn arrays(&self, name: &str, parts: &[&Part<'_>], constants: &str) -> String {
-        let fields: Vec<_> = parts.iter().flat_map(|part| Place::States.fields(part)).collect();
+    /// The states of some members as an array, with further constants; neither of states on the heap.
+    fn arrays(&self, name: &str, members: &Members<'_, '_>, constants: &str) -> String {
+        let fields = self.all(Place::States, members);
         let count: usize = fields.iter().map(|field| field.positions.len()).sum();
         let number = format!(
             "
@@ -154,7 +151,7 @@ impl {name} {{
         }
         let element =
             |field: &Field<'_>| element(&field.declaration.sizes, &before[&field.positions[0]].to_string());
-        let fields = nested_values(Place::States, parts, element);
+        let fields = self.values(Place::States, members, &element);
         let argument = if count == 0 { "_" } else { "values" };
         let (of, to, real) =
             if count == 0 { ("", "", "f64") } else { ("<T: ::core::marker::Copy>", "<T>", "T") };

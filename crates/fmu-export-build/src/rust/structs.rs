@@ -4,55 +4,51 @@ use std::fmt::Write as _;
 
 use fmu_terms::DataType;
 
-use super::generator::{Generator, described, is_copy};
+use super::generator::{Generator, Members, described, is_copy, is_real};
 use crate::declaration::UnitNames;
 use crate::model::{Field, Part, Place};
 use crate::value_type::ValueType;
 
 impl Generator<'_, '_> {
-    /// The struct for the variables of a component, or of all components of a type.
-    pub(super) fn component_struct(&self, place: Place, part: &Part<'_>) -> String {
-        let name = place.struct_name(part);
-        let of = match (part.component_type, part.name) {
-            (Some(component_type), _) => format!("a `{component_type}`"),
-            (None, name) => described(part.description, name.unwrap_or_default()),
+    /// The struct for the variables of the model, of a component, or of all components of a type.
+    pub(super) fn part_struct(&self, place: Place, part: &Part<'_>) -> String {
+        let of = match part.component {
+            None => "the model".to_owned(),
+            Some(_) => match part.component_type() {
+                Some(component_type) => format!("a `{component_type}`"),
+                None => described(part.own_description(), part.own_name()),
+            },
         };
         let title = format!("{} of {of}.", place.description());
-        let fields = place.fields(part).map(|field| self.field(field)).collect();
-        let mut text = structure(&name, &title, fields);
-        if self.with_default.contains(&name) {
-            text += &default(&name, &self.starts(place, part));
-        }
-        text
+        self.members_struct(place, &place.struct_name(part), &title, &self.members(place, part))
     }
 
-    /// The struct for some parts' variables.
-    pub(super) fn place_struct(&self, place: Place, name: &str, title: &str, parts: &[&Part<'_>]) -> String {
-        let (mut fields, mut starts) = (Vec::new(), Vec::new());
-        for part in parts {
-            let Some(component) = part.name else {
-                fields.extend(place.fields(part).map(|field| self.field(field)));
-                starts.push(self.starts(place, part));
-                continue;
-            };
-            let part_name = place.struct_name(part);
-            let is_generic = place.is_real_in(part);
+    /// The struct that holds some members.
+    pub(super) fn members_struct(
+        &self,
+        place: Place,
+        name: &str,
+        title: &str,
+        members: &Members<'_, '_>,
+    ) -> String {
+        let own = members.fields.iter().map(|field| self.field(field));
+        let nested = members.components.iter().map(|part| {
+            let held = self.model.held(place, part);
+            let is_generic = held.iter().any(|field| is_real(field));
             let generic = if is_generic { "<T>" } else { "" };
-            fields.push(StructField {
-                name: component.to_owned(),
-                description: described(part.description, component),
-                data_type: format!("{part_name}{generic}"),
+            StructField {
+                name: part.own_name().to_owned(),
+                description: described(part.own_description(), part.own_name()),
+                data_type: format!("{}{generic}", place.struct_name(part)),
                 kind: if is_generic { Kind::Nested } else { Kind::Other },
-                is_copy: place.fields(part).all(is_copied),
-            });
-            let start = if self.with_default.contains(&part_name) {
-                format!("{component}: {part_name}::default()")
-            } else {
-                format!("{component}: {part_name} {{ {} }}", self.starts(place, part))
-            };
-            starts.push(start);
+                is_copy: held.into_iter().all(is_copied),
+            }
+        });
+        let mut text = structure(name, title, own.chain(nested).collect());
+        if !self.without_default.contains(name) {
+            text += &default(name, &self.starts(place, members));
         }
-        structure(name, title, fields) + &default(name, &starts.join(",\n            "))
+        text
     }
 
     fn field(&self, field: &Field<'_>) -> StructField {

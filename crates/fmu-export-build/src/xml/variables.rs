@@ -9,7 +9,7 @@ use fmu_terms::{Causality, DataType, Variability};
 use fmu_xml::{Attributes, XmlWriter, element, empty, float, given};
 use quick_xml::events::{BytesText, Event};
 
-use crate::declaration::{Dimension, VariableDeclaration};
+use crate::declaration::{Dimension, RealType, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{Alias, Model, Place, Scalar, derivative_description, without_subscripts};
 use crate::value_type::ValueType;
@@ -190,13 +190,18 @@ impl<'m, 'a> Variables<'m, 'a> {
             ValueType::Standard(data_type) => {
                 // Of an integer the checks allow only integers, and `Display` prints them without a fraction.
                 let bound = |bound: f64| if data_type.is_float() { float(bound) } else { bound.to_string() };
-                given([
+                let own = given([
                     ("unit", scalar.unit.clone()),
                     ("displayUnit", scalar.display_unit.clone()),
                     ("min", scalar.min.map(bound)),
                     ("max", scalar.max.map(bound)),
                     ("nominal", scalar.nominal.map(float)),
-                ])
+                ]);
+                let Some(known) = scalar.real_type else { return own };
+                let known = &self.model.declaration.real_types[known];
+                let inherited = real_type_attributes(known);
+                let own = own.into_iter().filter(|attribute| !inherited.contains(attribute));
+                [("declaredType", known.name.clone())].into_iter().chain(own).collect()
             }
         }
     }
@@ -265,6 +270,20 @@ impl<'m, 'a> Variables<'m, 'a> {
             empty(writer, name, given(attributes))
         })
     }
+}
+
+/// What variables of a type inherit.
+pub(super) fn real_type_attributes(known: &RealType) -> Attributes {
+    given([
+        ("quantity", known.quantity.clone()),
+        ("unit", known.unit.clone()),
+        ("displayUnit", known.display_unit.clone()),
+        ("relativeQuantity", known.relative_quantity.then(|| true.to_string())),
+        ("min", known.min.map(float)),
+        ("max", known.max.map(float)),
+        ("nominal", known.nominal.map(float)),
+        ("unbounded", known.unbounded.then(|| true.to_string())),
+    ])
 }
 
 /// The attributes of clocks only. An interval declared in one form is also written in the other: importers read the

@@ -184,6 +184,69 @@ fn types_of_fmi_3_are_described_and_typed() {
     assert!(error.contains("tiny[1]: FMI 2.0 has no type Int8; FMI 3.0 has it (--fmi 3)"), "{error}");
 }
 
+/// FMI 2.0.5, sections 2.2.3 and 2.2.7: what a variable leaves out is that of its type, for the build as for importers.
+#[test]
+fn types_of_reals_are_defaults_of_variables() {
+    let folder = folder("real types");
+    let file = folder.join("types.json");
+    let declaration = r#"{"model_identifier": "types", "real_types": [
+        {"name": "SI.Pressure", "description": "Absolute", "quantity": "Pressure", "unit": "Pa", "display_unit": "bar",
+         "min": 0, "max": 1e7, "nominal": 1e5},
+        {"name": "Warming", "unit": "K", "display_unit": "degC", "relative_quantity": true, "unbounded": true}
+    ], "variables": [
+        {"name": "p", "causality": "output", "type": "SI.Pressure", "start": 2e5, "derivative": true},
+        {"name": "q", "causality": "input", "type": "SI.Pressure", "display_unit": "kPa", "min": 1, "max": 1e7, "start": 1},
+        {"name": "w", "causality": "parameter", "type": "Warming", "unit": "degC", "dimensions": [2], "start": 10},
+        {"name": "d", "causality": "parameter", "type": "Warming", "start": 10}
+    ]}"#;
+    fs::write(&file, declaration).expect("the folder is writable");
+    let generate = |version| {
+        let fmi = Fmi { version, interfaces: Interfaces::CoSimulation };
+        generate_into(&file, &folder, &package(), fmi).unwrap_or_else(|error| panic!("{error}"))
+    };
+    let lines = |version, wanted: &[&str]| {
+        let xml = read(&generate(version).model_description);
+        let lines = xml.lines().map(str::trim).filter(|line| wanted.iter().any(|name| line.contains(name)));
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let inherited = r#"unit="Pa" displayUnit="bar" min="0.0" max="10000000.0" nominal="100000.0"/>"#;
+    let warming = r#"unit="K" displayUnit="degC" relativeQuantity="true" unbounded="true"/>"#;
+    assert_eq!(
+        lines(Version::Two, &["<SimpleType", "<Real "]),
+        [
+            r#"<SimpleType name="SI.Pressure" description="Absolute">"#,
+            &format!(r#"<Real quantity="Pressure" {inherited}"#),
+            r#"<SimpleType name="Warming">"#,
+            &format!("<Real {warming}"),
+            r#"<Real unit="s"/>"#,
+            r#"<Real declaredType="SI.Pressure" start="200000.0"/>"#,
+            r#"<Real unit="Pa/s" derivative="2"/>"#,
+            r#"<Real declaredType="SI.Pressure" displayUnit="kPa" min="1.0" start="1.0"/>"#,
+            r#"<Real declaredType="Warming" unit="degC" start="10.0"/>"#,
+            r#"<Real declaredType="Warming" unit="degC" start="10.0"/>"#,
+            r#"<Real declaredType="Warming" start="10.0"/>"#,
+        ]
+    );
+    let xml = lines(Version::Three, &["Float64Type", "declaredType"]);
+    assert_eq!(
+        xml[0],
+        format!(r#"<Float64Type name="SI.Pressure" description="Absolute" quantity="Pressure" {inherited}"#)
+    );
+    assert_eq!(xml[1], format!(r#"<Float64Type name="Warming" {warming}"#));
+    for (line, own) in xml[2..].iter().zip([r#"e" start"#, r#"e" displayUnit="kPa" min="1.0" start"#]) {
+        assert!(line.contains(&format!(r#" declaredType="SI.Pressur{own}"#)), "{line}");
+    }
+    // The display unit of one that has another unit is defined under that.
+    let degrees = r#"<DisplayUnit name="degC""#;
+    assert_eq!(lines(Version::Two, &[degrees]).len(), 2);
+    let generated = generate(Version::Two);
+    let (rust, page) = (read(&generated.variables), read(&generated.documentation));
+    assert!(rust.contains("RealInput { min: 1.0, max: 10000000.0 }"), "{rust}");
+    assert!(rust.contains("const STATE_NOMINALS: &'static [f64] = &[100000.0];"), "{rust}");
+    // A difference of 10 K is one of 10 degC.
+    assert!(page.contains("10 <small>10 degC</small>"), "{page}");
+}
+
 /// FMI 3.0.2, section 2.4.9. In FMI 2.0 it has none.
 #[test]
 fn an_icon_has_its_place_in_fmi_3() {

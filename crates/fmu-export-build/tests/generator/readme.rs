@@ -39,7 +39,7 @@ fn the_examples_are_accepted() {
     let folder = folder("readme");
     let examples: Vec<_> =
         README.split("```json\n").skip(1).filter_map(|block| block.split("```").next()).collect();
-    assert_eq!(examples.len(), 6);
+    assert_eq!(examples.len(), 8);
     for example in examples {
         let mut model: Value = serde_json::from_str(example)
             .or_else(|_| serde_json::from_str(&format!("{{{example}}}")))

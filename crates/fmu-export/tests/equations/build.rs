@@ -21,6 +21,7 @@ fn main() {
         "field",
         "furnace",
         "two_parts",
+        "nested",
         "tuned",
         "tuned_samples",
         "two_clocks",

@@ -8,6 +8,7 @@ mod foreign_state;
 mod importer;
 mod intermediate_update;
 mod look_ahead;
+mod nested;
 mod rod;
 mod samples;
 mod solutions;
