@@ -367,3 +367,55 @@ fn a_simulation_ends_with_its_command() {
     assert_eq!(line, "it hangs\n");
     process.wait().unwrap();
 }
+
+/// It happens at 0.3 s, between communication points, and lets `x1` jump from 1 to 7. Without Event Mode the FMU handles it
+/// itself.
+#[test]
+fn co_simulation_with_event_mode_records_an_event() {
+    let bench = misbehaving(3, "none");
+    let values = "values = { misdeed = \"event_in_step\", from = 0.3 }";
+    bench.scenario(0.5, values);
+    let simulate = |options: &[&str]| {
+        let output = bench.run(&[&["simulate", "scenario.toml", "--record", "alone:x1"], options].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let summary = simulate(&[]);
+    assert!(summary.contains(" ms; sampled: no events from alone (see --event-mode)\n"), "{summary}");
+    simulate(&["--out", "without.csv"]);
+    simulate(&["--event-mode", "--no-events", "--out", "points.csv"]);
+    let points = "time,alone:x1\n# s,\n0.0,1.0\n0.125,1.0\n0.25,1.0\n0.375,7.0\n0.5,7.0\n";
+    assert_eq!([bench.read("without.csv"), bench.read("points.csv")], [points, points]);
+    assert_eq!(simulate(&["--event-mode", "--out", "with.csv"]), "with.csv  7 rows\n");
+    let rows = points.replace("0.375,", "0.3,1.0\n0.3,7.0\n0.375,");
+    assert_eq!(bench.read("with.csv"), rows);
+    // A second FMU cannot do so.
+    careless::write(
+        &bench.path("old.fmu"),
+        &careless::misbehaving(2, 1, "none"),
+        careless::misbehaving_library(),
+    );
+    bench.scenario(0.5, &format!("{values}\n[[fmu]]\nname = \"old\"\nfile = \"old.fmu\"\n"));
+    let printed = simulate(&["--event-mode", "--out", "system.csv"]);
+    assert_eq!(printed, "system.csv  7 rows; sampled: no events from old\n");
+    assert_eq!(bench.read("system.csv"), rows);
+}
+
+#[test]
+fn event_mode_is_refused_where_it_is_not_with_the_reason() {
+    let without = careless::misbehaving(3, 1, "none").replace(" hasEventMode=\"true\"", "");
+    for (description, options, reason) in [
+        (without, &[][..], "it has no Event Mode in co-simulation (hasEventMode is false)"),
+        (careless::misbehaving(2, 1, "none"), &[], "co-simulation of FMI 2.0 has no Event Mode"),
+        (
+            careless::misbehaving(3, 1, "none"),
+            &["--interface", "me"],
+            "it runs by Model Exchange, which handles events anyway",
+        ),
+    ] {
+        let bench = misbehaving(3, "none");
+        careless::write(&bench.path("careless.fmu"), &description, careless::misbehaving_library());
+        let message = bench.refusal(&[&["simulate", "scenario.toml", "--event-mode"], options].concat());
+        assert_eq!(message, format!("error: --event-mode: no FMU takes it; alone: {reason}\n"));
+    }
+}
