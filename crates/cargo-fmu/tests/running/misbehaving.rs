@@ -101,10 +101,10 @@ fn a_run_that_ends_its_process_is_a_row_and_the_others_are_kept() {
         ["none", "dereference_null", "abort", "none", "end", "exit_in_step", "quick_exit_in_step", "none"];
     let reasons = [
         "",
-        "the FMU ended the process: signal: 11 (SIGSEGV)",
-        "the FMU ended the process: signal: 6 (SIGABRT)",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: signal: 11 (SIGSEGV)",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: signal: 6 (SIGABRT)",
         "",
-        "the FMU ended the process: exit status: 0",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: exit status: 0",
         "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
         "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
         "",
@@ -131,7 +131,7 @@ fn a_run_that_hangs_is_a_row() {
     let bench = study_of(&["none", "hang", "none"]);
     let output = bench.run(&["sweep", "study.toml", "--out", "out", "--time-limit", "5"]);
     assert_eq!(output.status.code(), Some(1));
-    let reason = "\"it took longer than the time limit, 5 s\"";
+    let reason = "\"it took longer than the time limit, 5 s; alone was in fmi2DoStep at 0 s\"";
     let text = bench.read("out/results.csv");
     assert!(text.contains(reason), "{text}");
     assert_eq!(bench.names("out/records"), ["0.csv", "2.csv"]);
@@ -194,11 +194,44 @@ fn a_simulation_has_its_file_or_an_error() {
     ] {
         bench.scenario(0.25, &format!("values = {{ misdeed = \"{misdeed}\" }}"));
         let message = refused_with_temporary_folder(&bench, &simulate, "none");
-        assert_eq!(message, format!("error: the FMU ended the process: {end}\n"));
+        let expected = format!("error: alone: the FMU ended the process in fmi2DoStep at 0 s: {end}\n");
+        assert_eq!(message, expected);
         assert!(!bench.path("out.csv").exists());
         let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--interface", "cs", "--at", "0.5"];
         assert_eq!(refused_with_temporary_folder(&bench, &linearize, "none"), message);
     }
+}
+
+/// The second of two FMUs does, from the initialization to the unloading of its library.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_fmu_that_ends_the_process_is_named() {
+    let bench = misbehaving(2, "none");
+    let system = |misdeed: &str| {
+        let values = format!("values = {{ misdeed = \"{misdeed}\" }}");
+        bench.scenario(0.25, &format!("[[fmu]]\nname = \"second\"\nfile = \"careless.fmu\"\n{values}\n"));
+    };
+    let ends = [
+        (
+            "abort_in_initialization",
+            "second: the FMU ended the process in fmi2EnterInitializationMode at 0 s",
+        ),
+        ("abort", "second: the FMU ended the process in fmi2DoStep at 0 s"),
+        ("abort_in_unload", "the process ended after fmi2FreeInstance at 0.25 s of second"),
+    ];
+    for (misdeed, reason) in ends {
+        system(misdeed);
+        let message = refused_with_temporary_folder(&bench, &["simulate", "scenario.toml"], "none");
+        assert_eq!(message, format!("error: {reason}: signal: 6 (SIGABRT)\n"));
+    }
+    // A sweep unloads no library before it has the answer.
+    system("none");
+    let runs = ends[..2].iter().map(|(misdeed, _)| format!("[[list]]\n\"second:misdeed\" = \"{misdeed}\"\n"));
+    let study = "scenario = \"scenario.toml\"\n[measures]\nlast = { final = \"second:y\" }\n";
+    bench.write("study.toml", &(study.to_owned() + &runs.collect::<String>()));
+    assert_eq!(bench.run(&["sweep", "study.toml", "--out", "out"]).status.code(), Some(1));
+    let reasons = ends[..2].iter().map(|(_, reason)| format!("{reason}: signal: 6 (SIGABRT)"));
+    assert_eq!(column(&bench, "error"), reasons.collect::<Vec<_>>());
 }
 
 /// A sweep whose second run hangs, seen to do so.

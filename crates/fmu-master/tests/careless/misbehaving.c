@@ -42,6 +42,8 @@ enum misdeed {
     TOLD,
     /* An event of FMI 3.0: at the time `from`, within a step, or at the begin of each step. */
     EVENT_IN_STEP, EVENT_FOR_EVER,
+    /* An end of the process in the initialization, and when the library is unloaded. */
+    ABORT_IN_INITIALIZATION, ABORT_IN_UNLOAD,
 };
 
 /* In the order of the enumeration `System` in mod.rs. */
@@ -99,6 +101,8 @@ __attribute__((destructor)) static void unload(void)
 {
     if (late.misdeed == LOG_AFTER_FREE)
         say(&late, own_environment(&late), WARNING, "late", "said after the end");
+    if (late.misdeed == ABORT_IN_UNLOAD)
+        abort();
 }
 
 __attribute__((constructor)) static void load(void)
@@ -251,7 +255,7 @@ static void release(instance *self)
         exit(0);
     if (self->misdeed == LOG_IN_FREE)
         say(self, (void *)1, WARNING, "end", "said at the end");
-    if (self->misdeed == LOG_AFTER_FREE)
+    if (self->misdeed == LOG_AFTER_FREE || self->misdeed == ABORT_IN_UNLOAD)
         late = *self;
     free(self);
 }
@@ -265,6 +269,8 @@ static double scale(size_t state)
 static void reset(instance *self)
 {
     double *x = self->states;
+    if (self->misdeed == ABORT_IN_INITIALIZATION)
+        abort();
     memset(x, 0, sizeof self->states);
     switch (self->system) {
     case SCALED:

@@ -36,7 +36,7 @@ const MISDEEDS: &str = "none exit_in_load exit_in_instantiate exit_in_step exit_
                         log_in_free log_after_free log_nothing log_latin log_unknown_status log_other huge_derivative \
                         opposite_derivative no_derivative nan_derivative nan_output half_step end abort \
                         dereference_null hang round_up trap handle leave_folder print close_output meet told event_in_step \
-                        event_for_ever";
+                        event_for_ever abort_in_initialization abort_in_unload";
 const SYSTEMS: &str = "lags stiff scaled robertson van_der_pol kink rounded noisy diode";
 
 /// The number of a misdeed.

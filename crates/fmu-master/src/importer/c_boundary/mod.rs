@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 mod functions;
+mod last_call;
 mod live;
 mod logger;
 pub mod process;
