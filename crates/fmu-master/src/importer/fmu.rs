@@ -107,7 +107,7 @@ impl Fmu {
             };
             bail!("it has no {name}: it is not for this platform{remedy}");
         }
-        refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
+        refuse_cut_short(reading::open(&library)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;
         let needs_event_mode = is_exchange || needs_event_mode(&description)?;
         let (states, pattern) = if is_exchange {
