@@ -181,6 +181,32 @@ def test_events_of_reference_fmus_are_recorded_as_fmpy_does(
         assert np.allclose(found[name], expected[name], rtol=1000 * TOLERANCE, atol=1000 * TOLERANCE), name
 
 
+@pytest.mark.parametrize("model", ["BouncingBall", "Stair"])
+def test_events_of_co_simulation_are_recorded_as_fmpy_does(
+    other_makers: Path, simulate: Simulate, model: str
+) -> None:
+    """Row by row, to the last bit: both call the same code at the same times, as the FMU returns early from a
+    step for each event. Without Event Mode it tells none."""
+    file = other_makers / REFERENCE / "fmi3" / f"{model}.fmu"
+    step = 0.2 if model == "Stair" else 0.01
+    arguments = [file, "--step", repr(step), "--stop-time", "3"]
+    found = simulate(*arguments, "--event-mode")
+    expected = simulate_fmu(
+        file,
+        fmi_type="CoSimulation",
+        stop_time=3.0,
+        output_interval=step,
+        set_stop_time=False,
+        use_event_mode=True,
+        early_return_allowed=True,
+    )
+    points = round(3 / step) + 1
+    assert len(expected) > points + 2
+    for name in expected.dtype.names:
+        assert np.array_equal(found[name], expected[name]), name
+    assert len(simulate(*arguments)["time"]) == points
+
+
 @pytest.mark.parametrize("model", ["MassSpringSystem", "Mass_Damper", "ramp"])
 def test_open_modelica_is_solved_by_model_exchange(
     other_makers: Path, simulate: Simulate, model: str

@@ -195,7 +195,12 @@ impl<'a> Master<'a> {
                 signals,
                 conversions: inputs.into_iter().map(|(.., conversion)| conversion).collect(),
             };
-            let mut instance = member.location.locate(fmu.instantiate(&member.name))?;
+            let instance = if member.returns_early {
+                fmu.instantiate_with_early_return(&member.name)
+            } else {
+                fmu.instantiate(&member.name)
+            };
+            let mut instance = member.location.locate(instance)?;
             instance.set_tolerance(scenario.tolerance);
             members.push(Coupled { member, instance, driven, wires });
         }
@@ -244,10 +249,12 @@ impl<'a> Master<'a> {
         self.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
     }
 
-    /// The names of the FMUs that report no events: in co-simulation, those without clocks.
-    pub fn without_events(&self) -> impl Iterator<Item = &str> {
+    /// The names of the FMUs that report no events, in co-simulation without Event Mode; and whether they have it.
+    pub fn without_events(&self) -> impl Iterator<Item = (&str, bool)> {
         let silent = self.members.iter().filter(|coupled| !coupled.instance.reports_events());
-        silent.map(|coupled| coupled.member.name.as_str())
+        silent.map(|Coupled { member, instance, .. }| {
+            (member.name.as_str(), instance.fmu().refuse_no_event_mode().is_ok())
+        })
     }
 
     /// Holds the signals at their present values.

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Cursor, Read, Seek, Write};
+use std::io::{self, BufWriter, Cursor, Read, Seek, Write};
 use std::path::Path;
 
 use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken};
@@ -19,6 +19,9 @@ use crate::validation::archive::{Files, normalized, unpack};
 use crate::validation::report::Report;
 use crate::validation::rules::Severity;
 use crate::xml;
+
+/// The bytes that are written at a time, for few calls of the system.
+const UNPACKED: usize = 1 << 16;
 
 /// Opens the archive of an FMU or a system.
 ///
@@ -116,7 +119,9 @@ pub fn extract<R: Read + Seek>(
                 return fs::create_dir_all(&target);
             }
             target.parent().map_or(Ok(()), fs::create_dir_all)?;
-            unpack(entry, &mut File::create_new(&target)?)
+            let mut writer = BufWriter::with_capacity(UNPACKED, File::create_new(&target)?);
+            unpack(entry, &mut writer)?;
+            writer.flush()
         };
         extract().map_err(|error| {
             io::Error::new(error.kind(), format!("its entry '{path}' cannot be extracted: {error}"))

@@ -4,13 +4,14 @@
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
+use std::fs;
 use std::io;
 
 use fmu_io::reading::broken;
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
-use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, elf, macho};
+use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, ReadCache, ReadRef, elf, macho};
 
 use crate::platform::{Architecture, Format, Platform};
 
@@ -186,37 +187,53 @@ fn names(architectures: &[Architecture], between: &str) -> String {
     architectures.iter().map(|architecture| architecture.name()).collect::<Vec<_>>().join(between)
 }
 
-/// The libraries in a universal one, or the library itself.
-fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
-    fn all<'a, A: FatArch>(arches: &[A], bytes: &'a [u8]) -> object::Result<Vec<&'a [u8]>> {
-        arches.iter().map(|arch| arch.data(bytes)).collect()
+/// Where the libraries in a universal one begin, or the library itself, and their sizes.
+fn parts<'a, R: ReadRef<'a>>(library: R) -> object::Result<Vec<(u64, u64)>> {
+    fn all(arches: &[impl FatArch]) -> Vec<(u64, u64)> {
+        arches.iter().map(FatArch::file_range).collect()
     }
-    match FileKind::parse(bytes)? {
-        FileKind::MachOFat32 => all(MachOFatFile32::parse(bytes)?.arches(), bytes),
-        FileKind::MachOFat64 => all(MachOFatFile64::parse(bytes)?.arches(), bytes),
-        _ => Ok(vec![bytes]),
-    }
+    Ok(match FileKind::parse(library)? {
+        FileKind::MachOFat32 => all(MachOFatFile32::parse(library)?.arches()),
+        FileKind::MachOFat64 => all(MachOFatFile64::parse(library)?.arches()),
+        _ => vec![(0, library.len().unwrap_or_default())],
+    })
 }
 
-/// The library in bytes, after checking that all loaded parts are present.
-fn whole(bytes: &[u8]) -> object::Result<File<'_>> {
-    let file = File::parse(bytes)?;
-    file.segments().try_for_each(|segment| segment.data().map(drop))?;
+/// The libraries in a universal one, or the library itself; one that is not there is empty.
+fn slices(bytes: &[u8]) -> object::Result<Vec<&[u8]>> {
+    let slice = |(begin, size)| bytes.read_bytes_at(begin, size).unwrap_or_default();
+    Ok(parts(bytes)?.into_iter().map(slice).collect())
+}
+
+/// A library, after checking that all loaded parts are present.
+fn whole<'a, R: ReadRef<'a>>(library: R) -> Result<File<'a, R>, String> {
+    let file = File::parse(library).map_err(|error| error.to_string())?;
+    let length = library.len().unwrap_or_default();
+    let is_there =
+        |(begin, size): (u64, u64)| size == 0 || begin.checked_add(size).is_some_and(|end| end <= length);
+    if !file.segments().all(|segment| is_there(segment.file_range())) {
+        return Err("a segment is missing".to_owned());
+    }
     Ok(file)
 }
 
 /// Rejects a truncated library: loading it kills the process at the first access to the missing part (SIGBUS on Unix).
+/// Reads the headers only.
 ///
 /// # Errors
 /// When it is truncated. The system itself rejects files that are not libraries.
-pub fn refuse_cut_short(bytes: &[u8]) -> io::Result<()> {
+pub fn refuse_cut_short(library: fs::File) -> io::Result<()> {
+    let library = ReadCache::new(library);
     let is_library =
-        FileKind::parse(bytes).is_ok_and(|kind| !matches!(kind, FileKind::Coff | FileKind::CoffBig));
+        FileKind::parse(&library).is_ok_and(|kind| !matches!(kind, FileKind::Coff | FileKind::CoffBig));
     if !is_library {
         return Ok(());
     }
-    slices(bytes)
-        .and_then(|slices| slices.into_iter().try_for_each(|slice| whole(slice).map(drop)))
+    parts(&library)
+        .map_err(|error| error.to_string())
+        .and_then(|parts| {
+            parts.into_iter().try_for_each(|(begin, size)| whole(library.range(begin, size)).map(drop))
+        })
         .map_err(|error| broken(format!("it is damaged or cut short: {error}")))
 }
 
@@ -291,6 +308,6 @@ pub fn join(libraries: &[&[u8]]) -> io::Result<Vec<u8>> {
     Ok([header, content].concat())
 }
 
-fn unreadable(error: object::Error) -> io::Error {
+fn unreadable(error: impl Display) -> io::Error {
     broken(format!("it is not a shared library: {error}"))
 }

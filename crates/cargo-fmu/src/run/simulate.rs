@@ -7,7 +7,7 @@ use super::experiment::{End, Experiment};
 use super::plot_format::PlotFormat;
 use super::summary::Summary;
 use super::{finite, progress_bar, write_file};
-use anyhow::{Error, Result};
+use anyhow::{Error, Result, bail};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
@@ -38,6 +38,9 @@ pub struct Simulate {
     /// Omit the row of units from the record, which FMPy does not read
     #[arg(long)]
     no_units: bool,
+    /// Run co-simulation of FMI 3.0 with Event Mode and early return, and so record its events
+    #[arg(long)]
+    event_mode: bool,
     /// Record communication points only, without the rows before and after each event
     #[arg(long)]
     no_events: bool,
@@ -71,6 +74,9 @@ impl Simulate {
                     |name: &String| scenario::Recorded { name: name.clone(), location: location.clone() };
                 scenario.record = Some(names.iter().map(recorded).collect());
                 scenario.panels = None;
+            }
+            if self.event_mode {
+                Location::argument("--event-mode").locate(return_early(&mut scenario, loaded))?;
             }
             let is_kept = out.is_some() || plot.is_some();
             // Files are relative to the folder that FMUs may leave.
@@ -117,6 +123,21 @@ fn names(text: &str) -> Result<Names, String> {
     if names.iter().any(String::is_empty) { Err("expected names".to_owned()) } else { Ok(Names(names)) }
 }
 
+/// Has the FMUs return early for events that can.
+fn return_early(scenario: &mut Scenario, loaded: &mut LoadedFmus) -> Result<()> {
+    let mut refused = String::new();
+    for member in &mut scenario.fmus {
+        match loaded.get(member)?.refuse_no_event_mode() {
+            Ok(()) => member.returns_early = true,
+            Err(error) => refused += &format!("; {}: {error}", member.name),
+        }
+    }
+    if !scenario.fmus.iter().any(|member| member.returns_early) {
+        bail!("no FMU takes it{refused}");
+    }
+    Ok(())
+}
+
 /// A finished run.
 struct Recorded {
     /// If it is kept.
@@ -137,7 +158,10 @@ fn record(
     let mut sampling = String::new();
     if has_events {
         master.record_events();
-        let silent: Vec<_> = master.without_events().collect();
+        let hint = |(name, has_them): (&str, bool)| {
+            if has_them { format!("{name} (see --event-mode)") } else { name.to_owned() }
+        };
+        let silent: Vec<_> = master.without_events().map(hint).collect();
         if !silent.is_empty() {
             sampling = format!("; sampled: no events from {}", silent.join(", "));
         }

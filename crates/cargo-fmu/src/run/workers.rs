@@ -22,7 +22,7 @@ use anyhow::{Context, Error, Result, anyhow, bail};
 use clap::Args;
 use fmu_io::temporary::{self, Folder};
 use fmu_io::terminal::number;
-use fmu_master::process::{Group, contained, end_own_group, take_standard_streams};
+use fmu_master::process::{Group, LastCall, contained, end_own_group, take_standard_streams, tell_last_call};
 use fmu_master::when_an_fmu_exits;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -37,6 +37,8 @@ const WORKER: &str = "worker";
 const PREFIX: &str = ".worker-of-cargo-fmu-";
 /// The answer of a process that answers once, in its temporary folder.
 const ANSWER: &str = "answer";
+/// The last call to an FMU, in a worker's temporary folder.
+const LAST_CALL: &str = "last_call";
 /// A worker without a job ends within this time; it only unloads its FMUs.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
 /// Between looks at a process that has closed its output and is about to end.
@@ -138,6 +140,7 @@ pub fn work<T, O: Serialize, J: DeserializeOwned, R: Serialize>(
     prepare: impl FnOnce() -> Result<(T, O)>,
     run: impl Fn(&T, J) -> Result<R>,
 ) -> Result<()> {
+    begin_work()?;
     let (input, output) = take_standard_streams()?;
     let answers = Answers::new(output);
     let (sender, jobs) = mpsc::channel();
@@ -162,15 +165,23 @@ pub fn work<T, O: Serialize, J: DeserializeOwned, R: Serialize>(
     Ok(())
 }
 
+/// Tells the parent which FMU is called, and returns the temporary folder that it gave this process.
+fn begin_work() -> Result<PathBuf> {
+    let folder = env::temp_dir();
+    if !folder.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)) {
+        bail!("only another process of this program starts a worker");
+    }
+    // Not every file system maps files; the reason of a failure is then without the FMU.
+    let _ = tell_last_call(&folder.join(LAST_CALL));
+    Ok(folder)
+}
+
 /// Works for a parent that [waits for a single answer](supervised).
 ///
 /// # Errors
 /// When the parent cannot be answered.
 pub fn work_once(run: impl FnOnce() -> Result<()>) -> Result<()> {
-    let folder = env::temp_dir();
-    if !folder.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)) {
-        bail!("only another process of this program starts a worker");
-    }
+    let folder = begin_work()?;
     let answers = Answers::new(File::create(folder.join(ANSWER))?);
     // On Windows the job ends with the parent, and a folder cannot be opened.
     if let Ok(parents) = File::open(&folder) {
@@ -197,29 +208,48 @@ pub fn supervised(program: &Program) -> Result<()> {
     match answer.lines().last().map(serde_json::from_str) {
         Some(Ok(Answer::Done { result: (), .. })) => Ok(()),
         Some(Ok(Answer::Failed(error) | Answer::Ends(error))) => bail!(error),
-        _ => bail!(ended(status)),
+        _ => bail!(ended(status, last_call(&folder))),
     }
 }
 
-/// What an FMU did to end its process. Whether a core was dumped is a setting of the machine.
-fn ended(status: ExitStatus) -> String {
-    format!("the FMU ended the process: {}", status.to_string().trim_end_matches(" (core dumped)"))
+/// The last call to an FMU by a worker with a temporary folder.
+fn last_call(folder: &Folder) -> Option<LastCall> {
+    LastCall::read(&folder.path().join(LAST_CALL))
+}
+
+/// How a process ended that gave no answer. Whether a core was dumped is a setting of the machine.
+fn ended(status: ExitStatus, last: Option<LastCall>) -> String {
+    let status = status.to_string();
+    let status = status.trim_end_matches(" (core dumped)");
+    match last {
+        Some(LastCall { fmu, call, has_returned: false }) => {
+            format!("{fmu}: the FMU ended the process in {call}: {status}")
+        }
+        Some(LastCall { fmu, call, .. }) => format!("the process ended after {call} of {fmu}: {status}"),
+        None => format!("the process that runs FMUs ended: {status}"),
+    }
 }
 
 /// Why a job has no result.
 enum Lost {
     /// Its worker ended.
     WithWorker(String),
-    /// It took longer than the limit.
-    InTime(Duration),
+    /// It took longer than the limit; with the last call to an FMU.
+    InTime(Duration, Option<LastCall>),
 }
 
 impl fmt::Display for Lost {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WithWorker(reason) => formatter.write_str(reason),
-            Self::InTime(limit) => {
-                write!(formatter, "it took longer than the time limit, {} s", number(limit.as_secs_f64()))
+            Self::InTime(limit, last) => {
+                write!(formatter, "it took longer than the time limit, {} s", number(limit.as_secs_f64()))?;
+                match last {
+                    Some(LastCall { fmu, call, has_returned: false }) => {
+                        write!(formatter, "; {fmu} was in {call}")
+                    }
+                    _ => Ok(()),
+                }
             }
         }
     }
@@ -279,7 +309,7 @@ struct Worker {
     group: Arc<Group>,
     jobs: ChildStdin,
     answers: Receiver<String>,
-    _folder: Folder,
+    folder: Folder,
 }
 
 impl Drop for Worker {
@@ -330,7 +360,7 @@ impl<'a> Workers<'a> {
                 }
             }
         });
-        let mut worker = Worker { group, jobs, answers, _folder: folder };
+        let mut worker = Worker { group, jobs, answers, folder };
         Ok(self.await_answer(&mut worker).map(|opening| (worker, opening)))
     }
 
@@ -353,7 +383,11 @@ impl<'a> Workers<'a> {
         worker.group.end();
         // An interruption ends workers, too.
         temporary::leave_to_interruption();
-        Err(status.map_or(Lost::InTime(self.limit), |status| Lost::WithWorker(ended(status))))
+        let last = last_call(&worker.folder);
+        Err(match status {
+            Some(status) => Lost::WithWorker(ended(status, last)),
+            None => Lost::InTime(self.limit, last),
+        })
     }
 
     /// Has a job done.

@@ -101,10 +101,10 @@ fn a_run_that_ends_its_process_is_a_row_and_the_others_are_kept() {
         ["none", "dereference_null", "abort", "none", "end", "exit_in_step", "quick_exit_in_step", "none"];
     let reasons = [
         "",
-        "the FMU ended the process: signal: 11 (SIGSEGV)",
-        "the FMU ended the process: signal: 6 (SIGABRT)",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: signal: 11 (SIGSEGV)",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: signal: 6 (SIGABRT)",
         "",
-        "the FMU ended the process: exit status: 0",
+        "alone: the FMU ended the process in fmi2DoStep at 0 s: exit status: 0",
         "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
         "alone: the FMU ended the process by `exit` in fmi2DoStep at 0 s",
         "",
@@ -131,7 +131,7 @@ fn a_run_that_hangs_is_a_row() {
     let bench = study_of(&["none", "hang", "none"]);
     let output = bench.run(&["sweep", "study.toml", "--out", "out", "--time-limit", "5"]);
     assert_eq!(output.status.code(), Some(1));
-    let reason = "\"it took longer than the time limit, 5 s\"";
+    let reason = "\"it took longer than the time limit, 5 s; alone was in fmi2DoStep at 0 s\"";
     let text = bench.read("out/results.csv");
     assert!(text.contains(reason), "{text}");
     assert_eq!(bench.names("out/records"), ["0.csv", "2.csv"]);
@@ -194,11 +194,44 @@ fn a_simulation_has_its_file_or_an_error() {
     ] {
         bench.scenario(0.25, &format!("values = {{ misdeed = \"{misdeed}\" }}"));
         let message = refused_with_temporary_folder(&bench, &simulate, "none");
-        assert_eq!(message, format!("error: the FMU ended the process: {end}\n"));
+        let expected = format!("error: alone: the FMU ended the process in fmi2DoStep at 0 s: {end}\n");
+        assert_eq!(message, expected);
         assert!(!bench.path("out.csv").exists());
         let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--interface", "cs", "--at", "0.5"];
         assert_eq!(refused_with_temporary_folder(&bench, &linearize, "none"), message);
     }
+}
+
+/// The second of two FMUs does, from the initialization to the unloading of its library.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_fmu_that_ends_the_process_is_named() {
+    let bench = misbehaving(2, "none");
+    let system = |misdeed: &str| {
+        let values = format!("values = {{ misdeed = \"{misdeed}\" }}");
+        bench.scenario(0.25, &format!("[[fmu]]\nname = \"second\"\nfile = \"careless.fmu\"\n{values}\n"));
+    };
+    let ends = [
+        (
+            "abort_in_initialization",
+            "second: the FMU ended the process in fmi2EnterInitializationMode at 0 s",
+        ),
+        ("abort", "second: the FMU ended the process in fmi2DoStep at 0 s"),
+        ("abort_in_unload", "the process ended after fmi2FreeInstance at 0.25 s of second"),
+    ];
+    for (misdeed, reason) in ends {
+        system(misdeed);
+        let message = refused_with_temporary_folder(&bench, &["simulate", "scenario.toml"], "none");
+        assert_eq!(message, format!("error: {reason}: signal: 6 (SIGABRT)\n"));
+    }
+    // A sweep unloads no library before it has the answer.
+    system("none");
+    let runs = ends[..2].iter().map(|(misdeed, _)| format!("[[list]]\n\"second:misdeed\" = \"{misdeed}\"\n"));
+    let study = "scenario = \"scenario.toml\"\n[measures]\nlast = { final = \"second:y\" }\n";
+    bench.write("study.toml", &(study.to_owned() + &runs.collect::<String>()));
+    assert_eq!(bench.run(&["sweep", "study.toml", "--out", "out"]).status.code(), Some(1));
+    let reasons = ends[..2].iter().map(|(_, reason)| format!("{reason}: signal: 6 (SIGABRT)"));
+    assert_eq!(column(&bench, "error"), reasons.collect::<Vec<_>>());
 }
 
 /// A sweep whose second run hangs, seen to do so.
@@ -366,4 +399,56 @@ fn a_simulation_ends_with_its_command() {
     printed.read_to_string(&mut line).unwrap();
     assert_eq!(line, "it hangs\n");
     process.wait().unwrap();
+}
+
+/// It happens at 0.3 s, between communication points, and lets `x1` jump from 1 to 7. Without Event Mode the FMU handles it
+/// itself.
+#[test]
+fn co_simulation_with_event_mode_records_an_event() {
+    let bench = misbehaving(3, "none");
+    let values = "values = { misdeed = \"event_in_step\", from = 0.3 }";
+    bench.scenario(0.5, values);
+    let simulate = |options: &[&str]| {
+        let output = bench.run(&[&["simulate", "scenario.toml", "--record", "alone:x1"], options].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let summary = simulate(&[]);
+    assert!(summary.contains(" ms; sampled: no events from alone (see --event-mode)\n"), "{summary}");
+    simulate(&["--out", "without.csv"]);
+    simulate(&["--event-mode", "--no-events", "--out", "points.csv"]);
+    let points = "time,alone:x1\n# s,\n0.0,1.0\n0.125,1.0\n0.25,1.0\n0.375,7.0\n0.5,7.0\n";
+    assert_eq!([bench.read("without.csv"), bench.read("points.csv")], [points, points]);
+    assert_eq!(simulate(&["--event-mode", "--out", "with.csv"]), "with.csv  7 rows\n");
+    let rows = points.replace("0.375,", "0.3,1.0\n0.3,7.0\n0.375,");
+    assert_eq!(bench.read("with.csv"), rows);
+    // A second FMU cannot do so.
+    careless::write(
+        &bench.path("old.fmu"),
+        &careless::misbehaving(2, 1, "none"),
+        careless::misbehaving_library(),
+    );
+    bench.scenario(0.5, &format!("{values}\n[[fmu]]\nname = \"old\"\nfile = \"old.fmu\"\n"));
+    let printed = simulate(&["--event-mode", "--out", "system.csv"]);
+    assert_eq!(printed, "system.csv  7 rows; sampled: no events from old\n");
+    assert_eq!(bench.read("system.csv"), rows);
+}
+
+#[test]
+fn event_mode_is_refused_where_it_is_not_with_the_reason() {
+    let without = careless::misbehaving(3, 1, "none").replace(" hasEventMode=\"true\"", "");
+    for (description, options, reason) in [
+        (without, &[][..], "it has no Event Mode in co-simulation (hasEventMode is false)"),
+        (careless::misbehaving(2, 1, "none"), &[], "co-simulation of FMI 2.0 has no Event Mode"),
+        (
+            careless::misbehaving(3, 1, "none"),
+            &["--interface", "me"],
+            "it runs by Model Exchange, which handles events anyway",
+        ),
+    ] {
+        let bench = misbehaving(3, "none");
+        careless::write(&bench.path("careless.fmu"), &description, careless::misbehaving_library());
+        let message = bench.refusal(&[&["simulate", "scenario.toml", "--event-mode"], options].concat());
+        assert_eq!(message, format!("error: --event-mode: no FMU takes it; alone: {reason}\n"));
+    }
 }

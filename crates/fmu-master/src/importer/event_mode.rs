@@ -12,7 +12,7 @@ use fmu_terms::IntervalVariability;
 use super::calls::Calls;
 use super::fmu::{input_clocks, reference};
 
-/// The most updates of discrete states at one time.
+/// The most updates of discrete states at one time, and the most early returns.
 const MOST_ITERATIONS: u32 = 1000;
 /// `fmi3IntervalChanged`.
 const CHANGED: c_int = 2;
@@ -183,9 +183,20 @@ impl EventMode {
             self.handle(calls, time, 0.0)?;
         }
         let late = TIME_TOLERANCE * size;
+        let mut returns = 0;
         while time < end {
             let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);
-            time = calls.do_step(time, next - time)?.unwrap_or(next);
+            let reached = calls.do_step(time, next - time)?.unwrap_or(next);
+            returns = if reached > time + late { 0 } else { returns + 1 };
+            if returns > MOST_ITERATIONS {
+                bail!(
+                    "{}: the step from {} s does not end: it has returned early {MOST_ITERATIONS} times at {} s",
+                    calls.name,
+                    Seconds(start),
+                    Seconds(reached)
+                );
+            }
+            time = reached;
             if calls.handle.has_event() || self.next().is_some_and(|due| due <= time + late) {
                 self.handle(calls, time, late)?;
             }

@@ -21,6 +21,9 @@ use super::folder::extract;
 /// The capability flag of FMUs with a single instance per process, for [`Fmu::has_capability`].
 pub const ONLY_ONCE: &str = "canBeInstantiatedOnlyOncePerProcess";
 
+/// The capability flag of FMUs with Event Mode in co-simulation.
+const EVENT_MODE: &str = "hasEventMode";
+
 /// An FMU of FMI 2.0 or 3.0, extracted to a temporary folder and loaded. Its folder and library stay until it and its
 /// instances are dropped.
 pub struct Fmu {
@@ -33,8 +36,8 @@ pub struct Fmu {
     pub(super) states: Arc<[State]>,
     /// Where the Jacobian of the states has elements, by `ModelStructure`.
     pub(super) pattern: Arc<Pattern>,
-    /// Whether events are handled: in Model Exchange, and for clocks.
-    pub(super) has_event_mode: bool,
+    /// Whether its instances need Event Mode: in Model Exchange, and for clocks.
+    pub(super) needs_event_mode: bool,
     pub(super) functions: Arc<Functions>,
 }
 
@@ -104,22 +107,22 @@ impl Fmu {
             };
             bail!("it has no {name}: it is not for this platform{remedy}");
         }
-        refuse_cut_short(&reading::bytes(&library)?).with_context(|| format!("its {name}"))?;
+        refuse_cut_short(reading::open(&library)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;
-        let has_event_mode = is_exchange || needs_event_mode(&description)?;
+        let needs_event_mode = is_exchange || needs_event_mode(&description)?;
         let (states, pattern) = if is_exchange {
             (states(&description)?, pattern(&description)?)
         } else {
             (vec![], Pattern::full())
         };
-        let functions = Functions::load(folder, &library, is_fmi3, is_exchange, has_event_mode)?;
+        let functions = Functions::load(folder, &library, is_fmi3, is_exchange, needs_event_mode)?;
         Ok(Self {
             path: path.to_owned(),
             interface,
             description,
             states: states.into(),
             pattern: Arc::new(pattern),
-            has_event_mode,
+            needs_event_mode,
             conversions: BTreeMap::new(),
             functions: Arc::new(functions),
         })
@@ -139,7 +142,7 @@ impl Fmu {
             interface: self.interface,
             states: Arc::clone(&self.states),
             pattern: Arc::clone(&self.pattern),
-            has_event_mode: self.has_event_mode,
+            needs_event_mode: self.needs_event_mode,
             description,
             conversions,
             functions: Arc::clone(&self.functions),
@@ -162,6 +165,23 @@ impl Fmu {
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
         self.description.has_capability(self.interface, flag)
+    }
+
+    /// Refuses an FMU that cannot be instantiated [with early return](Self::instantiate_with_early_return).
+    ///
+    /// # Errors
+    /// When it runs by Model Exchange, is of FMI 2.0, or has no Event Mode in co-simulation.
+    pub fn refuse_no_event_mode(&self) -> Result<()> {
+        if self.interface == Interface::ModelExchange {
+            bail!("it runs by Model Exchange, which handles events anyway");
+        }
+        if !self.description.is_fmi3() {
+            bail!("co-simulation of FMI 2.0 has no Event Mode");
+        }
+        if !self.has_capability(EVENT_MODE) {
+            bail!("it has no Event Mode in co-simulation ({EVENT_MODE} is false)");
+        }
+        self.functions.refuse_no_events()
     }
 
     /// A variable, by its name.
@@ -212,7 +232,7 @@ fn chosen(description: &FmuDescription, wanted: Option<Interface>) -> Result<(In
 /// Whether co-simulation needs Event Mode: for clocks.
 fn needs_event_mode(description: &FmuDescription) -> Result<bool> {
     let Some(clock) = input_clocks(description).next() else { return Ok(false) };
-    if !description.has_capability(Interface::CoSimulation, "hasEventMode") {
+    if !description.has_capability(Interface::CoSimulation, EVENT_MODE) {
         bail!("its clock {} needs Event Mode, which it does not have in co-simulation", clock.name);
     }
     Ok(true)

@@ -26,6 +26,21 @@ impl Fmu {
     /// # Errors
     /// When the FMU refuses, as a [`CallFailed`] with its messages, or `name` contains a NUL byte.
     pub fn instantiate(self: &Arc<Self>, name: &str) -> Result<Instance> {
+        self.instance(name, false)
+    }
+
+    /// Creates an instance for co-simulation of FMI 3.0 with Event Mode, whose steps return early for events. Its results
+    /// may differ from those of [`Fmu::instantiate`], with which the FMU handles events itself, unless it has clocks.
+    ///
+    /// # Errors
+    /// Those of [`Fmu::refuse_no_event_mode`] and [`Fmu::instantiate`].
+    pub fn instantiate_with_early_return(self: &Arc<Self>, name: &str) -> Result<Instance> {
+        self.refuse_no_event_mode()?;
+        self.instance(name, true)
+    }
+
+    fn instance(self: &Arc<Self>, name: &str, may_return_early: bool) -> Result<Instance> {
+        let uses_event_mode = self.needs_event_mode || may_return_early;
         let resources = self.functions.folder.path().join("resources");
         let resources = if self.description().is_fmi3() {
             format!("{}{MAIN_SEPARATOR}", resources.display())
@@ -36,10 +51,15 @@ impl Fmu {
         let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
             bail!("the name {name:?} contains a NUL byte")
         };
-        match Handle::new(&self.functions, name, [name_text, guid, resources]) {
+        match Handle::new(
+            &self.functions,
+            name,
+            [uses_event_mode, may_return_early],
+            [name_text, guid, resources],
+        ) {
             Ok(handle) => {
                 let calls = Calls::new(Arc::clone(self), name, handle);
-                let events = self.has_event_mode.then(|| EventMode::new(&calls)).transpose()?;
+                let events = uses_event_mode.then(|| EventMode::new(&calls)).transpose()?;
                 Ok(Instance { calls, events, integration: None, arrays: Some(BTreeMap::new()) })
             }
             Err((function, messages)) => bail!(CallFailed {
@@ -65,7 +85,7 @@ impl Fmu {
 /// the FMU is not called again.
 pub struct Instance {
     pub(super) calls: Calls,
-    /// In Model Exchange, and for clocks.
+    /// In Model Exchange, and in co-simulation with Event Mode.
     pub(super) events: Option<EventMode>,
     /// In Model Exchange, once initialized.
     integration: Option<Integration>,

@@ -11,6 +11,7 @@
 #include <windows.h>
 #else
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -33,6 +34,22 @@ int fmu_master_detach(void)
     if (empty > 0)
         close(empty);
     return 1;
+#endif
+}
+
+/* Maps a file of a size into memory, to write it; NULL if that fails. */
+void *fmu_master_map(intptr_t file, size_t size)
+{
+#ifdef _WIN32
+    HANDLE mapping = CreateFileMappingW((HANDLE)file, NULL, PAGE_READWRITE, 0, 0, NULL);
+    if (mapping == NULL)
+        return NULL;
+    void *mapped = MapViewOfFile(mapping, FILE_MAP_WRITE, 0, 0, size);
+    CloseHandle(mapping);
+    return mapped;
+#else
+    void *mapped = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, (int)file, 0);
+    return mapped == MAP_FAILED ? NULL : mapped;
 #endif
 }
 

@@ -1049,3 +1049,29 @@ fn an_early_return_that_nothing_allowed_is_no_whole_step() {
     let error = instance.step(0.0, 0.25).unwrap_err().to_string();
     assert_eq!(error, "it: the step from 0 s returned early, and has not moved");
 }
+
+/// With Event Mode, a step returns early for each event, which changes discrete states; an FMU whose events do not end
+/// fails.
+#[test]
+fn an_early_return_for_an_event_is_handled_at_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("misbehaving.fmu");
+    careless::write(&path, &careless::misbehaving(3, 1, "none"), careless::misbehaving_library());
+    let fmu = Fmu::open(&path).unwrap();
+    let mut instance = fmu.instantiate_with_early_return("it").unwrap();
+    instance.set("misdeed", item("event_in_step")).unwrap();
+    instance.set("from", 0.3).unwrap();
+    instance.initialize(0.0, None).unwrap();
+    assert!(instance.reports_events());
+    instance.watch(fmu.select(["y", "x1"]).unwrap()).unwrap();
+    instance.watch_events();
+    instance.step(0.0, 0.25).unwrap();
+    instance.step(0.25, 0.25).unwrap();
+    let rows = instance.take_events().into_iter().map(|row| (row.time, row.is_after, row.values));
+    assert_eq!(rows.collect::<Vec<_>>(), [(0.3, false, vec![0.3, 1.0]), (0.3, true, vec![0.3, 7.0])]);
+    assert_eq!(instance.calls.handle.time.get(), Some(0.5));
+    assert!(instance.take_warnings().is_empty());
+    instance.set("misdeed", item("event_for_ever")).unwrap();
+    let error = instance.step(0.5, 0.25).unwrap_err().to_string();
+    assert_eq!(error, "it: the step from 0.5 s does not end: it has returned early 1000 times at 0.5 s");
+}

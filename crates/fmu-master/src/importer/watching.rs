@@ -21,7 +21,7 @@ impl Fmu {
 }
 
 impl Instance {
-    /// Whether it tells when it has events: in Model Exchange, and in co-simulation with clocks.
+    /// Whether it tells when it has events: in Model Exchange, and in co-simulation with Event Mode.
     #[must_use]
     pub fn reports_events(&self) -> bool {
         self.events.is_some()

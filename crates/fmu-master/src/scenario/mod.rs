@@ -110,6 +110,8 @@ pub struct Member {
     pub file: PathBuf,
     /// The interface by which it runs; by default co-simulation if it offers that, else Model Exchange.
     pub interface: Option<Interface>,
+    /// Whether its steps [return early](crate::Fmu::instantiate_with_early_return) for events.
+    pub returns_early: bool,
     /// Where the scenario names it.
     pub location: Location,
     /// Parameter sets, applied before initialization.
@@ -187,6 +189,7 @@ impl Member {
             name: name.to_owned(),
             file: file.to_owned(),
             interface: None,
+            returns_early: false,
             location,
             parameters: vec![],
             values: vec![],

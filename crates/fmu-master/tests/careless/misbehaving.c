@@ -40,6 +40,10 @@ enum misdeed {
     MEET,
     /* What the environment says. */
     TOLD,
+    /* An event of FMI 3.0: at the time `from`, within a step, or at the begin of each step. */
+    EVENT_IN_STEP, EVENT_FOR_EVER,
+    /* An end of the process in the initialization, and when the library is unloaded. */
+    ABORT_IN_INITIALIZATION, ABORT_IN_UNLOAD,
 };
 
 /* In the order of the enumeration `System` in mod.rs. */
@@ -71,6 +75,7 @@ typedef struct {
     double time, column, from, event, status, states[MOST_STATES];
     int64_t misdeed, system;
     size_t count;
+    bool reports_events, may_return_early, has_event;
 } instance;
 
 static void say(const instance *self, void *environment, int status, const char *category, const char *text)
@@ -96,6 +101,8 @@ __attribute__((destructor)) static void unload(void)
 {
     if (late.misdeed == LOG_AFTER_FREE)
         say(&late, own_environment(&late), WARNING, "late", "said after the end");
+    if (late.misdeed == ABORT_IN_UNLOAD)
+        abort();
 }
 
 __attribute__((constructor)) static void load(void)
@@ -248,7 +255,7 @@ static void release(instance *self)
         exit(0);
     if (self->misdeed == LOG_IN_FREE)
         say(self, (void *)1, WARNING, "end", "said at the end");
-    if (self->misdeed == LOG_AFTER_FREE)
+    if (self->misdeed == LOG_AFTER_FREE || self->misdeed == ABORT_IN_UNLOAD)
         late = *self;
     free(self);
 }
@@ -262,6 +269,8 @@ static double scale(size_t state)
 static void reset(instance *self)
 {
     double *x = self->states;
+    if (self->misdeed == ABORT_IN_INITIALIZATION)
+        abort();
     memset(x, 0, sizeof self->states);
     switch (self->system) {
     case SCALED:
@@ -339,6 +348,14 @@ static double update(instance *self)
     if (self->event > 0 && self->time >= self->event)
         self->states[0] = 1;
     return self->time < self->event ? self->event : NAN;
+}
+
+/* The event of a step lets the first state jump to 7. */
+static void handle(instance *self)
+{
+    if (self->has_event)
+        self->states[0] = 7;
+    self->has_event = false;
 }
 
 static void direct(const instance *self, const double *seed, double *out)
@@ -520,15 +537,17 @@ REFUSED(2GetBoolean) REFUSED(2SetBoolean) REFUSED(2SetString)
 REFUSED(3GetFloat32) REFUSED(3SetFloat32) REFUSED(3GetInt8) REFUSED(3SetInt8) REFUSED(3GetUInt8) REFUSED(3SetUInt8)
 REFUSED(3GetInt16) REFUSED(3SetInt16) REFUSED(3GetUInt16) REFUSED(3SetUInt16) REFUSED(3GetInt32) REFUSED(3SetInt32)
 REFUSED(3GetUInt32) REFUSED(3SetUInt32) REFUSED(3GetUInt64) REFUSED(3SetUInt64) REFUSED(3GetBoolean) REFUSED(3SetBoolean)
-REFUSED(3SetString) REFUSED(3SetClock) REFUSED(3GetIntervalDecimal) REFUSED(3GetShiftDecimal) REFUSED(3EnterStepMode)
+REFUSED(3SetString) REFUSED(3SetClock) REFUSED(3GetIntervalDecimal) REFUSED(3GetShiftDecimal)
 
 void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging,
                                   bool events, bool early, const uint32_t *required, size_t count, void *environment,
                                   logger3 *log, void *update)
 {
-    (void)name, (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required, (void)count;
-    (void)update;
-    return instantiate(token, NULL, log, environment);
+    (void)name, (void)resources, (void)visible, (void)logging, (void)required, (void)count, (void)update;
+    instance *self = instantiate(token, NULL, log, environment);
+    self->reports_events = events;
+    self->may_return_early = early;
+    return self;
 }
 
 void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible, bool logging,
@@ -548,19 +567,32 @@ int fmi3EnterInitializationMode(void *self, bool a, double b, double start, bool
 
 int fmi3DoStep(void *self, double time, double size, bool a, bool *event, bool *end, bool *early, double *reached)
 {
-    const instance *own = self;
+    instance *own = self;
     (void)a;
     *event = *end = false;
     *early = own->misdeed == HALF_STEP;
     if (*early)
         size = own->status > 0 ? 0 : size / 2;
+    bool is_due = own->misdeed == EVENT_IN_STEP && time < own->from && own->from < time + size;
+    own->has_event = is_due || own->misdeed == EVENT_FOR_EVER;
+    if (own->has_event && own->reports_events) {
+        *event = true;
+        *early = own->may_return_early;
+        if (*early)
+            size = is_due ? own->from - time : 0;
+    } else {
+        handle(own);
+    }
     *reached = time + size;
     return step(self, time, size);
 }
 
+int fmi3EnterStepMode(void *self) { return self == NULL ? ERROR : OK; }
+
 int fmi3UpdateDiscreteStates(void *self, bool *again, bool *end, bool *nominals, bool *values, bool *defined, double *next)
 {
     *again = *end = *nominals = *values = false;
+    handle(self);
     *next = update(self);
     *defined = !isnan(*next);
     return OK;

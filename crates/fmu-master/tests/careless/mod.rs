@@ -35,7 +35,8 @@ const MISDEEDS: &str = "none exit_in_load exit_in_instantiate exit_in_step exit_
                         quick_exit_in_step fail_in_step log_one log_null log_own log_in_instantiate log_in_thread \
                         log_in_free log_after_free log_nothing log_latin log_unknown_status log_other huge_derivative \
                         opposite_derivative no_derivative nan_derivative nan_output half_step end abort \
-                        dereference_null hang round_up trap handle leave_folder print close_output meet told";
+                        dereference_null hang round_up trap handle leave_folder print close_output meet told event_in_step \
+                        event_for_ever abort_in_initialization abort_in_unload";
 const SYSTEMS: &str = "lags stiff scaled robertson van_der_pol kink rounded noisy diode";
 
 /// The number of a misdeed.
@@ -91,15 +92,15 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
     variables += &variable("third", 207, "", "Float64", "");
     variables += &variable("instances", 208, "", "Float64", "");
     let misdeed = number_of(misdeed);
-    let (guid, capability) = if is_fmi3 {
-        ("instantiationToken", "providesDirectionalDerivatives")
+    let (guid, capability, events) = if is_fmi3 {
+        ("instantiationToken", "providesDirectionalDerivatives", " hasEventMode=\"true\"")
     } else {
         structure = format!("<Derivatives>{structure}</Derivatives>");
-        ("guid", "providesDirectionalDerivative")
+        ("guid", "providesDirectionalDerivative", "")
     };
     format!(
         "<fmiModelDescription fmiVersion=\"{version}.0\" {guid}=\"{misdeed}\" modelName=\"Misbehaving\">\
-         <CoSimulation modelIdentifier=\"careless\"/><ModelExchange modelIdentifier=\"careless\" {capability}=\"true\"/>\
+         <CoSimulation modelIdentifier=\"careless\"{events}/><ModelExchange modelIdentifier=\"careless\" {capability}=\"true\"/>\
          <TypeDefinitions>{types}</TypeDefinitions><DefaultExperiment stopTime=\"1\" stepSize=\"0.25\"/>\
          <ModelVariables>{variables}</ModelVariables><ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )

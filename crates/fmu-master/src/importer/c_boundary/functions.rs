@@ -246,7 +246,7 @@ pub struct Functions {
 }
 
 impl Functions {
-    /// Loads the library of FMI 2.0 or 3.0 in a folder, for co-simulation or Model Exchange, perhaps with Event Mode.
+    /// Loads the library of FMI 2.0 or 3.0 in a folder, for co-simulation or Model Exchange, which may need Event Mode.
     ///
     /// # Errors
     /// When it cannot be loaded, or lacks a function.
@@ -255,7 +255,7 @@ impl Functions {
         path: &Path,
         is_fmi3: bool,
         is_exchange: bool,
-        has_event_mode: bool,
+        needs_event_mode: bool,
     ) -> Result<Self> {
         let live = Live::new(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
         // SAFETY: loading runs the library's initializers; the user chose to run this FMU's code.
@@ -290,7 +290,10 @@ impl Functions {
                 directional2: (!is_fmi3).then(|| Directional2::load(it).ok()).flatten(),
                 directional3: is_fmi3.then(|| Directional3::load(it).ok()).flatten(),
                 dependencies3: is_fmi3.then(|| Dependencies3::load(it).ok()).flatten(),
-                events3: (is_fmi3 && has_event_mode).then(|| Events3::load(it)).transpose()?,
+                events3: match Events3::load(it) {
+                    Err(missing) if is_fmi3 && needs_event_mode => return Err(missing),
+                    found => found.ok().filter(|_| is_fmi3),
+                },
                 symbols,
                 callbacks: Mutex::default(),
                 _live: live,
@@ -335,6 +338,14 @@ impl Functions {
     pub fn refuse_no_texts(&self) -> Result<()> {
         if self.strings2.is_none() && self.strings3.is_none() {
             bail!("its library has no {}GetString", self.symbols.prefix);
+        }
+        Ok(())
+    }
+
+    /// Refuses a library of FMI 3.0 without Event Mode.
+    pub fn refuse_no_events(&self) -> Result<()> {
+        if self.events3.is_none() {
+            bail!("its library lacks functions of Event Mode");
         }
         Ok(())
     }

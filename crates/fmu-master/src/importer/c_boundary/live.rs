@@ -14,6 +14,7 @@ use fmu_export::display::Seconds;
 use fmu_io::{temporary, terminal};
 
 use super::super::messages::{Function, Message, Status};
+use super::last_call::told;
 use super::process::with_own_modes;
 
 /// The number of messages kept for an instance; the last ones are kept.
@@ -67,13 +68,21 @@ pub enum Call {
     Of(Function, Option<f64>),
 }
 
+impl Call {
+    /// Its name in parts, and the time reached (s), if there is one.
+    pub fn parts(self) -> ([&'static str; 3], Option<f64>) {
+        match self {
+            Self::Load => (["the loading of its library", "", ""], None),
+            Self::Of(Function { prefix, name: [first, second] }, time) => ([prefix, first, second], time),
+        }
+    }
+}
+
 impl fmt::Display for Call {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Load => formatter.write_str("the loading of its library"),
-            Self::Of(function, None) => write!(formatter, "{function}"),
-            Self::Of(function, Some(time)) => write!(formatter, "{function} at {} s", Seconds(*time)),
-        }
+        let (name, time) = self.parts();
+        formatter.write_str(&name.concat())?;
+        time.map_or(Ok(()), |time| write!(formatter, " at {} s", Seconds(time)))
     }
 }
 
@@ -114,7 +123,7 @@ impl Live {
     pub fn call<T>(&self, call: Call, function: impl FnOnce() -> T) -> T {
         *locked(&self.life.call) = call;
         CALLED.set(Some(self.environment));
-        let result = with_own_modes(function);
+        let result = told(self.environment, &self.life.name, call, || with_own_modes(function));
         CALLED.set(None);
         result
     }

@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 mod functions;
+mod last_call;
 mod live;
 mod logger;
 pub mod process;
@@ -59,6 +60,8 @@ pub struct Handle {
     last_step: Cell<LastStep>,
     /// Whether `Terminate` is due before the instance is freed.
     steps: Cell<bool>,
+    /// Whether a step may return early.
+    pub(super) may_return_early: bool,
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
     callbacks: Arc<CallbackFunctions>,
@@ -99,13 +102,14 @@ struct LastStep {
 }
 
 impl Handle {
-    /// Makes an instance of a name.
+    /// Makes an instance of a name; that of FMI 3.0 for co-simulation may use Event Mode, and return early.
     ///
     /// # Errors
     /// If the FMU refuses: the function that does, and its messages.
     pub fn new(
         functions: &Arc<Functions>,
         instance: &str,
+        [uses_event_mode, may_return_early]: [bool; 2],
         texts: [CString; 3],
     ) -> Result<Self, (Function, Vec<Message>)> {
         let live = Live::new(instance.to_owned());
@@ -114,7 +118,7 @@ impl Handle {
         let [name, guid, resources] = texts.each_ref().map(|text| text.as_ptr());
         let function = functions.function(functions.instantiate.name());
         // SAFETY: the texts live as long as the instance, the callbacks as long as the library. The instance is not
-        // visible and sends messages; in FMI 3.0 it returns from no step early, and calls in none.
+        // visible and sends messages; in FMI 3.0 it calls in no step.
         let component = live.call(Call::Of(function, None), || unsafe {
             match functions.instantiate {
                 Instantiate::Two(instantiate) => {
@@ -136,8 +140,8 @@ impl Handle {
                     resources,
                     fmi3::FALSE,
                     fmi3::TRUE,
-                    fmi3::Boolean::from(functions.events3.is_some()),
-                    fmi3::FALSE,
+                    uses_event_mode.into(),
+                    may_return_early.into(),
                     ptr::null(),
                     0,
                     environment,
@@ -159,6 +163,7 @@ impl Handle {
             tolerance: Cell::default(),
             last_step: Cell::default(),
             steps: Cell::new(false),
+            may_return_early,
             is_dead: Cell::new(false),
             callbacks,
             _texts: texts,

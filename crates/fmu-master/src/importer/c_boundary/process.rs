@@ -15,6 +15,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fmu_export::floating_point;
 
+pub use super::last_call::{LastCall, tell_last_call};
+
 /// More than the signals of any platform.
 const MOST_SIGNALS: usize = 128;
 
