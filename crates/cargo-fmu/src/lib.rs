@@ -108,6 +108,7 @@ Example:
 Examples:
   cargo fmu validate target/fmu/decay.fmu
   cargo fmu validate target/fmu/decay.fmu --format json
+  cargo fmu validate target/fmu/decay.fmu --importer CasADi --importer PyFMI
   cargo fmu validate --rules                            # the table of all rules")]
     Validate(Validate),
     #[command(after_help = "\

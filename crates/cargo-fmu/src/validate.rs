@@ -20,10 +20,6 @@ use super::info::Format;
 /// of importers. The exit status is 0 without errors (warnings allowed), 1 with errors, and 2 if a file cannot be
 /// read. Libraries are read, but never loaded.
 #[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  cargo fmu validate Plant.fmu\n  cargo fmu validate Plant.fmu --format json\n  \
-    cargo fmu validate Plant.fmu --importer CasADi --importer PyFMI\n  cargo fmu validate --rules"
-)]
 pub struct Validate {
     /// FMUs from any tool
     #[arg(value_name = "FILE.fmu", required_unless_present = "rules")]
