@@ -89,7 +89,7 @@ def outcome(fmu: Fmu, setting: Setting, expected: np.ndarray) -> float | str:
         found = simulate(fmu, "ModelExchange", setting)
     except RuntimeError as error:  # Of CVode.
         time = float(re.search(r"At t = (\S+), mxstep steps taken", str(error))[1])
-        return f"fails at {time:.2f} s, where 500 steps are used up"
+        return f"fails at {time:.0f} s, where 500 steps are used up"
     except Exception as error:  # Of FMPy, in no class of its own.
         if "fmi2GetDerivatives failed with status 2 (discard)" not in str(error):
             raise
