@@ -50,7 +50,7 @@ pub use multirate::TwoRates;
 pub use pattern::Pattern;
 use step_size::StepSize;
 use switch::{Switch, votes};
-pub use system::{Directions, MOST_DENSE, Part, StepFailure, System, Tolerance, TwoParts};
+pub use system::{Directions, Part, StepFailure, System, Tolerance, TwoParts};
 use work::Work;
 
 /// The explicit method is for steps of the linearly implicit one whose length times the bound of the magnitudes of the

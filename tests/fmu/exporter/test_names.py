@@ -105,7 +105,6 @@ def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
     }
 
 
-@pytest.mark.quick
 def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None:
     """FMI 2.0.5, section 2.2.7: for the runner, and for FMPy, which leaves it to its users."""
     variables = {

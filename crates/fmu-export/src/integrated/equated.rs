@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use crate::equations::{Equations, Multirate, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
-use crate::integrator::{Directions, MOST_DENSE, Method, Part, Pattern, System, TwoParts};
+use crate::integrator::{Directions, Method, Part, Pattern, System, TwoParts};
 use crate::model::Step;
 use crate::number::Dual;
 use crate::tape::{Recorded, Tape};
@@ -105,7 +105,7 @@ impl<E: Equations> System for Equated<'_, E> {
     const METHOD: &'static Method = E::INTEGRATION.method;
     const TOLERANCE_IS_ABSOLUTE: bool = E::INTEGRATION.error_scales.is_some();
     const LONGEST_STEP: f64 = E::INTEGRATION.longest_step;
-    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > MOST_DENSE;
+    const MAY_BE_SPARSE: bool = E::Variables::STATE_NOMINALS.len() > Self::METHOD.most_dense();
 
     fn zero(&self) -> f64 {
         self.start

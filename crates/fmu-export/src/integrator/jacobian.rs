@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::explicit;
 use super::pattern::{Pattern, number};
 use super::step_size::SIMILAR;
-use super::system::{Directions, MOST_DENSE, System};
+use super::system::{Directions, System};
 use super::{dense, sparse};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
@@ -168,7 +168,7 @@ impl Jacobian {
         let size = states.len();
         (self.serves, self.served, self.factored_for) =
             (if S::METHOD.takes_any_jacobian { SERVES } else { self.most }, 0, 0.0);
-        if S::MAY_BE_SPARSE && size > MOST_DENSE {
+        if S::MAY_BE_SPARSE && size > S::METHOD.most_dense() {
             let pattern = self.pattern.get_or_insert_with(|| Arc::new(system.pattern(time, states)));
             loop {
                 matrix.follow::<S>(pattern);

@@ -5,9 +5,6 @@ use core::ops::Range;
 use super::method::{Method, RODAS5P};
 use super::pattern::Pattern;
 
-/// The most states whose linear equations are always dense: about where both take equally long for random networks.
-pub const MOST_DENSE: usize = 8;
-
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
     /// Their number.
@@ -31,7 +28,7 @@ pub trait System {
     const TOLERANCE_IS_ABSOLUTE: bool = false;
     /// The longest step in s.
     const LONGEST_STEP: f64 = f64::INFINITY;
-    /// Whether it may have more than [`MOST_DENSE`] states with a pattern: otherwise code for it is left out.
+    /// Whether it may have more than [`Method::most_dense`] states with a pattern: otherwise code for it is left out.
     const MAY_BE_SPARSE: bool = false;
 
     /// What times count from.
