@@ -16,8 +16,6 @@ use std::slice;
 
 use fmu_export::display::Seconds;
 
-use super::live::{Call, Environment};
-
 /// The size of the file. Its first byte is the state; then come an FMU's name, which may be cut, the time, and a
 /// function. A text ends with a NUL.
 const SIZE: usize = 1024;
@@ -36,8 +34,8 @@ thread_local! {
 
 struct Mapped {
     file: &'static mut [u8],
-    /// The FMU whose name is in the file.
-    fmu: Option<Environment>,
+    /// The number of the FMU whose name is in the file.
+    fmu: Option<usize>,
 }
 
 unsafe extern "C" {
@@ -68,21 +66,25 @@ pub fn tell_last_call(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Makes a call to an FMU of a name, and tells it.
-pub fn told<T>(fmu: Environment, name: &str, call: Call, function: impl FnOnce() -> T) -> T {
+/// Makes a call to an FMU, and tells it: the FMU's number and name, and the function's name in parts with the time reached
+/// (s), if there is one.
+pub fn told<T>(
+    (fmu, name): (usize, &str),
+    (function, time): ([&str; 3], Option<f64>),
+    call: impl FnOnce() -> T,
+) -> T {
     tell(|mapped| {
         if mapped.fmu != Some(fmu) {
             mapped.fmu = Some(fmu);
             put(&mut mapped.file[NAME..CALL], [name]);
         }
-        let (function, time) = call.parts();
         let (place, text) = mapped.file[CALL..].split_at_mut(size_of::<f64>());
         // What is not a number is no time.
         place.copy_from_slice(&time.unwrap_or(f64::NAN).to_le_bytes());
         put(text, function);
         mapped.file[0] = IN_CALL;
     });
-    let result = function();
+    let result = call();
     tell(|mapped| mapped.file[0] = AFTER_CALL);
     result
 }

@@ -123,7 +123,8 @@ impl Live {
     pub fn call<T>(&self, call: Call, function: impl FnOnce() -> T) -> T {
         *locked(&self.life.call) = call;
         CALLED.set(Some(self.environment));
-        let result = told(self.environment, &self.life.name, call, || with_own_modes(function));
+        let fmu = (self.environment, self.life.name.as_str());
+        let result = told(fmu, call.parts(), || with_own_modes(function));
         CALLED.set(None);
         result
     }
