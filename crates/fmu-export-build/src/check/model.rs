@@ -80,12 +80,12 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
 /// A declared type is not named like a variable (FMI 2.0.5, section 2.2.3).
 fn declared_types(model: &Model<'_>, refusals: &mut Refusals) {
     let Declaration { enumerations, real_types, .. } = model.declaration;
-    let enumerations = enumerations.iter().map(|known| &known.name).enumerate();
-    let real_types = real_types.iter().map(|known| &known.name).enumerate();
-    for (list, (number, name)) in
-        enumerations.map(|known| ("enumerations", known)).chain(real_types.map(|known| ("real_types", known)))
-    {
-        if model.names.contains_key(name) {
+    let enumerations: Vec<_> = enumerations.iter().map(|known| &known.name).collect();
+    let real_types: Vec<_> = real_types.iter().map(|known| &known.name).collect();
+    for (list, names) in [("enumerations", enumerations), ("real_types", real_types)] {
+        for (number, name) in
+            names.into_iter().enumerate().filter(|(_, name)| model.names.contains_key(*name))
+        {
             let reason = format!("'{name}' is also the name of a variable");
             refusals.add(format!("{list}[{number}].name"), reason);
         }
