@@ -7,11 +7,10 @@
 //! serves several steps, and a step that went beyond the present time.
 //!
 //! The linear equations are dense for few states. For more, the [`System`] gives the pattern of its Jacobian, whose
-//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one, all of
-//! them if that costs less. A
-//! product with one more direction checks the pattern whenever the Jacobian is renewed, so that an element that another
-//! branch of the equations adds is not missed. A Jacobian serves steps with little error, or any with a method that
-//! allows it.
+//! columns are computed in groups and whose factors are sparse; rows with many elements are computed one by one, all
+//! rows of a full Jacobian if that costs less. A product with one more direction checks the pattern whenever the
+//! Jacobian is renewed, so that an element that another branch of the equations adds is not missed. A Jacobian serves
+//! steps with little error, or any with a method that allows it.
 //!
 //! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
 //! then those of the dense output, whose error is limited like the step's.

@@ -136,6 +136,7 @@ def test_fits_its_window(paused: Page, width: int, height: int) -> None:
     )
     found = measured(paused, width, height)
     paused.screenshot(path=PICTURES / f"loop-{width}.png")
+    # There is something to measure: some twenty texts in the narrowest window.
     assert found["drawn"] > 10
     assert (found["wide"], found["broken"], found["crossing"]) == ([], [], [])
     for index in range(2):
