@@ -14,7 +14,7 @@ use crate::bench::Bench;
 use crate::random::Random;
 
 /// The number of plants, unless `PHYSICAL_BOUNDS_CASES` gives another one.
-const CASES: u64 = 60;
+const CASES: u64 = 20;
 /// Flows in kg/s below this are rounding and the integration's error, 1e-4 of full scale.
 const NO_FLOW: f64 = 2e-5;
 

@@ -154,6 +154,7 @@ pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::
 fn zipped(entries: &[(String, &[u8])]) -> io::Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
+        .compression_level(Some(9))
         .last_modified_time(DateTime::default())
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(vec![]));
