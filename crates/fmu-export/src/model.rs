@@ -206,7 +206,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables, inputs, indicators);
     }
 
-    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event.
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event, and
+    /// between events after changes.
     #[doc(hidden)]
     fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         let _ = (time, variables, inputs);

@@ -304,10 +304,10 @@ impl<S: Sampled> Model for SampledModel<S> {
         let (origin, period) = (context.experiment.start_time, S::period(variables));
         *self = Self { origin, period, ..Self::default() };
         // The clock of the period, in Scheduled Execution only.
-        if !S::Variables::HAS_CLOCKS && !S::Variables::CLOCKS.is_empty() {
-            if let Some(clock) = variables.clock_mut(0) {
-                clock.set_interval(period);
-            }
+        if !S::Variables::HAS_CLOCKS
+            && let Some(clock) = variables.clock_mut(0)
+        {
+            clock.set_interval(period);
         }
         calculate_parameters(self, variables);
         self.sampled.initialize(variables, inputs, context)?;

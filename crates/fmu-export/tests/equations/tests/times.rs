@@ -251,12 +251,13 @@ fn each_tick_of_a_day_is_in_the_step_that_begins_at_it() {
 /// Periods and steps that have nothing in common.
 fn check_random(cases: u32) {
     let mut random = Pcg64Mcg::new(58);
-    let mut uniform = move || (random.next_u32() as f64 + 0.5) / 4_294_967_296.0;
+    let mut draw = move || random.next_u32();
     for case in 0..cases {
+        let mut uniform = || (f64::from(draw()) + 0.5) / 4_294_967_296.0;
         let size = 10.0_f64.powf(-3.0 + 3.0 * uniform());
         let period = size * 10.0_f64.powf(-1.0 + 2.0 * uniform());
         let (origin, clock) = (STARTS[case as usize % 3], EXACT[case as usize / 3 % 2]);
-        let number = 50 + (200.0 * uniform()) as u32;
+        let number = 50 + draw() % 200;
         let run = Ticking { instance_type: CoSimulation, clock, origin, size, period, number };
         let (last, rest) = steps(clock, (origin, size), 0.0, number).last().expect("there is one");
         let share = (last + rest - origin) / period;
