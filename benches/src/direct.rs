@@ -43,7 +43,7 @@ impl<M: Model> Direct<M> {
     pub fn step(&mut self, size: f64) {
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(Experiment::default(), &mut log);
-        let step = Step { start: self.time, size, inputs: &self.inputs };
+        let step = Step::new(self.time, size, &self.inputs);
         self.model.step(&mut self.variables, &step, &mut context).expect("the step succeeds");
         self.time += size;
     }

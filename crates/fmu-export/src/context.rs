@@ -23,6 +23,13 @@ pub struct Experiment {
 
 crate::persistent!(Experiment { start_time, stop_time, tolerance });
 
+impl Experiment {
+    /// The length in s, or a second if no end is defined.
+    pub(crate) fn length(&self) -> f64 {
+        self.stop_time.map_or(1.0, |stop_time| stop_time - self.start_time)
+    }
+}
+
 /// What a model receives besides variables and inputs: the experiment, the importer's logger, and the FMU's files.
 pub struct Context<'a> {
     /// The experiment as set up.

@@ -117,7 +117,9 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables, indicators);
     }
 
-    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event. The
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event, and again
+    /// before the next step when inputs or tunable parameters may have changed, so do not count from `time`, which is
+    /// then between events. An event that has moved to an earlier time is due at once, as is the one that is due now. The
     /// first may be due at the start time.
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);

@@ -2,13 +2,11 @@
 //! [integrator](crate::integrator) in between.
 
 use crate::integrator::Trials;
-use crate::search::ROUNDINGS;
-use crate::stops::{Stop, Stops, due_until};
-use crate::time::time_rounding;
+use crate::stops::{EventsLeft, Stop, Stops, due_until};
+use crate::time::{End, rounding};
 
-/// An event due this shortly after a communication step, relative to the step and beyond the rounding of the time,
-/// belongs to the step: importers' times are subject to rounding.
-pub const TIME_TOLERANCE: f64 = 1e-9;
+/// Time events that come at least this share of a step after one another do not accumulate: they are at most ten million.
+const APART: f64 = 1e-7;
 
 /// States that are integrated between the events of a model.
 pub trait Hybrid {
@@ -17,6 +15,9 @@ pub trait Hybrid {
 
     /// The time in s of the next time event.
     fn next_event(&self) -> Option<f64>;
+
+    /// The time in s of the last event.
+    fn last_event(&self) -> f64;
 
     /// The present time in s.
     fn time(&self) -> f64;
@@ -31,8 +32,8 @@ pub trait Hybrid {
     /// When the states cannot be integrated, though there were not too many trials.
     fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool, Self::Error>;
 
-    /// Handles the event at the present time, and those that it causes at once; `due` is the time in s of a time event.
-    /// Returns whether the simulation goes on.
+    /// Handles the event at the present time, and those that it causes at once; `due` is the time in s of a time event,
+    /// which may differ from the present one by rounding. Returns whether the simulation goes on.
     ///
     /// # Errors
     /// When the model cannot continue.
@@ -45,27 +46,37 @@ pub trait Hybrid {
 /// A communication step on its way from event to event.
 #[derive(Clone, Copy, Debug)]
 pub struct EventLoop {
-    /// The start, length and end in s.
+    /// The start and length in s.
     start: f64,
     size: f64,
-    end: f64,
-    /// Time events until then, in s, belong to the step.
-    last_event: f64,
+    end: End,
+    /// Whether a time event at the end belongs to the next step.
+    samples_inputs: bool,
     /// Whether an event indicator has changed at the present time.
     crossed: bool,
     most_trials: u32,
     trials: u32,
     events: u32,
+    /// The place of the last time event, in s since the start.
+    last_due: f64,
 }
 
 impl EventLoop {
-    /// A step from `start` to `end`, both in s. If it `samples_inputs`, an event due at its end belongs to the next one.
-    /// After `most_trials` of integrator and events it fails.
+    /// A step from `start` by a size, both in s. If it `samples_inputs`, an event due at its end belongs to the next one.
+    /// After `most_trials` of integrator and events, without a time event [apart](APART) from the last one, it fails.
     #[must_use]
-    pub fn new((start, size, end): (f64, f64, f64), samples_inputs: bool, most_trials: u32) -> Self {
-        let coincidence = TIME_TOLERANCE * size + time_rounding(end);
-        let last_event = if samples_inputs { end - coincidence } else { end + coincidence };
-        Self { start, size, end, last_event, crossed: false, most_trials, trials: 0, events: 0 }
+    pub fn new((start, size, end): (f64, f64, End), samples_inputs: bool, most_trials: u32) -> Self {
+        Self {
+            start,
+            size,
+            end,
+            samples_inputs,
+            crossed: false,
+            most_trials,
+            trials: 0,
+            events: 0,
+            last_due: f64::NEG_INFINITY,
+        }
     }
 
     /// Begins with an event if an indicator `crossed` zero at the start, as of changed inputs.
@@ -85,15 +96,26 @@ impl EventLoop {
         hybrid: &mut H,
         stops: Stops,
     ) -> Result<Option<Stop>, H::Error> {
-        let Self { start, size, end, last_event, most_trials, .. } = *self;
+        let Self { start, size, end, samples_inputs, most_trials, .. } = *self;
         loop {
-            let next = hybrid.next_event();
-            let due = if STOPS { due_until(end, next) } else { next.filter(|&due| due <= last_event) };
+            let (next, last) = (hybrid.next_event(), hybrid.last_event());
+            let due = if STOPS && stops.events != EventsLeft::None {
+                due_until(&end, next, last)
+            } else {
+                next.filter(|&due| if samples_inputs { end.is_after(due, last) } else { end.has(due, last) })
+            };
             let is_at_end = hybrid.elapsed() >= size;
             let is_due = due.is_some_and(|due| due - start <= hybrid.elapsed() || is_at_end);
             if self.crossed || is_due {
-                if STOPS && stops.events.has(hybrid.time(), end) {
+                if STOPS && stops.events.has(hybrid.time(), end.time) {
                     return Ok(Some(Stop::Event(hybrid.time())));
+                }
+                if is_due {
+                    let elapsed = hybrid.elapsed();
+                    if elapsed - self.last_due >= APART * size {
+                        (self.trials, self.events) = (0, 0);
+                    }
+                    self.last_due = elapsed;
                 }
                 self.trials += 1;
                 self.events += 1;
@@ -105,7 +127,7 @@ impl EventLoop {
                 return Ok(None);
             } else {
                 // One that rounding puts before the end is at the end.
-                let last = size - ROUNDINGS * f64::EPSILON * end.abs();
+                let last = size - rounding(end.time);
                 let due = due.map(|due| due - start).filter(|due| *due < last);
                 let trials = Trials { count: &mut self.trials, most: most_trials };
                 self.crossed = hybrid.integrate(due.unwrap_or(size), trials)?;

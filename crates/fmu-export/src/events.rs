@@ -5,7 +5,7 @@ use core::mem;
 use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
-use crate::time::time_rounding;
+use crate::time::nearer;
 
 /// The most events at one time, each caused by the previous one.
 pub(crate) const MOST_ITERATIONS: u32 = 1000;
@@ -15,8 +15,8 @@ pub(crate) const MOST_ITERATIONS: u32 = 1000;
 /// the importer locates the crossing. Indicators are of order one; this is a thousand times their rounding.
 const HYSTERESIS: f64 = 1e-12;
 
-/// An event follows another closely within this many roundings of the time.
-const SOON: f64 = 1e4;
+/// An event follows another closely within this share of the experiment: no importer handles so many.
+const SOON: f64 = 1e-12;
 
 /// A model's event bookkeeping.
 #[derive(Debug, Default)]
@@ -25,7 +25,7 @@ pub struct Events {
     pub(crate) next: Option<f64>,
     /// The time of the last event, in s.
     reached: f64,
-    /// How many consecutive events came within the rounding of the time of the previous one.
+    /// How many consecutive events closely followed the previous one.
     crowded: u32,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
@@ -134,15 +134,16 @@ impl Events {
         self.changed.iter().position(|changed| *changed)
     }
 
-    /// Counts an event at a time in s if it closely follows the previous one. Returns whether there were so many that
-    /// the model may never leave this time.
-    pub(crate) fn crowd(&mut self, time: f64) -> bool {
+    /// Counts an event at a time in s of an experiment of a length in s, if it closely follows the previous one. Returns
+    /// whether there were so many that the experiment may never end.
+    pub(crate) fn crowd(&mut self, time: f64, length: f64) -> bool {
         let distance = (time - self.reached).abs();
         if distance <= 0.0 {
             // Another iteration of it.
             return false;
         }
-        let is_soon = distance <= SOON * time_rounding(time);
+        // Only rounding tells adjacent numbers apart.
+        let is_soon = distance <= (SOON * length).max(f64::EPSILON * time.abs());
         self.crowded = if is_soon { self.crowded.saturating_add(1) } else { 0 };
         self.crowded == MOST_ITERATIONS
     }
@@ -293,14 +294,39 @@ impl Events {
         }
     }
 
-    /// The time of the last event in s, if it is at most `tolerance` later than the importer's time; otherwise the
-    /// importer's time. Time events may be handled slightly early, and must not recur.
-    pub(crate) fn time(&self, time: f64, tolerance: f64) -> f64 {
-        if self.reached > time && self.reached <= time + tolerance { self.reached } else { time }
+    /// The time of the last event in s, if it is at most `rounding` later than a given time; otherwise the given time.
+    /// Time events may be handled slightly early, and must not recur.
+    pub(crate) fn time(&self, time: f64, rounding: f64) -> f64 {
+        if self.reached > time && self.reached <= time + rounding { self.reached } else { time }
     }
 
-    /// Sets the time of the next event, requested at a time in s; only the initial event may be due at once. Infinity
-    /// means never.
+    /// The time of the last event in s.
+    pub(crate) fn last(&self) -> f64 {
+        self.reached
+    }
+
+    /// When the time event that is reached at a time in s was due, which may be later within a `rounding`.
+    pub(crate) fn due(&self, time: f64, rounding: f64) -> Option<f64> {
+        self.next.filter(|next| *next <= time + nearer(rounding, *next, self.reached))
+    }
+
+    /// Sets the time of the next event as asked for again, at a time in s between events: an event that has moved to an
+    /// earlier time is due at once.
+    ///
+    /// # Errors
+    /// When the model's answer is not a number.
+    pub(crate) fn move_next(&mut self, next: Option<f64>, time: f64) -> Result<(), Error> {
+        match next {
+            Some(next) if next.is_nan() => self.set_next(Some(next), time, false),
+            next => {
+                self.next = next.filter(|next| *next != f64::INFINITY).map(|next| next.max(time));
+                Ok(())
+            }
+        }
+    }
+
+    /// Sets the time of the next event, requested at an event at a time in s; only the initial event may be due at once.
+    /// Infinity means never.
     ///
     /// # Errors
     /// When the model's answer is not after the present time.

@@ -24,7 +24,7 @@ use crate::number::Dual;
 use crate::search::{self, Trajectory};
 use crate::stops::{Stop, Stops};
 use crate::tape::{Recorded, Tape};
-use crate::time::time_rounding;
+use crate::time::{self, rounding};
 use crate::variables::Variables;
 
 /// The most trials and events in a communication step, which must end …
@@ -350,7 +350,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         events.begin(*time, E::Variables::EVENT_INDICATORS, |indicators| {
             equations.event_indicators(*time, variables, indicators);
         })?;
-        self.happen(variables, true, false, context)
+        self.happen(variables, true, None, context)
     }
 
     /// The derivatives of the calculated variables along a direction, with states already initialized.
@@ -414,23 +414,31 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         stops: Stops,
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
-        (self.time, self.elapsed) = (step.start, 0.0);
-        let end = step.end();
+        // Where the importer's number for the time reached is off by rounding, indicators must not go back.
+        if !time::goes_on(self.time, step.start, step.size) {
+            self.time = step.start;
+        }
+        let begin = self.time;
+        self.elapsed = 0.0;
+        let end = step.instant_of_end();
         let tolerance = (E::INTEGRATION.tolerance)(variables, context.experiment.tolerance);
         let mut states = self.take_states();
         let evaluated = self.evaluated.take();
-        let mut is_evaluated = evaluated.as_ref().is_some_and(|(time, inputs)| {
-            time.to_bits() == step.start.to_bits() && inputs == variables.inputs()
-        });
+        let mut is_evaluated = evaluated
+            .as_ref()
+            .is_some_and(|(time, inputs)| time.to_bits() == begin.to_bits() && inputs == variables.inputs());
         E::Variables::each_state(variables, |state, value: f64| {
             is_evaluated &= states[state].to_bits() == value.to_bits();
             states[state] = value;
         });
         // The importer may have changed inputs and tunable parameters since the last step.
-        if !is_evaluated {
-            evaluate_values(&self.equations, self.time, variables);
-        }
-        let crossed = self.find_changes(variables);
+        let asked = if is_evaluated {
+            Ok(())
+        } else {
+            evaluate_values(&self.equations, begin, variables);
+            self.ask_again(variables)
+        };
+        let crossed = asked.and_then(|()| self.find_changes(variables));
         // Where inputs change at each step, a step beyond its end would be in vain.
         let looks_ahead = I::LOOKS_AHEAD && step.inputs.is_kept();
         if !looks_ahead {
@@ -448,6 +456,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             tolerance,
             states: &mut states,
             context,
+            begin,
             looks_ahead,
             last_cause: None,
         };
@@ -458,11 +467,12 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         self.integrator.shift(self.elapsed);
         let stop = stop?;
         if stop.is_none() && !is_over {
-            self.time = end;
+            // Later by rounding if the last event was due there.
+            self.time = self.time.max(end.time);
             // Large inputs are copied into existing memory.
-            let (_, mut inputs) = evaluated.unwrap_or_else(|| (end, variables.inputs().clone()));
+            let (_, mut inputs) = evaluated.unwrap_or_else(|| (self.time, variables.inputs().clone()));
             inputs.clone_from(variables.inputs());
-            self.evaluated = Some((end, inputs));
+            self.evaluated = Some((self.time, inputs));
         }
         Ok(stop)
     }
@@ -486,16 +496,30 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         })
     }
 
-    /// Handles an event now, and those that it causes at once.
+    /// Asks when the next time event is due, which changed inputs and parameters may have moved, unless it is now.
+    fn ask_again(&mut self, variables: &E::Variables) -> Result<(), Error> {
+        let rounding = rounding(self.time);
+        let now = self.events.time(self.time, rounding);
+        if self.events.due(now, rounding).is_some() {
+            return Ok(());
+        }
+        let next = self.equations.next_event(now, variables);
+        self.events.move_next(next, now)
+    }
+
+    /// Handles an event now, and those that it causes at once; `due` is the time in s of a time event.
     fn happen(
         &mut self,
         variables: &mut E::Variables,
         is_initial: bool,
-        is_due: bool,
+        due: Option<f64>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        context.at(self.time);
-        let mut event = Event { time: self.time, is_initial, is_due, indicators: &[] };
+        let time = due.unwrap_or(self.time);
+        // What has been evaluated must not go back by rounding.
+        self.time = self.time.max(time);
+        context.at(time);
+        let mut event = Event { time, is_initial, is_due: due.is_some(), indicators: &[] };
         for _ in 0..MOST_ITERATIONS {
             event.indicators = self.events.changed();
             self.equations.event(&event, variables, context)?;
@@ -510,10 +534,10 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             if !self.find_changes(variables)? {
                 self.events.check_limits(self.time, E::Variables::EVENT_INDICATORS, E::Variables::LIMITS)?;
                 self.integrator.restart();
-                let next = self.equations.next_event(self.time, variables);
-                return self.events.set_next(next, self.time, is_initial);
+                let next = self.equations.next_event(time, variables);
+                return self.events.set_next(next, time, is_initial);
             }
-            event = Event { time: self.time, is_initial: false, is_due: false, indicators: &[] };
+            event = Event { time, is_initial: false, is_due: false, indicators: &[] };
         }
         Err(self.events.endless(self.time, E::Variables::EVENT_INDICATORS))
     }
@@ -555,6 +579,8 @@ struct Evolution<'a, 'c, E: Equations, I> {
     tolerance: f64,
     states: &'a mut [f64],
     context: &'a mut Context<'c>,
+    /// The time reached at its start (s).
+    begin: f64,
     /// Whether the integrator may go beyond the end.
     looks_ahead: bool,
     /// The first indicator that caused the last event.
@@ -568,6 +594,11 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
     #[inline(always)]
     fn next_event(&self) -> Option<f64> {
         self.model.events.next
+    }
+
+    #[inline(always)]
+    fn last_event(&self) -> f64 {
+        self.model.events.last()
     }
 
     #[inline(always)]
@@ -588,7 +619,7 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
             let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
             let last = last.min(target + MOST_AHEAD * self.step.size);
             // Times of events are rounded as absolute times are, which may be more than a step.
-            let rounding = time_rounding(self.step.end());
+            let rounding = rounding(self.step.end());
             span.rounding = if target < self.step.size { rounding } else { 0.0 };
             span.limit = if last > target + rounding { last } else { target };
         }
@@ -621,10 +652,7 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
     fn handle(&mut self, due: Option<f64>) -> Result<bool, Error> {
         let Self { model, variables, states, context, last_cause, .. } = self;
         *last_cause = model.events.first_changed();
-        if let Some(due) = due {
-            model.time = due;
-        }
-        model.happen(variables, false, due.is_some(), context)?;
+        model.happen(variables, false, due, context)?;
         if context.end.is_some() {
             return Ok(false);
         }
@@ -671,12 +699,13 @@ impl<E: Equations, I: Integrate<E>> Trajectory for Evolution<'_, '_, E, I> {
 
     #[inline(always)]
     fn go_to(&mut self, elapsed: f64) -> Result<bool, Error> {
-        let Self { model, variables, step, states, .. } = self;
+        let Self { model, variables, step, states, begin, .. } = self;
         model.elapsed = elapsed;
-        model.time = if elapsed < step.size { step.start + elapsed } else { step.end() };
+        let time = if elapsed < step.size { step.start + elapsed } else { step.end() };
+        model.time = time.max(*begin);
         let mut system = Equated::new(&model.equations, variables, step);
         model.integrator.states_at(&mut system, elapsed, states);
-        system.evaluate(elapsed, states);
+        system.evaluate(elapsed, model.time, states);
         model.find_changes(variables)
     }
 }

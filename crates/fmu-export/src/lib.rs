@@ -65,7 +65,8 @@ pub mod steady_state;
 mod stops;
 pub mod table;
 mod tape;
-mod time;
+#[doc(hidden)]
+pub mod time;
 #[doc(hidden)]
 pub mod typed;
 mod variables;

@@ -12,6 +12,7 @@ use crate::number::Dual;
 use crate::persistence::Persistent;
 use crate::stops::{Stop, Stops};
 use crate::tape::Tape;
+use crate::time::{Ahead, End};
 use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.
@@ -205,7 +206,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (time, variables, inputs, indicators);
     }
 
-    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event.
+    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event, and
+    /// between events after changes.
     #[doc(hidden)]
     fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
         let _ = (time, variables, inputs);
@@ -342,12 +344,25 @@ pub struct Step<'a, I> {
     pub size: f64,
     /// The inputs during the step.
     pub inputs: &'a InputSignal<I>,
+    /// The importer's clock at the end.
+    pub(crate) ahead: Ahead,
 }
 
-impl<I> Step<'_, I> {
+impl<'a, I> Step<'a, I> {
+    /// A step from a start by a size, both in s.
+    #[must_use]
+    pub fn new(start: f64, size: f64, inputs: &'a InputSignal<I>) -> Self {
+        Self { start, size, inputs, ahead: Ahead::default() }
+    }
+
     /// The time in seconds at which the step ends.
     #[must_use]
     pub fn end(&self) -> f64 {
         self.start + self.size
+    }
+
+    /// The end, and what is the same time.
+    pub(crate) fn instant_of_end(&self) -> End {
+        End::of_sum(self.start, self.size, self.ahead)
     }
 }

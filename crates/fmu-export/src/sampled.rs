@@ -2,10 +2,8 @@
 //! steps. With several clocks, each has its own samples, in FMI 3.0 when the importer activates it (FMI 3.0.2, section
 //! 2.2.8).
 //!
-//! Samples are counted in integers, so they do not drift in long experiments. The master's time does drift in
-//! co-simulation: computing communication points by `t += h` adds up to half a unit in the last place of t per step,
-//! about 4e-5 s after 1e5 s at 80 Hz. A sample meant for a communication point belongs to the step that starts there,
-//! so times whose difference such rounding explains count as equal.
+//! Samples are counted in integers, so they do not drift in long experiments. A sample at a communication point belongs
+//! to the step that starts there; `time.rs` knows which times are the same.
 
 use crate::audit::check_calculated_parameters;
 use crate::clock::Clock;
@@ -17,12 +15,9 @@ use crate::events::{Event, Events};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::persistence::Persistent;
 use crate::stops::{Stop, Stops, due_until};
+use crate::time::{nearer, rounding};
 use crate::variables::Variables;
 
-/// Times that differ by less than this fraction of the period are equal, whatever the rounding.
-const COINCIDENCE: f64 = 1e-6;
-/// Times that differ by more than this fraction of the period are never equal.
-const MOST_COINCIDENCE: f64 = 0.05;
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;
 
@@ -42,8 +37,8 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
     const LONGEST_STEP: f64 = f64::MAX;
 
-    /// The sample period in s, finite and above 0. It may depend on fixed parameters. Models whose JSON declares clocks
-    /// omit it.
+    /// The sample period in s, finite and above 0. If it depends on a tunable parameter and changes, the next sample is a
+    /// new period after the last one, or at once if that has passed. Models whose JSON declares clocks omit it.
     fn period(variables: &Self::Variables) -> f64 {
         const {
             assert!(
@@ -132,13 +127,15 @@ pub struct SampledModel<S> {
     pub sampled: S,
     /// How many samples of the period were executed.
     executed: u64,
-    /// The start time in s.
-    start_time: f64,
-    /// The possible error of the master's summed time, in s.
-    rounding: f64,
+    /// The time in s of the first sample with the present period, which is the start with the first one.
+    origin: f64,
+    /// Its number.
+    first: u64,
+    /// The period in s, between samples since then.
+    period: f64,
 }
 
-crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, start_time, rounding });
+crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, origin, first, period });
 
 impl<S: Sampled> Fmu for SampledModel<S> {
     type Model = Self;
@@ -148,8 +145,29 @@ impl<S: Sampled> Fmu for SampledModel<S> {
 struct Due {
     /// Its time in s.
     time: f64,
+    /// How long after the last one it is at least, in s.
+    period: f64,
     /// The position of the clock that ticks, if there are any.
     clock: Option<usize>,
+}
+
+impl Due {
+    /// When the last sample may have been, in s.
+    fn last(&self) -> f64 {
+        self.time - self.period
+    }
+
+    /// How much earlier another sample may be, in s, to be at the same time.
+    fn rounding(&self) -> f64 {
+        nearer(rounding(self.time), self.time, self.last())
+    }
+
+    /// The sample at the time of the one before, `last`, if that is the same.
+    fn join(self, last: &mut f64) -> Self {
+        let is_same = self.time <= *last + self.rounding();
+        *last = if is_same { *last } else { self.time };
+        Self { time: *last, ..self }
+    }
 }
 
 impl<S: Sampled> SampledModel<S> {
@@ -173,41 +191,55 @@ impl<S: Sampled> SampledModel<S> {
         intervals.fold(f64::INFINITY, f64::min)
     }
 
-    /// The next sample. Of clocks that tick at once, the first is that with the highest priority.
-    fn next_sample(&self, variables: &S::Variables, period: f64) -> Option<Due> {
-        if !S::Variables::HAS_CLOCKS {
-            return Some(Due { time: self.start_time + self.executed as f64 * period, clock: None });
+    /// The next sample of the period.
+    fn next_of_period(&self) -> Due {
+        let Self { executed, origin, first, period, .. } = *self;
+        Due { time: origin + (executed - first) as f64 * period, period, clock: None }
+    }
+
+    /// Takes a period that has changed by a time in s.
+    fn retime(&mut self, variables: &S::Variables, now: f64) {
+        if S::Variables::HAS_CLOCKS {
+            return;
         }
+        let period = S::period(variables);
+        // One that is not valid is refused before the next step.
+        if period.to_bits() == self.period.to_bits() || !is_valid(period) {
+            return;
+        }
+        let due = self.next_of_period();
+        if self.executed > 0 {
+            // A sample that is due now comes first.
+            if due.time <= now + due.rounding() {
+                return;
+            }
+            (self.origin, self.first) = ((due.last() + period).max(now), self.executed);
+        }
+        self.period = period;
+    }
+
+    /// The next sample. Of clocks that tick at once, the first is that with the highest priority, and the time that of the
+    /// earliest.
+    fn next_sample(&self, variables: &S::Variables) -> Option<Due> {
+        if !S::Variables::HAS_CLOCKS {
+            return Some(self.next_of_period());
+        }
+        let period = Self::period(variables);
         let ticks = || {
             let clocks = Self::uniform_clocks(variables);
-            clocks.filter_map(|(position, clock)| Some((position, clock.next(self.start_time)?)))
+            clocks.filter_map(|(position, clock)| Some((position, clock.next(self.origin)?)))
         };
-        let earliest = ticks().map(|(_, time)| time).fold(f64::INFINITY, f64::min);
-        let latest = earliest + self.coincidence(earliest, period);
-        let (position, time) = ticks().find(|(_, time)| *time <= latest)?;
-        Some(Due { time, clock: Some(position) })
-    }
-
-    /// The difference in s within which times count as equal.
-    fn coincidence(&self, time: f64, period: f64) -> f64 {
-        // The second term covers the comparison's own rounding, at times far from 0.
-        let coincidence = COINCIDENCE * period + 2.0 * f64::EPSILON * time.abs() + self.rounding;
-        let most = MOST_COINCIDENCE * period;
-        if coincidence < most { coincidence } else { most }
-    }
-
-    /// The time in s before which the samples of a communication step lie.
-    fn end_of_samples<I>(&mut self, step: &Step<'_, I>, period: f64) -> f64 {
-        let (start, end) = (step.start, step.end());
-        let largest = if start.abs() > end.abs() { start.abs() } else { end.abs() };
-        self.rounding += 0.5 * f64::EPSILON * largest;
-        end - self.coincidence(end, period)
+        let time = ticks().map(|(_, time)| time).fold(f64::INFINITY, f64::min);
+        let due = Due { time, period, clock: None };
+        let latest = time + due.rounding();
+        let (position, _) = ticks().find(|(_, time)| *time <= latest)?;
+        Some(Due { clock: Some(position), ..due })
     }
 
     /// Computes a sample.
     fn compute(
         &mut self,
-        Due { time, clock }: Due,
+        Due { time, clock, .. }: Due,
         variables: &mut S::Variables,
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
@@ -257,7 +289,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         let (is_right, rule) = if S::Variables::HAS_CLOCKS {
             (period.is_nan(), "the clocks in the JSON have intervals of their own: omit `period`")
         } else {
-            (period > 0.0 && period.is_finite(), "it must be finite and above 0")
+            (is_valid(period), "it must be finite and above 0")
         };
         let reason = || Error::new(format!("the sample period is {} s; {rule}", Shown(period)));
         if is_right { Ok(()) } else { Err(reason()) }
@@ -269,19 +301,28 @@ impl<S: Sampled> Model for SampledModel<S> {
         inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        *self = Self { start_time: context.experiment.start_time, ..Self::default() };
+        let (origin, period) = (context.experiment.start_time, S::period(variables));
+        *self = Self { origin, period, ..Self::default() };
         // The clock of the period, in Scheduled Execution only.
-        if !S::Variables::HAS_CLOCKS && !S::Variables::CLOCKS.is_empty() {
-            let period = S::period(variables);
-            if let Some(clock) = variables.clock_mut(0) {
-                clock.set_interval(period);
-            }
+        if !S::Variables::HAS_CLOCKS
+            && let Some(clock) = variables.clock_mut(0)
+        {
+            clock.set_interval(period);
         }
         calculate_parameters(self, variables);
         self.sampled.initialize(variables, inputs, context)?;
         check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))?;
-        self.sampled.refresh(context.experiment.start_time, variables, inputs);
-        Self::start_clocks(variables)
+        self.sampled.refresh(origin, variables, inputs);
+        Self::start_clocks(variables)?;
+        let period = Self::period(variables);
+        if !Self::IS_ACTIVATED && period < f64::EPSILON * origin.abs() {
+            return Err(Error::new(format!(
+                "the sample period is {} s, which is lost in the rounding of the start time {} s",
+                Shown(period),
+                Shown(origin)
+            )));
+        }
+        Ok(())
     }
 
     fn calculate_parameters(
@@ -298,13 +339,15 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let period = Self::period(variables);
-        let until = self.end_of_samples(step, period);
-        while let Some(due) = self.next_sample(variables, period) {
-            if due.time >= until {
+        let end = step.instant_of_end();
+        let mut last = f64::NEG_INFINITY;
+        self.retime(variables, step.start);
+        while let Some(due) = self.next_sample(variables) {
+            if !end.is_after(due.time, due.last()) {
                 break;
             }
-            check_number(&due, until, period)?;
+            check_number(&due, end.time)?;
+            let due = due.join(&mut last);
             if step.inputs.is_constant() {
                 self.compute(due, variables, step.inputs.initial(), context)?;
             } else {
@@ -313,11 +356,13 @@ impl<S: Sampled> Model for SampledModel<S> {
                 let inputs = step.inputs.at(if offset > 0.0 { offset } else { 0.0 });
                 self.compute(due, variables, &inputs, context)?;
             }
+            self.retime(variables, last);
         }
         Ok(())
     }
 
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+        self.retime(variables, time);
         self.sampled.refresh(time, variables, inputs);
     }
 
@@ -345,7 +390,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         if Self::IS_ACTIVATED {
             return None;
         }
-        self.next_sample(variables, Self::period(variables)).map(|due| due.time)
+        self.next_sample(variables).map(|due| due.time)
     }
 
     fn event(
@@ -358,11 +403,11 @@ impl<S: Sampled> Model for SampledModel<S> {
         if !event.is_due {
             return Ok(());
         }
-        let period = Self::period(variables);
-        let Some(first) = self.next_sample(variables, period) else { return Ok(()) };
-        let latest = first.time + self.coincidence(first.time, period);
-        while let Some(due) = self.next_sample(variables, period).filter(|due| due.time <= latest) {
-            self.compute(due, variables, inputs, context)?;
+        let mut last = event.time;
+        let is_same = |due: &Due| due.time <= event.time + due.rounding();
+        while let Some(due) = self.next_sample(variables).filter(is_same) {
+            self.compute(due.join(&mut last), variables, inputs, context)?;
+            self.retime(variables, last);
         }
         Ok(())
     }
@@ -378,38 +423,45 @@ impl<S: Sampled> Model for SampledModel<S> {
         if Self::IS_ACTIVATED {
             return Ok(None);
         }
-        let end = step.end();
-        let period = Self::period(variables);
-        while let Some(sample) = self.next_sample(variables, period) {
+        let end = step.instant_of_end();
+        let mut last = f64::NEG_INFINITY;
+        self.retime(variables, step.start);
+        while let Some(sample) = self.next_sample(variables) {
             // A sample at the end of a step belongs to the next one, unless it is an event of this one.
-            let Some(due) = due_until(end, Some(sample.time)) else { break };
+            let Some(due) = due_until(&end, Some(sample.time), sample.last()) else { break };
             let due = if due > step.start { due } else { step.start };
-            if stops.events.has(due, end) {
+            if stops.events.has(due, end.time) {
                 return Ok(Some(Stop::Event(due)));
-            } else if due >= end {
+            } else if due >= end.time {
                 return Ok(None);
             } else if stops.internal_steps && due > step.start {
                 return Ok(Some(Stop::InternalStep(due)));
             }
-            check_number(&sample, end, period)?;
-            let time = sample.time;
+            check_number(&sample, end.time)?;
+            let sample = sample.join(&mut last);
             self.compute(sample, variables, step.inputs.initial(), context)?;
+            self.retime(variables, last);
             if context.end.is_some() {
                 break;
             }
             if let Some(events) = &mut events {
-                let next = self.next_sample(variables, period).map(|due| due.time);
-                events.set_next(next, time, false)?;
+                let next = self.next_sample(variables).map(|due| due.time);
+                events.set_next(next, last, false)?;
             }
         }
         Ok(None)
     }
 }
 
+/// Whether a sample period in s is possible.
+fn is_valid(period: f64) -> bool {
+    period > 0.0 && period.is_finite()
+}
+
 /// Rejects a step until a time in s that has too many samples, of which this is the first.
-fn check_number(due: &Due, until: f64, period: f64) -> Result<(), Error> {
-    let are_few = until - due.time <= MOST_SAMPLES * period;
-    if are_few { Ok(()) } else { Err(too_many_samples(due.time, until, period)) }
+fn check_number(due: &Due, until: f64) -> Result<(), Error> {
+    let are_few = until - due.time <= MOST_SAMPLES * due.period;
+    if are_few { Ok(()) } else { Err(too_many_samples(due.time, until, due.period)) }
 }
 
 #[cold]

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
 use crate::resources::Resources;
+use crate::time::Ahead;
 use crate::variables::Variables;
 
 /// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
@@ -38,6 +39,9 @@ pub struct Simulation<F: Fmu> {
     /// The inputs of the last step, if they were constant, and the states at its end.
     #[doc(hidden)]
     pub left: Option<(InputsOf<F::Model>, Vec<f64>)>,
+    /// The end of the last step (s), and the clock there.
+    #[doc(hidden)]
+    pub reached: (f64, Ahead),
 }
 
 type VariablesOf<F> = <<F as Fmu>::Model as Model>::Variables;
@@ -54,6 +58,7 @@ impl<F: Fmu> Default for Simulation<F> {
             messages: vec![],
             taken: None,
             left: None,
+            reached: (0.0, Ahead::default()),
         }
     }
 }
@@ -67,6 +72,7 @@ impl<F: Fmu> Simulation<F> {
         F::Model::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
         self.left = None;
+        self.reached = (self.time, Ahead::default());
         let Self { model, variables, inputs, experiment, messages, .. } = self;
         self.taken = Some(variables.clone());
         let mut log = log_to(messages, experiment.start_time);
@@ -118,10 +124,11 @@ impl<F: Fmu> Simulation<F> {
     /// As [`Simulation::step`].
     pub fn step_with(&mut self, size: f64, inputs: &InputSignal<InputsOf<F::Model>>) -> Result<(), Error> {
         self.take_parameters();
-        let Self { model, variables, experiment, messages, time, left, .. } = self;
+        let Self { model, variables, experiment, messages, time, left, reached, .. } = self;
         *left = None;
         let mut log = log_to(messages, *time);
-        let step = Step { start: *time, size, inputs };
+        let ahead = reached.1.at_start(reached.0, *time).after(*time, size);
+        let step = Step { start: *time, size, inputs, ahead };
         let resources = Resources::of::<VariablesOf<F>>();
         let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
         model.step(variables, &step, &mut context)?;
@@ -130,6 +137,7 @@ impl<F: Fmu> Simulation<F> {
             return Err(Error::new(format!("the model requests the end at {end:?} s")));
         }
         *time += size;
+        *reached = (*time, ahead);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! Where a communication step of Co-Simulation stops, in Event Mode and Intermediate Update Mode of FMI 3.0.
 
-use crate::time::time_rounding;
+use crate::time::End;
 
 /// Where a communication step stops.
 #[doc(hidden)]
@@ -54,9 +54,8 @@ impl EventsLeft {
     }
 }
 
-/// The time in s of a time event due in a step to `end`, if any: an importer's end may be off by rounding.
-pub(crate) fn due_until(end: f64, next: Option<f64>) -> Option<f64> {
-    let rounding = time_rounding(end);
-    let due = next.filter(|next| *next <= end + rounding)?;
-    Some(if due < end - rounding { due } else { end })
+/// The time in s of a time event due in a step, if any, after one at `last`: what is the same as its end is there.
+pub(crate) fn due_until(end: &End, next: Option<f64>, last: f64) -> Option<f64> {
+    let due = next.filter(|next| end.has(*next, last))?;
+    Some(if end.is_after(due, last) { due } else { end.time })
 }

@@ -1,6 +1,111 @@
-//! Rounding of times.
+//! When two times are the same. Whatever compares a given time with one that is reached, announced or counted asks here.
+//!
+//! An importer computes its communication points in one of three ways: k·h, start + k·h, or by adding up steps, t += h.
+//! The first two differ by some [roundings](rounding) from what they mean. The third one strays further with each step,
+//! which the steps show: [`Ahead`] measures it, so that a point of such an importer is known for what it means, and that
+//! of another is not blurred.
 
-/// The rounding error that an importer's time (s) may have, after some additions and products.
-pub(crate) fn time_rounding(time: f64) -> f64 {
-    64.0 * f64::EPSILON * time.abs()
+/// The times of one instant differ by at most this many relative roundings: each is a sum of a start and a product of
+/// two factors, one of which is rounded (3/2), and a step's end is one more sum.
+const ROUNDINGS: f64 = 4.0;
+/// The same for a time without a step's size, which may be the sum of some steps.
+const SUMMED: f64 = 64.0;
+/// The tolerance of a step's start relative to its size: some importers count nanoseconds.
+const START: f64 = 1e-6;
+/// An importer whose clock is further ahead, relative to its step, is taken at its word.
+const MOST_AHEAD: f64 = 0.05;
+
+/// The difference (s) within which a time is the same as another that was computed from the same numbers.
+#[must_use]
+pub fn rounding(time: f64) -> f64 {
+    ROUNDINGS * f64::EPSILON * time.abs()
+}
+
+/// The difference (s) within which a time is the same as one that an importer gives without a step's size.
+pub(crate) fn summed_rounding(time: f64) -> f64 {
+    SUMMED * f64::EPSILON * time.abs()
+}
+
+/// How much of a difference (s) counts for an event at a time (s) after one at another: a time between the two is that
+/// of the nearer one.
+#[must_use]
+pub fn nearer(difference: f64, event: f64, last: f64) -> f64 {
+    let half = 0.5 * (event - last);
+    if difference < half { difference } else { half }
+}
+
+/// Whether a step of a size (s) that begins at `start` goes on from the time `reached`, both in s.
+pub(crate) fn goes_on(reached: f64, start: f64, size: f64) -> bool {
+    (start - reached).abs() <= START * size + summed_rounding(reached)
+}
+
+/// Whether a step of a size (s) to `end` goes no further than `last`, both in s.
+pub(crate) fn ends_by(last: f64, end: f64, size: f64) -> bool {
+    end <= last + START * size + summed_rounding(last)
+}
+
+/// By how many seconds an importer's clock is ahead of the sum of its steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ahead {
+    seconds: f64,
+}
+
+crate::persistent!(Ahead { seconds });
+
+impl Ahead {
+    /// At the start (s) of a step from the time reached (s). One that begins elsewhere is no sum of the steps before.
+    pub(crate) fn at_start(self, reached: f64, start: f64) -> Self {
+        if start.to_bits() == reached.to_bits() { self } else { Self::default() }
+    }
+
+    /// After a step from a start by a size, both in s.
+    #[must_use]
+    pub(crate) fn after(self, start: f64, size: f64) -> Self {
+        // The rounding of the sum, exactly (Knuth, The Art of Computer Programming, section 4.2.2, theorem B).
+        let end = start + size;
+        let added = end - start;
+        Self { seconds: self.seconds + ((end - added - start) + (added - size)) }
+    }
+
+    /// The earlier of a time (s) and what the importer means by it.
+    pub(crate) fn earliest(self, time: f64) -> f64 {
+        if self.seconds > 0.0 { time - self.seconds } else { time }
+    }
+}
+
+/// The end of a communication step, and the times that are the same.
+#[derive(Clone, Copy, Debug)]
+pub struct End {
+    /// In s.
+    pub time: f64,
+    rounding: f64,
+    /// How far the importer's clock is ahead (s).
+    ahead: f64,
+}
+
+impl End {
+    /// Of a step from a start by a size, both in s.
+    #[must_use]
+    pub fn of(start: f64, size: f64) -> Self {
+        Self::of_sum(start, size, Ahead::default())
+    }
+
+    pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds: ahead }: Ahead) -> Self {
+        let time = start + size;
+        let largest = if start.abs() > time.abs() { start } else { time };
+        let is_ahead = ahead > 0.0 && ahead <= MOST_AHEAD * size;
+        Self { time, rounding: rounding(largest), ahead: if is_ahead { ahead } else { 0.0 } }
+    }
+
+    /// Whether an event at a time (s), after one at `last`, is before the end.
+    #[must_use]
+    pub fn is_after(&self, event: f64, last: f64) -> bool {
+        event < self.time - self.ahead - nearer(self.rounding, event, last)
+    }
+
+    /// Whether an event at a time (s), after one at `last`, is before the end or at it.
+    #[must_use]
+    pub fn has(&self, event: f64, last: f64) -> bool {
+        event <= self.time + nearer(self.rounding, event, last)
+    }
 }

@@ -5,10 +5,27 @@ const REPOSITORY_PAGE: &str = include_str!("../../../README.md");
 const DECLARATION: &str = include_str!("../../cargo-fmu/templates/dahlquist/model.json");
 const SOURCE: &str = include_str!("../../cargo-fmu/templates/dahlquist/lib.rs");
 
+/// Models whose equations are tested.
+const TESTED: &str = include_str!("equations/src/lib.rs");
+
 /// The first code block of a language.
-fn block(page: &'static str, language: &str) -> &'static str {
+fn block<'page>(page: &'page str, language: &str) -> &'page str {
     let (_, rest) = page.split_once(&format!("```{language}\n")).expect("the page has such a block");
     rest.split("```").next().expect("the block ends")
+}
+
+/// However it is wrapped.
+fn on_a_line(code: &str) -> String {
+    code.split_whitespace().collect::<Vec<_>>().concat().replace(",)", ")")
+}
+
+#[test]
+fn sampled_inputs_are_those_of_a_tested_model() {
+    let (_, section) = PAGE.split_once("### Sampled inputs").expect("the page has this section");
+    let tested = on_a_line(TESTED).replace("furnace::", "");
+    for item in block(section, "rust,ignore").split("\n\n") {
+        assert!(tested.contains(&on_a_line(item)), "{item}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::display::Shown;
 use crate::error::Error;
 use crate::model::Model;
-use crate::time::time_rounding;
+use crate::time::summed_rounding;
 use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {
@@ -76,7 +76,7 @@ impl<M: Model> Instance<M> {
             refuse(format!(", which is before the startTime {}", Shown(start)))
         } else if let Some(last) = last.filter(|last| time <= *last) {
             refuse(format!("; the last activation was at {}", Shown(last)))
-        } else if time > stop + time_rounding(stop) {
+        } else if time > stop + summed_rounding(stop) {
             refuse(format!(", which is after the stopTime {}", Shown(stop)))
         } else {
             Ok(())

@@ -15,7 +15,7 @@ use crate::events::{Event, MOST_ITERATIONS};
 use crate::floating_point::in_default_environment;
 use crate::model::Model;
 use crate::status::Status;
-use crate::time::time_rounding;
+use crate::time::summed_rounding;
 use crate::variables::Variables;
 
 /// The outcome of an event: `fmi2EventInfo`.
@@ -54,14 +54,19 @@ impl<M: Model> Memory<M> {
         })
     }
 
-    /// When the reached time event was due. Importers' times are subject to rounding.
+    /// When the reached time event was due.
     fn due(&self) -> Option<f64> {
-        self.events.next.filter(|next| *next <= self.time + time_rounding(self.time))
+        self.events.due(self.time, summed_rounding(self.time))
     }
 
-    /// Requests the next event after a time (s) from the model.
+    /// The next event after a time (s), as the model says.
+    fn next_event(&mut self, time: f64) -> Option<f64> {
+        self.model.next_event(time, &mut self.variables, self.inputs.latest())
+    }
+
+    /// Requests the next event at an event at a time (s).
     fn announce_next(&mut self, time: f64, is_initial: bool) -> Result<(), Error> {
-        let next = self.model.next_event(time, &mut self.variables, self.inputs.latest());
+        let next = self.next_event(time);
         self.events.set_next(next, time, is_initial)
     }
 }
@@ -110,7 +115,7 @@ impl<M: Model> Instance<M> {
         let memory = &mut self.memory;
         let has_changed = memory.find_changes()?;
         let due = memory.due();
-        let time = due.unwrap_or_else(|| memory.events.time(memory.time, time_rounding(memory.time)));
+        let time = due.unwrap_or_else(|| memory.events.time(memory.time, summed_rounding(memory.time)));
         let mut info = EventInfo::default();
         if has_changed || due.is_some() {
             memory.event.iterations += 1;
@@ -120,7 +125,7 @@ impl<M: Model> Instance<M> {
             }
             let before = memory.states();
             let logger = &self.logger;
-            if memory.events.crowd(time) {
+            if memory.events.crowd(time, memory.experiment.length()) {
                 let cause = memory
                     .events
                     .first_changed()
@@ -156,7 +161,9 @@ impl<M: Model> Instance<M> {
             memory.phase = phase;
         } else {
             // Newly set inputs and parameters may have moved it.
-            memory.announce_next(time, false)?;
+            let next = memory.next_event(time);
+            memory.events.move_next(next, time)?;
+            info.again = memory.due().is_some();
         }
         if let Some(end) = self.memory.end {
             info.terminate = true;

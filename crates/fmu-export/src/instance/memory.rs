@@ -16,6 +16,7 @@ use crate::events::Events;
 use crate::inputs::InputSignal;
 use crate::logger::RecentMessages;
 use crate::model::{InputsOf, Model, calculate_parameters};
+use crate::time::Ahead;
 use crate::variables::Variables;
 
 /// The content of a saved state.
@@ -30,6 +31,8 @@ pub(crate) struct Memory<M: Model> {
     pub(super) experiment: Experiment,
     pub(super) is_set_up: bool,
     pub(super) time: f64,
+    /// The importer's clock at this time.
+    pub(super) ahead: Ahead,
     /// Whether anything was set since the values were computed.
     pub(super) stale: bool,
     /// Whether a tunable parameter was set since the parameters were last checked.
@@ -73,7 +76,7 @@ struct BeforeTicks<M: Model> {
 
 // An instance of another type rejects the memory before; ticks are rewound before.
 crate::persistent!(<M: Model> Memory<M> {
-    phase, model, variables, inputs, experiment, is_set_up, time, stale, parameters_changed, recent_messages, end,
+    phase, model, variables, inputs, experiment, is_set_up, time, ahead, stale, parameters_changed, recent_messages, end,
     events, event,
 } without instance_type, ticks);
 
@@ -97,6 +100,7 @@ impl<M: Model> Memory<M> {
             experiment: Experiment::default(),
             is_set_up: false,
             time: 0.0,
+            ahead: Ahead::default(),
             stale: true,
             parameters_changed: true,
             recent_messages: RecentMessages::default(),

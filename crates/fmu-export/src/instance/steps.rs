@@ -1,5 +1,6 @@
 //! Communication steps (FMI 2.0.5, section 4.2.1).
 
+use super::memory::Memory;
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::context::{Context, Timed};
@@ -9,11 +10,7 @@ use crate::error::Error;
 use crate::events::Events;
 use crate::model::{InputsOf, Model, Step};
 use crate::status::Status;
-use crate::time::time_rounding;
-
-/// The tolerance of the importer's time relative to the step. Importers compute communication points as `i * h`, as a
-/// sum, or from integer nanoseconds.
-const TIME_TOLERANCE: f64 = 1e-6;
+use crate::time::{self, summed_rounding};
 
 impl<M: Model> Instance<M> {
     /// Advances by one communication step.
@@ -53,7 +50,8 @@ impl<M: Model> Instance<M> {
         let mut log = Timed::new(start, |category, message| {
             status = status.max(logger.message(category, message));
         });
-        let of_inputs = Step { start, size, inputs: &memory.inputs };
+        let ahead = memory.ahead.at_start(memory.time, start);
+        let of_inputs = Step { start, size, inputs: &memory.inputs, ahead: ahead.after(start, size) };
         // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
@@ -67,6 +65,7 @@ impl<M: Model> Instance<M> {
         }
         memory.phase = Phase::StepComplete;
         memory.time = event.unwrap_or(end);
+        memory.ahead = if event.is_some() { ahead } else { ahead.after(start, size) };
         memory.inputs.end_step(event.map_or(size, |event| event - start));
         Ok(status)
     }
@@ -75,7 +74,7 @@ impl<M: Model> Instance<M> {
     #[cold]
     fn end_step_early(&mut self, asked: f64, end: f64) -> Status {
         // It may be off by rounding.
-        let is_at_end = asked >= end - time_rounding(end);
+        let is_at_end = asked >= end - summed_rounding(end);
         self.memory.time = if is_at_end { end } else { asked.max(self.memory.time) };
         self.memory.end = Some(asked);
         self.discard_for_end(end)
@@ -109,23 +108,15 @@ impl<M: Model> Instance<M> {
     fn can_step(&self, start: f64, size: f64, end: f64) -> bool {
         size > 0.0
             && size <= M::LONGEST_STEP
-            && self.goes_on(start, size)
+            && time::goes_on(self.memory.time, start, size)
             && end > start
             // A step far shorter than the largest times cannot exceed them.
             && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
-            && self.ends_in_time(end, size)
-    }
-
-    /// Whether a step of a size (s) starts at the end of the last one, up to rounding.
-    fn goes_on(&self, start: f64, size: f64) -> bool {
-        let time = self.memory.time;
-        (start - time).abs() <= TIME_TOLERANCE * size + time_rounding(time)
-    }
-
-    /// Whether a step of a size (s) stays within the experiment.
-    fn ends_in_time(&self, end: f64, size: f64) -> bool {
-        self.stop_time()
-            .is_none_or(|stop_time| end <= stop_time + TIME_TOLERANCE * size + time_rounding(stop_time))
+            && self.stop_time().is_none_or(|stop_time| {
+                let Memory { time, ahead, .. } = self.memory;
+                let ahead = ahead.at_start(time, start).after(start, size);
+                time::ends_by(stop_time, ahead.earliest(end), size)
+            })
     }
 
     pub(super) fn stop_time(&self) -> Option<f64> {
@@ -143,7 +134,7 @@ impl<M: Model> Instance<M> {
                 "communicationStepSize is {size_shown} s; this FMU's longest step is {} s",
                 Shown(M::LONGEST_STEP)
             )
-        } else if !self.goes_on(start, size) {
+        } else if !time::goes_on(self.memory.time, start, size) {
             format!(
                 "currentCommunicationPoint is {start_shown}, but the last step ended at {}",
                 Shown(self.memory.time)

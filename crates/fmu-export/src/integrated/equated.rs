@@ -35,9 +35,10 @@ impl<'a, E: Equations> Equated<'a, E> {
         E::Variables::set_states(self.variables, states);
     }
 
-    pub(super) fn evaluate(&mut self, elapsed: f64, states: &[f64]) {
+    /// Evaluates at a time in s, and so long after the start.
+    pub(super) fn evaluate(&mut self, elapsed: f64, time: f64, states: &[f64]) {
         self.set(elapsed, |state| states[state]);
-        evaluate_values(self.equations, self.start + elapsed, self.variables);
+        evaluate_values(self.equations, time, self.variables);
     }
 
     /// Whether the derivatives depend on the states alone.

@@ -4,8 +4,8 @@ use std::ffi::c_int;
 
 use anyhow::{Result, bail};
 use fmu_export::display::Seconds;
-use fmu_export::event_loop::TIME_TOLERANCE;
 use fmu_export::fmi2::c_types::ValueReference;
+use fmu_export::time::rounding;
 use fmu_io::terminal::number;
 use fmu_terms::IntervalVariability;
 
@@ -23,6 +23,8 @@ pub struct EventMode {
     phase: Phase,
     /// The time of the FMU's next time event (s).
     announced: Option<f64>,
+    /// The time of the last event (s).
+    last: f64,
     clocks: Vec<InputClock>,
 }
 
@@ -83,7 +85,7 @@ impl EventMode {
                 next: None,
             });
         }
-        Ok(Self { phase: Phase::Initialization, announced: None, clocks })
+        Ok(Self { phase: Phase::Initialization, announced: None, last: f64::NEG_INFINITY, clocks })
     }
 
     /// Reads when periodic clocks tick; called in Initialization Mode, at its time (s).
@@ -113,6 +115,11 @@ impl EventMode {
         clocks.chain(self.announced).min_by(f64::total_cmp)
     }
 
+    /// The time of the last event (s).
+    pub fn last(&self) -> f64 {
+        self.last
+    }
+
     /// Enters Event Mode after initialization.
     pub fn enter(&mut self, calls: &mut Calls) -> Result<()> {
         if self.phase != Phase::BetweenEvents {
@@ -132,6 +139,7 @@ impl EventMode {
             calls.watch_event(time, false)?;
         }
         self.enter(calls)?;
+        self.last = time;
         for _ in 0..MOST_ITERATIONS {
             for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
                 let called = calls.handle.tick(clock.reference);
@@ -182,7 +190,7 @@ impl EventMode {
         if self.is_entered() {
             self.handle(calls, time, 0.0)?;
         }
-        let late = TIME_TOLERANCE * size;
+        let late = rounding(end);
         let mut returns = 0;
         while time < end {
             let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);

@@ -10,6 +10,7 @@ use fmu_export::event_loop::{EventLoop, Hybrid};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::{Directions, Integrator, Pattern, System, Tolerance, Trials};
 use fmu_export::search::{Trajectory, first_event};
+use fmu_export::time::End;
 use fmu_export::{DEFAULT_TOLERANCE, Events, Stops};
 use fmu_io::terminal::number;
 
@@ -234,7 +235,7 @@ impl Integration {
         let place = (self.time - start).max(0.0);
         let mut evolution =
             Evolution { integration: self, calls, event_mode: events, start, size, place, relative };
-        EventLoop::new((start, size, end), false, MOST_TRIALS)
+        EventLoop::new((start, size, End::of(start, size)), false, MOST_TRIALS)
             .go_on::<false, _>(&mut evolution, Stops::NONE)?;
         calls.handle.time.set(Some(end));
         Ok(())
@@ -259,6 +260,10 @@ impl Hybrid for Evolution<'_> {
 
     fn next_event(&self) -> Option<f64> {
         self.event_mode.next()
+    }
+
+    fn last_event(&self) -> f64 {
+        self.event_mode.last()
     }
 
     fn time(&self) -> f64 {

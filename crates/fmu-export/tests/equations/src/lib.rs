@@ -22,7 +22,9 @@ variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", h
     falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts", nested: "nested",
     without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
     tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
-    tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks");
+    tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks",
+    waves: "waves", waves_3: "fmi3/waves", ticks: "ticks", ticks_3: "fmi3/ticks", alarms: "alarms",
+    alarms_3: "fmi3/alarms");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -312,6 +314,7 @@ impl Equations for Ending {
 /// A fast valve with a ripple, whose command is sampled every 0.1 s, on a slow thermal mass.
 #[derive(Clone, Debug, Default, Persistent)]
 pub struct Furnace {
+    start_time: f64,
     /// The command as sampled, and the number of samples.
     held: f64,
     samples: u32,
@@ -340,20 +343,25 @@ impl Equations for Furnace {
     const INTEGRATION: Integration<furnace::Variables> =
         Integration { samples_inputs: true, ..Integration::DEFAULT };
 
+    fn prepare(&mut self, _: &mut furnace::Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        self.start_time = context.experiment.start_time;
+        Ok(())
+    }
+
     fn evaluate<T: Number>(&self, time: T, mut variables: furnace::Evaluation<'_, T>) {
         self.valve(time, &mut variables);
         mass(&mut variables);
     }
 
-    fn next_event(&self, _time: f64, _variables: &furnace::Variables) -> Option<f64> {
-        Some(0.1 * f64::from(self.samples))
+    fn next_event(&self, _: f64, variables: &furnace::Variables) -> Option<f64> {
+        Some(self.start_time + variables.parameters.period * f64::from(self.samples))
     }
 
     fn event(
         &mut self,
         event: &Event<'_>,
         variables: &mut furnace::Variables,
-        _context: &mut Context<'_>,
+        _: &mut Context<'_>,
     ) -> Result<(), Error> {
         if event.is_due {
             self.held = variables.inputs.command;
@@ -550,4 +558,154 @@ impl Sampled for TunedTicks {
         variables.outputs.seen = variables.calculated_parameters.scaled;
         Ok(())
     }
+}
+
+/// Defines models of instants, of FMI 2.0 and 3.0.
+macro_rules! instants {
+    ($($waves:ident, $ticks:ident, $reading:ident, $samples:ident, $alarms:ident: $of_waves:ident, $of_ticks:ident, $of_alarms:ident;)*) => {$(
+        /// Notes the zeros of a wave.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $waves {}
+
+        impl Equations for $waves {
+            type Variables = $of_waves::Variables;
+
+            fn evaluate<T: Number>(&self, _time: T, variables: $of_waves::Evaluation<'_, T>) {
+                variables.derivatives.clock = T::from(1.0);
+            }
+
+            fn event_indicators(&self, time: f64, variables: &$of_waves::Variables, indicators: &mut [f64]) {
+                indicators[0] = (std::f64::consts::PI / variables.parameters.distance * time).sin();
+            }
+
+            fn event(
+                &mut self,
+                event: &Event<'_>,
+                variables: &mut $of_waves::Variables,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                let ($of_waves::Parameters { distance }, outputs) = (&variables.parameters, &mut variables.outputs);
+                if event.indicators[0] && !event.is_initial {
+                    outputs.zeros += 1.0;
+                    let zero = (event.time / distance).round() * distance;
+                    outputs.error = outputs.error.max((event.time - zero).abs());
+                }
+                Ok(())
+            }
+        }
+
+        impl $of_ticks::Outputs {
+            /// Notes a tick at a time in the step that began at another (s).
+            fn note(&mut self, time: f64, begin: f64) {
+                self.number += 1.0;
+                self.last = time;
+                self.late = self.late.max(begin - time);
+                self.early = self.early.max(time - begin);
+            }
+        }
+
+        instants!(@ticks $ticks, $of_ticks, false);
+        instants!(@ticks $reading, $of_ticks, true);
+
+        /// A sampled model whose samples are the ticks.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $samples {}
+
+        impl Sampled for $samples {
+            type Variables = $of_ticks::Variables;
+
+            fn period(variables: &$of_ticks::Variables) -> f64 {
+                variables.parameters.period
+            }
+
+            fn sample(
+                &mut self,
+                sample: Sample,
+                variables: &mut $of_ticks::Variables,
+                inputs: &$of_ticks::Inputs,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                variables.outputs.note(sample.time, inputs.begin);
+                Ok(())
+            }
+        }
+
+        /// Switches a rate on.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $alarms {}
+
+        impl Equations for $alarms {
+            type Variables = $of_alarms::Variables;
+
+            fn evaluate<T: Number>(&self, _time: T, variables: $of_alarms::Evaluation<'_, T>) {
+                variables.derivatives.x = T::from(if variables.outputs.on { 1.0 } else { 0.0 });
+            }
+
+            fn next_event(&self, _time: f64, variables: &$of_alarms::Variables) -> Option<f64> {
+                let $of_alarms::Variables { parameters, inputs, outputs, .. } = variables;
+                let times = [(parameters.when, outputs.on), (inputs.when_in, outputs.on_in)];
+                times.into_iter().filter(|(_, is_on)| !is_on).map(|(when, _)| when).reduce(f64::min)
+            }
+
+            fn event(
+                &mut self,
+                event: &Event<'_>,
+                variables: &mut $of_alarms::Variables,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                let $of_alarms::Variables { parameters, inputs, outputs, .. } = variables;
+                if !outputs.on && event.time >= parameters.when {
+                    (outputs.on, outputs.since) = (true, event.time);
+                }
+                if !outputs.on_in && event.time >= inputs.when_in {
+                    (outputs.on_in, outputs.since_in) = (true, event.time);
+                }
+                Ok(())
+            }
+        }
+    )*};
+    (@ticks $ticks:ident, $of_ticks:ident, $samples_inputs:literal) => {
+        /// Ticks as time events.
+        #[derive(Clone, Debug, Default, Persistent)]
+        pub struct $ticks {
+            start: f64,
+        }
+
+        impl Equations for $ticks {
+            type Variables = $of_ticks::Variables;
+            const INTEGRATION: Integration<$of_ticks::Variables> =
+                Integration { samples_inputs: $samples_inputs, ..Integration::DEFAULT };
+
+            fn prepare(
+                &mut self,
+                _variables: &mut $of_ticks::Variables,
+                context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                self.start = context.experiment.start_time;
+                Ok(())
+            }
+
+            fn evaluate<T: Number>(&self, _time: T, _variables: $of_ticks::Evaluation<'_, T>) {}
+
+            fn next_event(&self, _time: f64, variables: &$of_ticks::Variables) -> Option<f64> {
+                Some(self.start + variables.outputs.number * variables.parameters.period)
+            }
+
+            fn event(
+                &mut self,
+                event: &Event<'_>,
+                variables: &mut $of_ticks::Variables,
+                _context: &mut Context<'_>,
+            ) -> Result<(), Error> {
+                if event.is_due {
+                    variables.outputs.note(event.time, variables.inputs.begin);
+                }
+                Ok(())
+            }
+        }
+    };
+}
+instants! {
+    Waves, Ticks, ReadingTicks, TickSamples, Alarms: waves, ticks, alarms;
+    Waves3, Ticks3, ReadingTicks3, TickSamples3, Alarms3: waves_3, ticks_3, alarms_3;
 }

@@ -71,13 +71,19 @@ impl<M: Model> Importer<M> {
     }
 
     pub fn enter_initialization(&mut self) {
+        self.enter_initialization_at(0.0, None);
+    }
+
+    /// At a start time, and with a stop time (s).
+    pub fn enter_initialization_at(&mut self, start: f64, stop: Option<f64>) {
+        let (has_stop, stop) = (u8::from(stop.is_some()), stop.unwrap_or_default());
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::fmi2SetupExperiment::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi2::c_api::fmi2SetupExperiment::<M>(self.0, 0, 0.0, start, has_stop.into(), stop);
                 fmi2::c_api::fmi2EnterInitializationMode::<M>(self.0);
             } else {
-                fmi3::c_api::fmi3EnterInitializationMode::<M>(self.0, 0, 0.0, 0.0, 0, 0.0);
+                fmi3::c_api::fmi3EnterInitializationMode::<M>(self.0, 0, 0.0, start, has_stop, stop);
             }
         }
     }
@@ -110,8 +116,12 @@ impl<M: Model> Importer<M> {
 
     /// Sets the gain. Returns whether it is accepted.
     pub fn tune(&mut self, gain: f64) -> bool {
-        let reference = Self::reference("gain");
-        let (to, from) = (&raw const reference, &raw const gain);
+        self.set(Self::reference("gain"), gain)
+    }
+
+    /// Sets a variable. Returns whether the value is accepted.
+    pub fn set(&mut self, reference: ValueReference, value: f64) -> bool {
+        let (to, from) = (&raw const reference, &raw const value);
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
@@ -123,13 +133,14 @@ impl<M: Model> Importer<M> {
         status as i32 == 0
     }
 
-    pub fn step(&mut self, time: f64, size: f64) {
+    /// Steps from a time by a size (s). Returns whether there is an event, and the time reached.
+    pub fn step(&mut self, time: f64, size: f64) -> (bool, f64) {
+        let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], time + size);
         // SAFETY: see above.
         let status = unsafe {
             if const { Self::IS_FMI2 } {
                 fmi2::c_api::fmi2DoStep::<M>(self.0, time, size, 1)
             } else {
-                let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], 0.0);
                 let flags = (&raw mut needed, &raw mut ends, &raw mut early);
                 fmi3::c_api::fmi3DoStep::<M>(
                     self.0,
@@ -144,17 +155,24 @@ impl<M: Model> Importer<M> {
             }
         };
         assert_eq!(status as i32, 0);
+        (needed == 1, reached)
     }
 
     /// One iteration of an event: when the next time event is due.
     pub fn update(&mut self) -> Option<f64> {
+        self.iterate().1
+    }
+
+    /// One iteration of an event: whether another one follows, and when the next time event is due.
+    pub fn iterate(&mut self) -> (bool, Option<f64>) {
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
                 let mut info = fmi2::c_types::EventInfo::default();
                 let status = fmi2::c_api::fmi2NewDiscreteStates::<M>(self.0, &raw mut info);
                 assert_eq!(status as i32, 0);
-                return (info.next_event_time_defined == 1).then_some(info.next_event_time);
+                let next = (info.next_event_time_defined == 1).then_some(info.next_event_time);
+                return (info.new_discrete_states_needed == 1, next);
             }
             let ([mut again, mut ends, mut nominals, mut values, mut is_defined], mut next) = ([0; 5], 0.0);
             let status = fmi3::c_api::fmi3UpdateDiscreteStates::<M>(
@@ -167,7 +185,16 @@ impl<M: Model> Importer<M> {
                 &raw mut next,
             );
             assert_eq!(status as i32, 0);
-            (is_defined == 1).then_some(next)
+            (again == 1, (is_defined == 1).then_some(next))
+        }
+    }
+
+    /// All iterations of an event: when the next time event is due.
+    pub fn update_all(&mut self) -> Option<f64> {
+        loop {
+            if let (false, next) = self.iterate() {
+                return next;
+            }
         }
     }
 

@@ -13,6 +13,7 @@ mod rod;
 mod samples;
 mod solutions;
 mod termination;
+mod times;
 mod two_parts;
 mod two_rates;
 mod vessels;

@@ -73,7 +73,7 @@ fn allocations<E: Equations>(size: f64, steps: u32) -> u64 {
     let inputs = InputSignal::constant(inputs);
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut step = |number: u32| {
-        let step = Step { start: f64::from(number) * size, size, inputs: &inputs };
+        let step = Step::new(f64::from(number) * size, size, &inputs);
         model.step(&mut variables, &step, &mut Context::new(experiment, &mut log)).unwrap();
     };
     (0..FIRST).for_each(&mut step);

@@ -141,7 +141,7 @@ recorders! {
     Recorder3: two_clocks_3;
 }
 
-/// 3 · 0.1 is more than 0.3 in floating point, and the same time.
+/// 3 · 0.1 is more than 0.3 in floating point, and the same time: that of the earlier tick is that of both.
 #[test]
 fn clocks_tick_by_their_own_intervals_and_at_once_by_priority() {
     let mut simulation = Simulation::<SampledModel<Recorder>>::default();
@@ -156,7 +156,7 @@ fn clocks_tick_by_their_own_intervals_and_at_once_by_priority() {
             ("seldom", 0, 0.0),
             ("often", 1, 0.1),
             ("often", 2, 0.2),
-            ("often", 3, 3.0 * 0.1),
+            ("often", 3, 0.3),
             ("seldom", 1, 0.3),
         ];
         assert_eq!(
@@ -171,6 +171,34 @@ fn clocks_tick_by_their_own_intervals_and_at_once_by_priority() {
     assert_eq!(other.model.sampled.samples, simulation.model.sampled.samples);
     other.tick(|variables| &mut variables.clocks.seldom).unwrap();
     assert_eq!(other.model.sampled.samples[6], ("seldom".to_owned(), 2, 0.4));
+}
+
+/// In whatever order the clocks' own times come.
+#[test]
+fn ticks_at_once_have_the_same_time() {
+    for start in [0.0, 1e5, 1.7e9] {
+        let mut simulation = Simulation::<SampledModel<Recorder>>::default();
+        simulation.experiment.start_time = start;
+        simulation.initialize().unwrap();
+        simulation.step(60.05).unwrap();
+        let samples = &simulation.model.sampled.samples;
+        assert_eq!(samples.len(), 601 + 201);
+        assert!(samples.is_sorted_by(|(.., before), (.., time)| before <= time), "from {start} s");
+        for (_, number, time) in samples.iter().filter(|(clock, ..)| clock == "seldom") {
+            let both = samples.iter().filter(|(_, _, other)| other.to_bits() == time.to_bits()).count();
+            assert_eq!(both, 2, "seldom {number} at {time} s");
+        }
+    }
+}
+
+#[test]
+fn clocks_whose_interval_is_lost_in_the_rounding_of_the_start_are_refused() {
+    let mut simulation = Simulation::<SampledModel<Recorder>>::default();
+    simulation.experiment.start_time = 1e300;
+    assert_eq!(
+        simulation.initialize().unwrap_err().to_string(),
+        "the sample period is 0.1 s, which is lost in the rounding of the start time 1e300 s"
+    );
 }
 
 #[test]

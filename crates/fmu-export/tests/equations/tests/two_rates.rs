@@ -59,6 +59,24 @@ fn both_parts_follow_their_closed_forms_and_the_slow_one_takes_few_steps() {
     }
 }
 
+/// The command that is set for a step acts from the sample at its start on, whenever the experiment starts.
+#[test]
+fn a_command_is_sampled_from_any_start_on() {
+    for start in [0.0, -2.0, 1000.0, 1.7e9] {
+        let mut simulation = Simulation::<Model>::default();
+        simulation.experiment.tolerance = Some(1e-8);
+        simulation.experiment.start_time = start;
+        simulation.initialize().unwrap();
+        for command in [0.5, -1.0, 2.0, 0.25] {
+            simulation.inputs.command = command;
+            simulation.step(0.1).unwrap();
+            // A lag of a millisecond has settled within 0.1 s, to exp(-100) and the tolerance.
+            let opening = simulation.variables.states.opening;
+            assert!((opening - command).abs() < 1e-6, "{opening} instead of {command} from {start} s");
+        }
+    }
+}
+
 #[test]
 fn coupled_parts_take_the_same_steps() {
     // A feedback that does nothing to the solution.
