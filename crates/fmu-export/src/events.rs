@@ -307,7 +307,7 @@ impl Events {
 
     /// When the time event that is reached at a time in s was due, which may be later within a `rounding`.
     pub(crate) fn due(&self, time: f64, rounding: f64) -> Option<f64> {
-        self.next.filter(|next| *next <= time + nearer(rounding, *next, self.reached))
+        self.next.filter(|next| *next <= time + nearer(rounding, *next - self.reached))
     }
 
     /// Sets the time of the next event as asked for again, at a time in s between events: an event that has moved to an

@@ -152,19 +152,15 @@ struct Due {
 }
 
 impl Due {
-    /// When the last sample may have been, in s.
-    fn last(&self) -> f64 {
-        self.time - self.period
-    }
-
     /// How much earlier another sample may be, in s, to be at the same time.
     fn rounding(&self) -> f64 {
-        nearer(rounding(self.time), self.time, self.last())
+        nearer(rounding(self.time), self.period)
     }
 
     /// The sample at the time of the one before, `last`, if that is the same.
     fn join(self, last: &mut f64) -> Self {
-        let is_same = self.time <= *last + self.rounding();
+        // Those of a period are apart.
+        let is_same = self.clock.is_some() && self.time <= *last + self.rounding();
         *last = if is_same { *last } else { self.time };
         Self { time: *last, ..self }
     }
@@ -197,23 +193,23 @@ impl<S: Sampled> SampledModel<S> {
         Due { time: origin + (executed - first) as f64 * period, period, clock: None }
     }
 
-    /// Takes a period that has changed by a time in s.
+    /// Takes the period, which may have changed by a time in s.
+    #[inline]
     fn retime(&mut self, variables: &S::Variables, now: f64) {
-        if S::Variables::HAS_CLOCKS {
-            return;
+        if !S::Variables::HAS_CLOCKS && S::period(variables).to_bits() != self.period.to_bits() {
+            self.take_period(S::period(variables), now);
         }
-        let period = S::period(variables);
-        // One that is not valid is refused before the next step.
-        if period.to_bits() == self.period.to_bits() || !is_valid(period) {
-            return;
-        }
+    }
+
+    #[cold]
+    fn take_period(&mut self, period: f64, now: f64) {
         let due = self.next_of_period();
+        // One that is not valid is refused before the next step. A sample that is due now comes first.
+        if !is_valid(period) || self.executed > 0 && due.time <= now + due.rounding() {
+            return;
+        }
         if self.executed > 0 {
-            // A sample that is due now comes first.
-            if due.time <= now + due.rounding() {
-                return;
-            }
-            (self.origin, self.first) = ((due.last() + period).max(now), self.executed);
+            (self.origin, self.first) = ((due.time - due.period + period).max(now), self.executed);
         }
         self.period = period;
     }
@@ -339,14 +335,15 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let end = step.instant_of_end();
-        let mut last = f64::NEG_INFINITY;
         self.retime(variables, step.start);
+        let period = if S::Variables::HAS_CLOCKS { Self::period(variables) } else { self.period };
+        let until = step.instant_of_end().begin(period);
+        let mut last = f64::NEG_INFINITY;
         while let Some(due) = self.next_sample(variables) {
-            if !end.is_after(due.time, due.last()) {
+            if due.time >= until {
                 break;
             }
-            check_number(&due, end.time)?;
+            check_number(&due, until)?;
             let due = due.join(&mut last);
             if step.inputs.is_constant() {
                 self.compute(due, variables, step.inputs.initial(), context)?;
@@ -428,7 +425,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         self.retime(variables, step.start);
         while let Some(sample) = self.next_sample(variables) {
             // A sample at the end of a step belongs to the next one, unless it is an event of this one.
-            let Some(due) = due_until(&end, Some(sample.time), sample.last()) else { break };
+            let Some(due) = due_until(&end, Some(sample.time), sample.time - sample.period) else { break };
             let due = if due > step.start { due } else { step.start };
             if stops.events.has(due, end.time) {
                 return Ok(Some(Stop::Event(due)));

@@ -26,11 +26,11 @@ pub(crate) fn summed_rounding(time: f64) -> f64 {
     SUMMED * f64::EPSILON * time.abs()
 }
 
-/// How much of a difference (s) counts for an event at a time (s) after one at another: a time between the two is that
-/// of the nearer one.
+/// How much of a difference (s) counts for an event so long after the last one (s): a time between the two is that of the
+/// nearer one.
 #[must_use]
-pub fn nearer(difference: f64, event: f64, last: f64) -> f64 {
-    let half = 0.5 * (event - last);
+pub fn nearer(difference: f64, distance: f64) -> f64 {
+    let half = 0.5 * distance;
     if difference < half { difference } else { half }
 }
 
@@ -61,15 +61,14 @@ impl Ahead {
     /// After a step from a start by a size, both in s.
     #[must_use]
     pub(crate) fn after(self, start: f64, size: f64) -> Self {
-        // The rounding of the sum, exactly (Knuth, The Art of Computer Programming, section 4.2.2, theorem B).
-        let end = start + size;
-        let added = end - start;
-        Self { seconds: self.seconds + ((end - added - start) + (added - size)) }
+        // The rounding of the sum, exactly if the start is not smaller than the size (Dekker, A floating-point technique
+        // for extending the available precision, 1971).
+        Self { seconds: self.seconds + ((start + size - start) - size) }
     }
 
-    /// The earlier of a time (s) and what the importer means by it.
-    pub(crate) fn earliest(self, time: f64) -> f64 {
-        if self.seconds > 0.0 { time - self.seconds } else { time }
+    /// What the importer means by a time (s).
+    pub(crate) fn meant(self, time: f64) -> f64 {
+        time - self.seconds
     }
 }
 
@@ -92,20 +91,26 @@ impl End {
 
     pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds: ahead }: Ahead) -> Self {
         let time = start + size;
-        let largest = if start.abs() > time.abs() { start } else { time };
         let is_ahead = ahead > 0.0 && ahead <= MOST_AHEAD * size;
-        Self { time, rounding: rounding(largest), ahead: if is_ahead { ahead } else { 0.0 } }
+        // Start and end are at most a size apart.
+        Self { time, rounding: rounding(time.abs() + size), ahead: if is_ahead { ahead } else { 0.0 } }
+    }
+
+    /// Before which time (s) an event so long after the last one (s) is before the end.
+    #[must_use]
+    pub fn begin(&self, distance: f64) -> f64 {
+        self.time - self.ahead - nearer(self.rounding, distance)
     }
 
     /// Whether an event at a time (s), after one at `last`, is before the end.
     #[must_use]
     pub fn is_after(&self, event: f64, last: f64) -> bool {
-        event < self.time - self.ahead - nearer(self.rounding, event, last)
+        event < self.begin(event - last)
     }
 
     /// Whether an event at a time (s), after one at `last`, is before the end or at it.
     #[must_use]
     pub fn has(&self, event: f64, last: f64) -> bool {
-        event <= self.time + nearer(self.rounding, event, last)
+        event <= self.time + nearer(self.rounding, event - last)
     }
 }

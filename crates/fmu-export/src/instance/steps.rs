@@ -51,7 +51,8 @@ impl<M: Model> Instance<M> {
             status = status.max(logger.message(category, message));
         });
         let ahead = memory.ahead.at_start(memory.time, start);
-        let of_inputs = Step { start, size, inputs: &memory.inputs, ahead: ahead.after(start, size) };
+        let ahead_at_end = ahead.after(start, size);
+        let of_inputs = Step { start, size, inputs: &memory.inputs, ahead: ahead_at_end };
         // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
@@ -65,7 +66,7 @@ impl<M: Model> Instance<M> {
         }
         memory.phase = Phase::StepComplete;
         memory.time = event.unwrap_or(end);
-        memory.ahead = if event.is_some() { ahead } else { ahead.after(start, size) };
+        memory.ahead = if event.is_some() { ahead } else { ahead_at_end };
         memory.inputs.end_step(event.map_or(size, |event| event - start));
         Ok(status)
     }
@@ -113,10 +114,16 @@ impl<M: Model> Instance<M> {
             // A step far shorter than the largest times cannot exceed them.
             && (M::LONGEST_STEP < 0.25 * f64::EPSILON * f64::MAX || end.is_finite())
             && self.stop_time().is_none_or(|stop_time| {
-                let Memory { time, ahead, .. } = self.memory;
-                let ahead = ahead.at_start(time, start).after(start, size);
-                time::ends_by(stop_time, ahead.earliest(end), size)
+                time::ends_by(stop_time, end, size) || self.is_meant_to_end_by(stop_time, start, size)
             })
+    }
+
+    /// Whether only the sum of the step sizes is after a time (s).
+    #[cold]
+    fn is_meant_to_end_by(&self, last: f64, start: f64, size: f64) -> bool {
+        let Memory { time, ahead, .. } = self.memory;
+        let ahead = ahead.at_start(time, start).after(start, size);
+        time::ends_by(last, ahead.meant(start + size), size)
     }
 
     pub(super) fn stop_time(&self) -> Option<f64> {
