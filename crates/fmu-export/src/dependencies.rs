@@ -4,10 +4,11 @@ use core::fmt;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::context::{Context, Experiment};
-use crate::description::{DataType, Dependencies, Name, ValueReference};
+use crate::description::{Causality, DataType, Dependencies, Name, ValueReference};
 use crate::error::Error;
 use crate::model::{Fmu, Model};
 use crate::number::Dual;
+use crate::panics;
 use crate::resources::Resources;
 use crate::variables::Variables;
 
@@ -17,11 +18,12 @@ const POINTS: usize = 20;
 const MOST_GROUPS: usize = 61;
 
 /// Tests that a model's Real outputs and derivatives depend only on the inputs and states that its JSON lists
-/// (`reads`). Importers use these dependencies to find algebraic loops; an undeclared one hides a loop.
+/// (`reads`), and on the time only where it lists `time`. Importers use these dependencies to find algebraic loops; an
+/// undeclared one hides a loop. The built-in integrator takes equations that list no `time` for independent of it.
 ///
 /// Initializes the model with the resources of its package, and evaluates [`Model::differentiate`] around the values of
-/// `variables`: inputs and states shifted by up to their nominal values or magnitudes. A dependency that is zero at all
-/// points goes unnoticed. If there are more than 61 inputs and states, several are moved at once.
+/// `variables`: inputs and states shifted by up to their nominal values or magnitudes, at the start time and, for the
+/// dependence on it, at times of the default experiment. A dependency that is zero at all points goes unnoticed. If there are more than 61 inputs and states, several are moved at once.
 ///
 /// # Errors
 /// The first undeclared dependency, a failed initialization, or a model without derivatives.
@@ -47,15 +49,32 @@ fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
         .filter(|(unknown, _)| !is_state(*unknown))
         .map(|(unknown, knowns)| (unknown, knowns.collect()))
         .collect();
+    let time = M::Variables::described().find(|(_, variable)| variable.causality == Causality::Independent);
+    let time = time.map(|(reference, _)| reference);
+    let [begin, end] = default_experiment(M::Variables::MODEL_DESCRIPTION_XML);
     for point in 0..POINTS {
         let mut variables = variables.clone();
         for (number, &known) in knowns.iter().enumerate() {
             let value = variables.real(known);
-            // A low-discrepancy sequence between 0 and 1: fractional parts of multiples of the golden ratio.
-            let share = (0.618_033_988_749_895 * (point * knowns.len() + number) as f64).fract();
+            let share = fraction(point * knowns.len() + number);
             variables.set_real(known, value + share * if value == 0.0 { 1.0 } else { 0.1 * value });
         }
         variables.states_from_start();
+        let at = Dual::new(begin + fraction(point) * (end - begin), 1.0);
+        // The equations need not be valid at all times with these values.
+        let by_time = panics::attempt(|| {
+            model.differentiate(at, &variables, variables.inputs(), &M::Variables::zero())
+        });
+        if let Some(by_time) = by_time.transpose()? {
+            let mut undeclared = declared.iter().filter(|(unknown, declared)| {
+                let slope = by_time.real(**unknown);
+                slope != 0.0 && slope.is_finite() && !time.is_some_and(|time| declared.contains(&time))
+            });
+            if let Some((unknown, _)) = undeclared.next() {
+                let unknown = name::<M>(*unknown);
+                return Err(Error::new(format!("{unknown} depends on time, which its 'reads' omit")));
+            }
+        }
         // The first unknown that changes with some knowns although it declares none of them.
         let first_undeclared = |group: &[ValueReference]| {
             let mut direction = M::Variables::zero();
@@ -86,6 +105,22 @@ fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// A low-discrepancy sequence between 0 and 1: fractional parts of multiples of the golden ratio.
+fn fraction(number: usize) -> f64 {
+    (0.618_033_988_749_895 * number as f64).fract()
+}
+
+/// Start and end of the default experiment (s) in a model description; the standard's default is a second.
+fn default_experiment(xml: &str) -> [f64; 2] {
+    let experiment = xml.split_once("<DefaultExperiment ").and_then(|(_, rest)| rest.split_once('>'));
+    let attribute = |name: &str| {
+        let (_, rest) = experiment?.0.split_once(name)?.1.split_once('"')?;
+        rest.split_once('"')?.0.parse::<f64>().ok()
+    };
+    let begin = attribute("startTime").unwrap_or(0.0);
+    [begin, attribute("stopTime").unwrap_or(begin + 1.0)]
 }
 
 /// The knowns that are moved together at a point. Any two are together at few points only, so that a known that an

@@ -155,6 +155,12 @@ impl<I: Inputs> InputSignal<I> {
         self.move_to(offset, inputs);
     }
 
+    /// Overwrites inputs with the values that the importer has set, within their bounds or not.
+    pub(crate) fn copy_set(&self, inputs: &mut I) {
+        inputs.clone_from(&self.bounded);
+        inputs.set_reals(|position| self.reals[position].set);
+    }
+
     fn move_to(&self, offset: f64, inputs: &mut I) {
         if self.order > 0 {
             inputs.set_reals(|position| {

@@ -179,7 +179,10 @@ impl<M: Model> Instance<M> {
             Ok(Ok(status)) => return status,
             Ok(Err(error)) => with_cause(error, ""),
             Err(panic) => {
-                self.memory.phase = Phase::Error;
+                let Memory { phase, model, variables, inputs, .. } = &mut self.memory;
+                *phase = Phase::Error;
+                // What it was computing is none of the values that can still be read.
+                let _ = contain(|| model.leave_step(variables, inputs));
                 Error::new(format!("{panic}; reset the instance"))
             }
         };

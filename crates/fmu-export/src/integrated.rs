@@ -17,10 +17,11 @@ use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, e
 use crate::error::Error;
 use crate::event_loop::{EventLoop, Hybrid};
 use crate::events::{Event, Events, MOST_ITERATIONS};
-use crate::inputs::Inputs as _;
+use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step};
 use crate::number::Dual;
+use crate::panics;
 use crate::search::{self, Trajectory};
 use crate::stops::{Stop, Stops};
 use crate::tape::{Recorded, Tape};
@@ -37,6 +38,27 @@ const MOST_AUDITED: u32 = 1000;
 const MOST_AHEAD: f64 = 1000.0;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause.
 const MOST_TRIALS_AN_EVENT: u32 = 8;
+
+/// From where a communication step can be integrated again, and where a failed one is left: its start, or the last event
+/// in it.
+#[derive(Debug, Default)]
+struct Origin {
+    /// Whether there is a step in progress.
+    is_used: bool,
+    /// The start of the step, the time since then, and the time as events and equations see it, all in s.
+    start: f64,
+    elapsed: f64,
+    time: f64,
+    states: Vec<f64>,
+}
+
+impl Origin {
+    fn set(&mut self, start: f64, (elapsed, time): (f64, f64), states: &[f64]) {
+        (self.is_used, self.start, self.elapsed, self.time) = (true, start, elapsed, time);
+        self.states.clear();
+        self.states.extend_from_slice(states);
+    }
+}
 
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
@@ -55,6 +77,8 @@ pub struct Integrated<E: Equations, I = Integrator> {
     /// The time in s between two points that are searched for events, where indicators change faster than states.
     look: f64,
     events: Events,
+    /// The step in progress, which does not belong to a clone.
+    origin: Origin,
     /// Memory for the states as an array, which does not belong to a clone.
     states: Vec<f64>,
     /// The number of events after which tests have checked the evaluation.
@@ -69,6 +93,7 @@ impl<E: Equations, I: Integrate<E>> Clone for Integrated<E, I> {
             equations: self.equations.clone(),
             integrator: self.integrator.clone(),
             events: self.events.clone(),
+            origin: Origin::default(),
             states: vec![],
             evaluated: self.evaluated.clone(),
             ..*self
@@ -76,8 +101,18 @@ impl<E: Equations, I: Integrate<E>> Clone for Integrated<E, I> {
     }
 
     fn clone_from(&mut self, source: &Self) {
-        let Self { equations, integrator, time, elapsed, look, events, states: _, audited: _, evaluated } =
-            self;
+        let Self {
+            equations,
+            integrator,
+            time,
+            elapsed,
+            look,
+            events,
+            origin: _,
+            states: _,
+            audited: _,
+            evaluated,
+        } = self;
         equations.clone_from(&source.equations);
         integrator.clone_from(&source.integrator);
         (*time, *elapsed, *look) = (source.time, source.elapsed, source.look);
@@ -108,6 +143,7 @@ impl<E: Equations, I: Integrate<E>> Default for Integrated<E, I> {
             elapsed: 0.0,
             look: f64::INFINITY,
             events: Events::new(E::Variables::EVENT_INDICATORS.len()),
+            origin: Origin::default(),
             states: vec![],
             audited: 0,
             evaluated: None,
@@ -324,6 +360,16 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     fn enter_step_mode(&mut self) {
         self.integrator.restart();
     }
+
+    fn leave_step(&mut self, variables: &mut Self::Variables, inputs: &InputSignal<InputsOf<Self>>) {
+        if !mem::take(&mut self.origin.is_used) {
+            return;
+        }
+        let Self { equations, origin: Origin { start, elapsed, time, states, .. }, .. } = self;
+        let step = Step::new(*start, *elapsed, inputs);
+        Equated::new(equations, variables, &step).evaluate(*elapsed, *time, states);
+        inputs.copy_set(variables.inputs_mut());
+    }
 }
 
 impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
@@ -431,6 +477,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             is_evaluated &= states[state].to_bits() == value.to_bits();
             states[state] = value;
         });
+        self.origin.set(step.start, (0.0, begin), &states);
         // The importer may have changed inputs and tunable parameters since the last step.
         let asked = if is_evaluated {
             Ok(())
@@ -464,6 +511,10 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             crossed.and_then(|crossed| event_loop.after(crossed).go_on::<STOPS, _>(&mut evolution, stops));
         let is_over = evolution.context.end.is_some();
         self.states = states;
+        if stop.is_err() {
+            self.leave_step(variables, step.inputs);
+        }
+        self.origin.is_used = false;
         self.integrator.shift(self.elapsed);
         let stop = stop?;
         if stop.is_none() && !is_over {
@@ -588,6 +639,65 @@ struct Evolution<'a, 'c, E: Equations, I> {
 }
 
 #[allow(clippy::inline_always, reason = "as `EventLoop`")]
+impl<E: Equations, I: Integrate<E>> Evolution<'_, '_, E, I> {
+    /// Why steps may be short in vain.
+    const OF_TIME: &'static str = if E::Variables::DEPENDS_ON_TIME {
+        ""
+    } else {
+        "; or the equations depend on time, which no 'reads' in the JSON lists (`check_dependencies` finds this)"
+    };
+
+    /// What a step of the integrator to a target, in s since the start, may cover.
+    #[inline(always)]
+    fn span(&self, target: f64) -> Span {
+        let mut span = Span::from((self.model.elapsed, target));
+        if self.looks_ahead {
+            let last = self.model.events.next.into_iter().chain(self.context.experiment.stop_time);
+            let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
+            let last = last.min(target + MOST_AHEAD * self.step.size);
+            // Times of events are rounded as absolute times are, which may be more than a step.
+            let rounding = rounding(self.step.end());
+            span.rounding = if target < self.step.size { rounding } else { 0.0 };
+            span.limit = if last > target + rounding { last } else { target };
+        }
+        span
+    }
+
+    /// The errors that a step of the integrator may make.
+    #[inline(always)]
+    fn limits(&self) -> Tolerance<'static> {
+        let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
+        Tolerance { relative: self.tolerance, nominals }
+    }
+
+    /// Goes to a place in a step that may go beyond it. Returns whether the equations there are what the step lets expect.
+    fn agrees_at(&mut self, elapsed: f64) -> bool {
+        let agrees = panics::attempt(|| {
+            // The dense output may leave a strict bound that no stage has left.
+            self.go_to(elapsed).is_ok() && self.variables.first_beyond().is_none() && {
+                let limits = self.limits();
+                let Self { model, variables, step, .. } = self;
+                let system = Equated::new(&model.equations, variables, step);
+                model.integrator.agrees(&system, elapsed, &limits)
+            }
+        });
+        agrees.unwrap_or(false)
+    }
+
+    /// Goes back to where the integration of this communication step began, and from there not beyond its end: what lies
+    /// between the last point and this one was missed.
+    #[cold]
+    fn go_back(&mut self) {
+        let Self { model, states, .. } = self;
+        model.integrator.forget_ahead();
+        self.looks_ahead = false;
+        let Origin { elapsed, states: origin, .. } = &model.origin;
+        model.elapsed = *elapsed;
+        states.copy_from_slice(origin);
+    }
+}
+
+#[allow(clippy::inline_always, reason = "as `EventLoop`")]
 impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
     type Error = Error;
 
@@ -613,50 +723,51 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
 
     #[inline(always)]
     fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool, Error> {
-        let mut span = Span::from((self.model.elapsed, target));
-        if self.looks_ahead {
-            let last = self.model.events.next.into_iter().chain(self.context.experiment.stop_time);
-            let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
-            let last = last.min(target + MOST_AHEAD * self.step.size);
-            // Times of events are rounded as absolute times are, which may be more than a step.
-            let rounding = rounding(self.step.end());
-            span.rounding = if target < self.step.size { rounding } else { 0.0 };
-            span.limit = if last > target + rounding { last } else { target };
-        }
-        let Self { model, variables, step, tolerance, states, .. } = self;
         let Trials { count, most } = trials;
-        let mut system = Equated::new(&model.equations, variables, step);
-        let nominals = E::INTEGRATION.error_scales.unwrap_or(E::Variables::STATE_NOMINALS);
-        let limits = Tolerance { relative: *tolerance, nominals };
-        let counted = Trials { count: &mut *count, most };
-        match model.integrator.step(&mut system, span, states, &limits, counted) {
-            Ok(reached) => {
-                let crossed = if E::Variables::EVENT_INDICATORS.is_empty() {
-                    self.go_to(reached)?
-                } else {
-                    let start = step.start;
-                    search::first_event(self, start, (span.begin, reached), count)?
-                };
-                let Self { model, variables, step, .. } = self;
-                model.integrator.end_step(&Equated::new(&model.equations, variables, step));
-                Ok(crossed)
-            }
-            Err(failure) => {
-                model.time = step.start + failure.time;
-                if *count <= most { Err(model.not_integrable(failure, *tolerance)) } else { Ok(false) }
-            }
+        loop {
+            let span = self.span(target);
+            let limits = self.limits();
+            let Self { model, variables, step, states, .. } = self;
+            let mut system = Equated::new(&model.equations, variables, step);
+            let counted = Trials { count: &mut *count, most };
+            let reached = match model.integrator.step(&mut system, span, states, &limits, counted) {
+                Ok(reached) => reached,
+                Err(failure) => {
+                    model.time = step.start + failure.time;
+                    return if *count <= most {
+                        Err(model.not_integrable(failure, self.tolerance))
+                    } else {
+                        Ok(false)
+                    };
+                }
+            };
+            let crossed = if !E::Variables::EVENT_INDICATORS.is_empty() {
+                let start = step.start;
+                search::first_event(self, start, (span.begin, reached), count)?
+            } else if !(I::LOOKS_AHEAD && self.looks_ahead) {
+                self.go_to(reached)?
+            } else if self.agrees_at(reached) {
+                false
+            } else {
+                self.go_back();
+                continue;
+            };
+            let Self { model, variables, step, .. } = self;
+            model.integrator.end_step(&Equated::new(&model.equations, variables, step));
+            return Ok(crossed);
         }
     }
 
     #[inline(always)]
     fn handle(&mut self, due: Option<f64>) -> Result<bool, Error> {
-        let Self { model, variables, states, context, last_cause, .. } = self;
+        let Self { model, variables, step, states, context, last_cause, .. } = self;
         *last_cause = model.events.first_changed();
         model.happen(variables, false, due, context)?;
         if context.end.is_some() {
             return Ok(false);
         }
         E::Variables::each_state(&**variables, |state, value| states[state] = value);
+        model.origin.set(step.start, (model.elapsed, model.time), states);
         Ok(true)
     }
 
@@ -673,7 +784,10 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
             } else {
                 E::Variables::state_name(model.integrator.decisive_state())
             };
-            format!("{what} changes too fast for a step this long, or for the tolerance {tolerance:?}")
+            format!(
+                "{what} changes too fast for a step this long, or for the tolerance {tolerance:?}{}",
+                Self::OF_TIME
+            )
         };
         Error::new(format!(
             "the step from {} s was abandoned at {} s after {most_trials} trials and events: {cause}",

@@ -13,7 +13,8 @@
 //! steps with little error, or any with a method that allows it.
 //!
 //! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
-//! then those of the dense output, whose error is limited like the step's.
+//! then those of the dense output, whose error is limited like the step's. Its caller compares the derivatives at each time
+//! that it asks for with [what the step lets expect](Integrator::agrees), and gives the step up where they differ.
 //!
 //! Memory for a step is allocated in the first one, in the first that is linearly implicit, where the pattern changes, and
 //! for rows that are computed one by one. It does not belong to a clone.
@@ -38,6 +39,7 @@ mod tests;
 mod work;
 
 use crate::error::Error;
+use crate::panics;
 use crate::persistence::{Archive, Persistent};
 use crate::search::ROUNDINGS;
 
@@ -97,9 +99,8 @@ impl From<(f64, f64)> for Span {
 
 impl Clone for Integrator {
     fn clone(&self) -> Self {
-        let last = self.last.as_ref().filter(|_| self.is_ahead);
-        let last = last.map(|last| Box::new(last.kept()));
-        Self { jacobian: self.jacobian.clone(), last, work: None, ..*self }
+        let last = self.ahead().map(|last| Box::new(last.kept()));
+        Self { jacobian: self.jacobian.kept(self.needs_jacobian()), last, work: None, ..*self }
     }
 
     fn clone_from(&mut self, source: &Self) {
@@ -117,14 +118,13 @@ impl Persistent for Integrator {
         self.steps.next.persist(archive)?;
         self.switch.persist(archive)?;
         self.jacobian.persist(archive)?;
-        self.jacobian.check(self.size)?;
         self.is_ahead.persist(archive)?;
-        if !self.is_ahead {
-            return Ok(());
+        if self.is_ahead {
+            let last = self.last.get_or_insert_with(|| Box::new(LastStep::new(self.size)));
+            last.persist(archive)?;
+            last.check(self.size)?;
         }
-        let last = self.last.get_or_insert_with(|| Box::new(LastStep::new(self.size)));
-        last.persist(archive)?;
-        last.check(self.size)
+        self.jacobian.check(self.size, self.needs_jacobian())
     }
 }
 
@@ -158,6 +158,16 @@ impl Integrator {
             last: None,
             work: None,
         }
+    }
+
+    /// The last step, if it ended beyond the end that was asked for.
+    fn ahead(&self) -> Option<&LastStep> {
+        self.last.as_deref().filter(|_| self.is_ahead)
+    }
+
+    /// Whether the check of the last step needs its Jacobian.
+    fn needs_jacobian(&self) -> bool {
+        self.ahead().is_some_and(|last| !last.is_explicit)
     }
 
     /// Re-estimates the length of the next step, as after a jump.
@@ -225,19 +235,17 @@ impl Integrator {
             let is_beyond = to > end + rounding;
             *trials += u32::from(!is_beyond);
             (last.length, last.end, last.has_dense) = (length, to, is_beyond);
-            let mut error = work.trial(last, system, jacobian, tolerance);
-            if is_beyond && error.largest <= 1.0 {
-                work.find_dense(last, system);
-                let of_dense = work.dense_error(last, system, tolerance);
-                if of_dense.largest > error.largest {
-                    error = of_dense;
-                }
-            }
-            if is_beyond && !error.largest.is_finite() {
+            let error = if is_beyond {
                 // What fails beyond the end is of no concern yet.
-                limit = end;
-                continue;
-            }
+                let tried = panics::attempt(|| work.trial_beyond(last, system, jacobian, tolerance));
+                let Some(error) = tried.filter(|error| error.largest.is_finite()) else {
+                    limit = end;
+                    continue;
+                };
+                error
+            } else {
+                work.trial(last, system, jacobian, tolerance)
+            };
             work.decisive = error.state;
             // The error with an older Jacobian says nothing about the length, if the method's order rests on it.
             let is_stale =
@@ -312,6 +320,22 @@ impl Integrator {
             last.has_dense = true;
         }
         last.states_at(time, states);
+    }
+
+    /// Whether the derivatives at a time in a step that went beyond are what its dense output lets expect. Otherwise there
+    /// is something that the stages of the step have missed. `take` writes the derivatives.
+    pub(crate) fn agrees<S: System>(
+        &mut self,
+        time: f64,
+        tolerance: &Tolerance<'_>,
+        take: impl FnOnce(&mut [f64]),
+    ) -> bool {
+        let Self { size, jacobian, is_ahead, last, work, .. } = self;
+        let Some(last) = last.as_deref().filter(|_| *is_ahead) else { return true };
+        let work = work.get_or_insert_with(|| Box::new(Work::new(*size, S::METHOD)));
+        take(&mut work.moved);
+        let share = (time - last.begin) / last.length;
+        work.agrees::<S>(last, jacobian, share, tolerance)
     }
 
     /// The position of the state whose error determined the length of the last trial.

@@ -265,6 +265,12 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         self.step(variables, step, context).map(|()| None)
     }
 
+    /// After a panic in a step: goes back to a time that it has reached.
+    #[doc(hidden)]
+    fn leave_step(&mut self, variables: &mut Self::Variables, inputs: &InputSignal<InputsOf<Self>>) {
+        let _ = (variables, inputs);
+    }
+
     /// The next step begins after an event.
     #[doc(hidden)]
     fn enter_step_mode(&mut self) {}

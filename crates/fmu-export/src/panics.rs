@@ -7,7 +7,7 @@ use core::fmt;
 use core::mem;
 use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::Error;
 
@@ -53,8 +53,7 @@ pub(crate) fn note(panic: &std::panic::PanicHookInfo<'_>) {
     if let Some(location) = panic.location() {
         PLACE.set(Place::of(location));
     }
-    let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
-    first.get_or_insert_with(|| told(panic.payload()));
+    lock_first().get_or_insert_with(|| told(panic.payload()));
 }
 
 /// What a panic of this thread says, and where.
@@ -69,21 +68,45 @@ pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
     catch_unwind(AssertUnwindSafe(body)).map_err(to_error)
 }
 
+/// Runs code that may call the model where it need not be valid. A panic is none, and leaves no trace.
+pub(crate) fn attempt<T>(body: impl FnOnce() -> T) -> Option<T> {
+    let (place, first) = (PLACE.get(), lock_first().is_some());
+    match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(result) => Some(result),
+        Err(payload) => {
+            discard(payload);
+            PLACE.set(place);
+            if !first {
+                *lock_first() = None;
+            }
+            None
+        }
+    }
+}
+
+/// Drops what a panic carries, which may itself panic; what that one carries is leaked.
+fn discard(payload: Box<dyn Any + Send>) {
+    if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
+        mem::forget(next);
+    }
+}
+
+fn lock_first() -> MutexGuard<'static, Option<String>> {
+    FIRST.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 #[cold]
 #[inline(never)]
 fn to_error(payload: Box<dyn Any + Send>) -> Error {
     let own = told(payload.as_ref());
-    // A panic's payload may itself panic when dropped; the payload of that panic is leaked.
-    if let Err(next) = catch_unwind(AssertUnwindSafe(|| drop(payload))) {
-        mem::forget(next);
-    }
+    discard(payload);
     with_cause(Error::new(format!("the model panicked: {own}")), &own)
 }
 
 /// An error with the panic of another thread that came before it, unless that is the error's own.
 #[cold]
 pub(crate) fn with_cause(error: Error, own: &str) -> Error {
-    let first = FIRST.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let first = lock_first().take();
     match first.filter(|first| first != own) {
         Some(first) => Error::new(format!("{error}; before, a thread panicked: {first}")),
         None => error,
@@ -97,4 +120,21 @@ pub(crate) fn message(payload: &(dyn Any + Send)) -> &str {
         .copied()
         .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_attempted_leaves_no_trace() {
+        crate::c_boundary::silence_panics();
+        let here = attempt(|| -> u8 { panic!("it panics here") });
+        let elsewhere = attempt(|| std::thread::spawn(|| panic!("it panics there")).join().unwrap());
+        // That of another test may be in between.
+        let first = lock_first().take().unwrap_or_default();
+        let _ = std::panic::take_hook();
+        assert_eq!((here, elsewhere), (None, None));
+        assert!(!first.contains("it panics"), "{first}");
+    }
 }

@@ -85,6 +85,26 @@ impl<'a, V: Number> Curve<'a, V> {
         along(knots, self.interpolation, self.beyond, x, |index| self.values[index].into())
     }
 
+    /// The next knot after a place, where the slope may jump: for a curve over the time,
+    /// [`next_event`](crate::Equations::next_event) in one line. There is none beyond the last, unless the curve repeats.
+    #[must_use]
+    pub fn next_point(self, x: f64) -> Option<f64> {
+        let knots = &self.knots[..self.knots.len().min(self.values.len())];
+        let after = |shift: f64| {
+            let next = knots.get(knots.partition_point(|knot| knot.value() + shift <= x));
+            next.map(|knot| knot.value() + shift)
+        };
+        match (self.beyond, knots) {
+            (Beyond::Repeat, [first, .., last]) => {
+                let period = last.value() - first.value();
+                let rounds = ((x - first.value()) / period).floor();
+                // Rounding may put the end of this round before the place.
+                after(rounds * period).or_else(|| after((rounds + 1.0) * period))
+            }
+            _ => after(0.0),
+        }
+    }
+
     /// Checks what [`Curve::at`] takes for granted.
     ///
     /// # Errors

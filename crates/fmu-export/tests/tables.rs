@@ -179,3 +179,28 @@ fn tables_are_read_from_csv() {
         assert_eq!(refusal, message);
     }
 }
+
+#[test]
+fn the_next_point_is_the_first_knot_after_a_place() {
+    let curve = curve("linear");
+    for (place, expected) in [
+        (-3.0, Some(-1.0)),
+        (-1.0, Some(0.0)),
+        (0.25, Some(0.5)),
+        (2.0, Some(2.25)),
+        (7.0, None),
+        (8.0, None),
+    ] {
+        assert_eq!(curve.next_point(place), expected, "after {place}");
+    }
+    // A period of 0.3, which has no exact multiples: four knots in each round, of which two are the same.
+    let knots = [0.1, 0.2, 0.25, 0.4];
+    let repeated = Curve::new(&knots, &[1.0, 2.0, 0.0, 1.0]).beyond(Beyond::Repeat);
+    let (mut place, mut count) = (-30.0, 0);
+    while let Some(next) = repeated.next_point(place).filter(|&next| next < 60.0) {
+        assert!(next > place, "{next} after {place}");
+        (place, count) = (next, count + 1);
+    }
+    // Three in each of 300 rounds, if rounding makes none of them two.
+    assert_eq!(count, 900);
+}

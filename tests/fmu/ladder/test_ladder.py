@@ -31,7 +31,7 @@ pytestmark = pytest.mark.quick
 
 REFERENCE = Path(__file__).parent / "reference"
 LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
-OTHERS = ["NeuralLayer", "StickSlip", "Furnace", "PiController", "Cascade", "Battery"]
+OTHERS = ["NeuralLayer", "StickSlip", "Furnace", "PiController", "Cascade", "Battery", "DriveCycle"]
 TOLERANCE = 1e-10
 """What the solvers are asked for."""
 INTERFACES = {
@@ -561,6 +561,17 @@ def test_the_weakest_cell_trips_the_battery(fmu, interface):
     # trip adds some. The curve's slope is below 20 V.
     assert np.abs(found - expected).max() < 20 * 100 * TOLERANCE
     assert np.abs(result["voltage"] - expected.sum(axis=1) * is_closed).max() < 12 * 20 * 100 * TOLERANCE
+
+
+# The drive cycle
+
+
+@ACCURATE
+def test_the_vehicle_follows_the_drive_cycle(fmu, interface):
+    """Its two trapezoids, in steps that are longer than parts of them."""
+    result = simulate(fmu("DriveCycle"), interface, output=["distance"], output_interval=20)
+    # A tolerance for each of some hundred steps.
+    assert result["distance"][-1] == pytest.approx(8 * 20 + 14 * 70, rel=100 * TOLERANCE)
 
 
 # The sampled controller

@@ -80,8 +80,8 @@ pub(crate) struct VariableDeclaration {
     /// shorter step.
     #[serde(default)]
     pub(crate) strict_max: bool,
-    /// Variables that its equation reads directly. An array may also name elements, by its own subscripts i, j, …; `:` is
-    /// a whole dimension: `T[i-1]`, `A[i,:]`. Default: everything.
+    /// Variables that its equation reads directly, and `time` if it does. An array may also name elements, by its own
+    /// subscripts i, j, …; `:` is a whole dimension: `T[i-1]`, `A[i,:]`. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
     /// Variables that its equation in initialization reads directly, written like `reads`. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,
@@ -211,8 +211,8 @@ pub(crate) struct DerivativeDeclaration {
     pub(crate) description: Option<String>,
     /// Default: the state's unit divided by s.
     pub(crate) unit: Option<String>,
-    /// Variables that its equation reads directly; elements of an array as in a variable's `reads`. Default:
-    /// everything.
+    /// Variables that its equation reads directly, and `time` if it does; elements of an array as in a variable's
+    /// `reads`. Default: everything.
     pub(crate) reads: Option<Vec<String>>,
     /// Variables that its equation in initialization reads directly. Default: `reads`.
     pub(crate) initial_reads: Option<Vec<String>>,

@@ -41,6 +41,11 @@ impl<'a, E: Equations> Equated<'a, E> {
         evaluate_values(self.equations, time, self.variables);
     }
 
+    /// The derivatives of the last evaluation.
+    pub(super) fn present_rates(&self, rates: &mut [f64]) {
+        E::Variables::each_derivative(self.variables, |state, rate| rates[state] = rate);
+    }
+
     /// Whether the derivatives depend on the states alone.
     fn is_autonomous(&self) -> bool {
         !E::Variables::DEPENDS_ON_TIME && self.inputs.is_constant()

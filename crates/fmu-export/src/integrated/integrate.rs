@@ -22,6 +22,11 @@ pub trait Integrate<E: Equations>: Clone + fmt::Debug + Persistent + Send + Sync
     fn discard(&mut self);
     /// Forgets a step beyond the present time.
     fn forget_ahead(&mut self) {}
+    /// Whether the present derivatives, at a time (s) in a step that went beyond, are what it lets expect.
+    fn agrees(&mut self, system: &Equated<'_, E>, time: f64, tolerance: &Tolerance<'_>) -> bool {
+        let _ = (system, time, tolerance);
+        true
+    }
     /// Has times count from another zero (s).
     fn shift(&mut self, zero: f64) {
         let _ = zero;
@@ -65,6 +70,10 @@ impl<E: Equations> Integrate<E> for Integrator {
 
     fn forget_ahead(&mut self) {
         self.forget_ahead();
+    }
+
+    fn agrees(&mut self, system: &Equated<'_, E>, time: f64, tolerance: &Tolerance<'_>) -> bool {
+        self.agrees::<Equated<'_, E>>(time, tolerance, |rates| system.present_rates(rates))
     }
 
     fn shift(&mut self, zero: f64) {

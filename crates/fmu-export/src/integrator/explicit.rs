@@ -14,11 +14,11 @@ pub(super) const AT_END: Range<usize> = END..END + 1;
 pub(super) const OF_DENSE: Range<usize> = END + 1..STAGES;
 /// The order of the combined error estimate: the slope of its logarithm over that of the step.
 pub(super) const ESTIMATE_ORDER: f64 = 8.0;
-/// Where the slope of the dense output is compared with the derivatives, and its largest error relative to what this
-/// implies over the step. Its error of lowest order has one shape, whatever the system: it is largest at five sixths of
-/// the step, and at 0.7 its slope is 8.4 to 8.7 times this for decays, oscillations and y' = −y².
+/// Where the slope of the dense output is compared with the derivatives, and how many times its largest error the error of
+/// the slope there is over the step. Its error of lowest order has one shape, whatever the system: it is largest at five
+/// sixths of the step, and at 0.7 this is 8.4 to 8.7 for decays, oscillations and y' = −y².
 pub(super) const RESIDUAL_AT: f64 = 0.7;
-pub(super) const DENSE_ERROR: f64 = 1.0 / 8.5;
+pub(super) const ERROR_SLOPE: f64 = 8.5;
 /// How far along the negative real axis steps are stable: the length times the magnitude of the eigenvalue.
 pub(super) const STABILITY: f64 = 6.1;
 

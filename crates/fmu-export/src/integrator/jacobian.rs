@@ -31,7 +31,7 @@ const INDEXED: usize = 2;
 pub(super) struct Jacobian {
     /// Where its elements are, once found; not for few states.
     pattern: Option<Arc<Pattern>>,
-    /// The elements, by rows.
+    /// The elements, by rows; none in a clone that does not use them.
     elements: Vec<f64>,
     /// The number of steps that it still serves; 0 if it must be renewed.
     serves: u32,
@@ -58,34 +58,33 @@ impl Default for Jacobian {
     }
 }
 
-/// Without elements that serve no longer.
-impl Clone for Jacobian {
-    fn clone(&self) -> Self {
-        let elements = if self.serves > 0 { self.elements.clone() } else { vec![] };
-        Self { pattern: self.pattern.clone(), elements, ..*self }
-    }
-}
-
 impl Persistent for Jacobian {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let mut pattern = self.pattern.take().map(Arc::unwrap_or_clone);
         pattern.persist(archive)?;
         self.pattern = pattern.map(Arc::new);
-        self.most.persist(archive)?;
-        self.accepted.persist(archive)?;
-        self.serves.persist(archive)?;
-        if self.serves > 0 {
-            self.elements.persist(archive)?;
-            self.served.persist(archive)?;
-            self.factored_for.persist(archive)?;
+        let Self { pattern: _, elements, serves, served, factored_for, most, accepted } = self;
+        most.persist(archive)?;
+        accepted.persist(archive)?;
+        serves.persist(archive)?;
+        elements.persist(archive)?;
+        if !elements.is_empty() {
+            served.persist(archive)?;
+            factored_for.persist(archive)?;
         }
         Ok(())
     }
 }
 
 impl Jacobian {
-    /// Checks what was read for this many states.
-    pub(super) fn check(&self, size: usize) -> Result<(), Error> {
+    /// What a clone keeps: the elements if they serve the next step, or the last one still `needs` them.
+    pub(super) fn kept(&self, needs: bool) -> Self {
+        let elements = if needs || self.serves() { self.elements.clone() } else { vec![] };
+        Self { pattern: self.pattern.clone(), elements, ..*self }
+    }
+
+    /// Checks what was read for this many states, of which the last step `needs` the elements.
+    pub(super) fn check(&self, size: usize, needs: bool) -> Result<(), Error> {
         let count = match &self.pattern {
             Some(pattern) => {
                 pattern.check(size)?;
@@ -94,7 +93,9 @@ impl Jacobian {
             None => size.saturating_mul(size),
         };
         let is_counted = (1..=SERVES).contains(&self.most) && self.accepted.max(self.served) <= SERVES;
-        if is_counted && (self.serves == 0 || self.elements.len() == count) {
+        let is_complete =
+            self.elements.len() == count || self.elements.is_empty() && !(needs || self.serves());
+        if is_counted && is_complete {
             Ok(())
         } else {
             Err(Error::new("the Jacobian in the serialized state is not one of this model"))
@@ -390,6 +391,16 @@ impl Matrix {
                 1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
             self.factors = Factors::Sparse(Box::new(sparse::Factors::new(elimination.order)));
         }
+    }
+
+    /// Has the factors of the matrix of the last step, of a length, which a clone has not. Returns whether it is regular.
+    pub(super) fn restore<S: System>(&mut self, jacobian: &mut Jacobian, length: f64, size: usize) -> bool {
+        if S::MAY_BE_SPARSE
+            && let Some(pattern) = &jacobian.pattern
+        {
+            self.follow::<S>(pattern);
+        }
+        self.factor::<S>(jacobian, length, size)
     }
 
     /// Factors the matrix for a step of a length, or takes factors for a similar length where the method allows them.

@@ -90,13 +90,21 @@ impl LastStep {
 
     /// What the dense output adds at a share of the step to the line from its start to its end, divided by
     /// share·(1 − share), and the slope of this.
-    pub(super) fn bulge(&self, state: usize, share: f64) -> [f64; 2] {
+    fn bulge(&self, state: usize, share: f64) -> [f64; 2] {
         let ([first, second, mut third], mut slope) = (self.dense[state], 0.0);
         if let Some([fourth, fifth, sixth]) = self.higher.get(state) {
             third += share * (fourth + share * (fifth + share * sixth));
             slope = fourth + share * (2.0 * fifth + 3.0 * share * sixth);
         }
         [first + share * (second + share * third), second + share * (2.0 * third + share * slope)]
+    }
+
+    /// The slope of the dense output at a share of the step.
+    pub(super) fn slope(&self, state: usize, share: f64) -> f64 {
+        let [bulge, bulge_slope] = self.bulge(state, share);
+        let rest = 1.0 - share;
+        let rise = self.to[state] - self.from[state] + (rest - share) * bulge + share * rest * bulge_slope;
+        rise / self.length
     }
 
     /// The states at a time, with dense output.

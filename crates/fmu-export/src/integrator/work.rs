@@ -21,6 +21,10 @@ const DENSE_ERROR: f64 = 16.0 / 9.0;
 /// error vanishes in the middle.
 const RESIDUAL_AT: f64 = 0.25;
 
+/// How many times as large as an error of lowest order implies differences between the slope of the dense output and the
+/// derivatives may be: this leaves room for the terms of higher order.
+const MARGIN: f64 = 2.0;
+
 /// The explicit method is not for steps whose length times the estimated magnitude of the largest eigenvalue exceeds this.
 const STIFF: f64 = 0.7 * explicit::STABILITY;
 
@@ -142,25 +146,60 @@ impl Work {
         }
     }
 
-    /// The largest error of the dense output, from the difference between its slope and the derivatives, which the
-    /// matrix of the step damps where errors decay fast.
+    /// The largest error of the dense output, from the difference between its slope and the derivatives at one share of
+    /// the step.
     pub(super) fn dense_error<S: System>(
         &mut self,
         last: &LastStep,
         system: &mut S,
         tolerance: &Tolerance<'_>,
     ) -> LargestError {
-        let share = if last.took_explicit::<S>() { explicit::RESIDUAL_AT } else { RESIDUAL_AT };
-        let rest = 1.0 - share;
+        let (share, weight) = if last.took_explicit::<S>() {
+            (explicit::RESIDUAL_AT, explicit::ERROR_SLOPE.recip())
+        } else {
+            (RESIDUAL_AT, DENSE_ERROR)
+        };
         let time = last.begin + share * last.length;
         last.states_at(time, &mut self.moved);
-        let residual = &mut self.stages[const { S::METHOD.count() - 1 }];
-        system.derivatives(time, &self.moved, residual);
-        let ends = last.from.iter().zip(&last.to);
-        for (i, (residual, (from, to))) in residual.iter_mut().zip(ends).enumerate() {
-            let [bulge, bulge_slope] = last.bulge(i, share);
-            let rise = to - from + (rest - share) * bulge + share * rest * bulge_slope;
-            *residual -= rise / last.length;
+        let rates = &mut self.stages[const { S::METHOD.count() - 1 }];
+        system.derivatives(time, &self.moved, rates);
+        mem::swap(&mut self.moved, rates);
+        self.residual::<S>(last, share, weight, tolerance)
+    }
+
+    /// Whether derivatives at a share of the last step, which `moved` holds, differ from the slope of its dense output by no
+    /// more than errors within the tolerance explain.
+    pub(super) fn agrees<S: System>(
+        &mut self,
+        last: &LastStep,
+        jacobian: &mut Jacobian,
+        share: f64,
+        tolerance: &Tolerance<'_>,
+    ) -> bool {
+        let most = if last.took_explicit::<S>() {
+            explicit::ERROR_SLOPE
+        } else if self.matrix.restore::<S>(jacobian, last.length, last.from.len()) {
+            // Errors that decay fast are left by the matrix as they are, slow ones become γ·h times their slope.
+            1.0 + S::METHOD.gamma * explicit::ERROR_SLOPE
+        } else {
+            return false;
+        };
+        self.residual::<S>(last, share, 1.0, tolerance).largest <= MARGIN * most
+    }
+
+    /// The largest difference between derivatives at a share of the last step, which `moved` holds, and the slope of its
+    /// dense output. It is multiplied by the length of the step, or by the linearly implicit method damped by the matrix
+    /// of the step where errors decay fast.
+    fn residual<S: System>(
+        &mut self,
+        last: &LastStep,
+        share: f64,
+        weight: f64,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let residual = &mut self.moved;
+        for (state, residual) in residual.iter_mut().enumerate() {
+            *residual -= last.slope(state, share);
         }
         if last.took_explicit::<S>() {
             for residual in residual.iter_mut() {
@@ -169,7 +208,6 @@ impl Work {
         } else {
             self.matrix.solve::<S>(residual);
         }
-        let weight = if last.took_explicit::<S>() { explicit::DENSE_ERROR } else { DENSE_ERROR };
         let ends = last.from.iter().zip(&last.to);
         LargestError::of(residual.iter().zip(ends).enumerate().map(|(state, (error, (from, to)))| {
             weight * error / tolerance.scale::<S>(state, from.abs().max(to.abs()))
@@ -190,6 +228,23 @@ impl Work {
         } else {
             self.implicit_trial(last, system, jacobian, tolerance)
         }
+    }
+
+    /// Tries a step beyond the end that is asked for: with its dense output, whose error counts, too.
+    pub(super) fn trial_beyond<S: System>(
+        &mut self,
+        last: &mut LastStep,
+        system: &mut S,
+        jacobian: &mut Jacobian,
+        tolerance: &Tolerance<'_>,
+    ) -> LargestError {
+        let error = self.trial(last, system, jacobian, tolerance);
+        if error.largest > 1.0 {
+            return error;
+        }
+        self.find_dense(last, system);
+        let of_dense = self.dense_error(last, system, tolerance);
+        if of_dense.largest > error.largest { of_dense } else { error }
     }
 
     /// Tries a step of the explicit method.

@@ -19,6 +19,7 @@ fn main() {
         "falling",
         "rod",
         "field",
+        "drive",
         "furnace",
         "two_parts",
         "nested",

@@ -19,7 +19,7 @@ macro_rules! variables {
 }
 variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", hires: "hires",
     bouncing_ball: "bouncing_ball", stairs: "stairs", undeclared: "undeclared", draining: "draining",
-    falling: "falling", rod: "rod", field: "field", furnace: "furnace", two_parts: "two_parts", nested: "nested",
+    falling: "falling", rod: "rod", field: "field", drive: "drive", furnace: "furnace", two_parts: "two_parts", nested: "nested",
     without_capabilities: "without_capabilities", ending: "fmi3/ending", vessels: "Vessels",
     tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
     tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks",

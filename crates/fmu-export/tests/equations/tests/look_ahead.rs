@@ -25,8 +25,9 @@ thread_local! {
     static EVALUATIONS: Cell<u32> = const { Cell::new(0) };
     /// The latest time (s) at which the equations are evaluated.
     static LATEST: Cell<f64> = const { Cell::new(f64::NEG_INFINITY) };
-    /// From when on (s) they are not valid.
+    /// From when on (s) they are not valid, and whether they panic then.
     static VALID_UNTIL: Cell<f64> = const { Cell::new(f64::INFINITY) };
+    static PANICS: Cell<bool> = const { Cell::new(false) };
     /// When (s) there are time events.
     static PERIOD: Cell<f64> = const { Cell::new(f64::INFINITY) };
 }
@@ -53,6 +54,7 @@ macro_rules! tests_of {
                     EVALUATIONS.set(EVALUATIONS.get() + 1);
                     LATEST.set(LATEST.get().max(time.value()));
                     let is_valid = time.value() <= VALID_UNTIL.get();
+                    assert!(is_valid || !PANICS.get(), "they are not valid");
                     self.0.evaluate(if is_valid { time } else { T::from(f64::NAN) }, variables);
                 }
 
@@ -115,13 +117,17 @@ macro_rules! tests_of {
                     assert_eq!(status, c_types::Status::Ok, "{name}");
                 }
 
-                fn x(&mut self) -> f64 {
+                fn get(&mut self, name: &str) -> f64 {
                     let mut described = decay::Variables::described();
-                    let (reference, _) = described.find(|(_, variable)| variable.name() == "x").unwrap();
+                    let (reference, _) = described.find(|(_, variable)| variable.name() == name).unwrap();
                     let mut value = f64::NAN;
                     // SAFETY: see above.
                     unsafe { c_api::fmi2GetReal::<Model>(self.0, &raw const reference, 1, &raw mut value) };
                     value
+                }
+
+                fn x(&mut self) -> f64 {
+                    self.get("x")
                 }
 
                 /// Takes a communication step by its number. Returns `x` at its end.
@@ -286,11 +292,22 @@ macro_rules! tests_of {
 
             #[test]
             fn what_fails_beyond_a_point_is_no_error_before() {
-                VALID_UNTIL.set(1.0);
-                let found = run(None, |_, _| {});
-                assert!(LATEST.get() > 1.0, "no step went beyond");
-                let exact = (-2.0_f64).exp();
-                assert!((found[99] - exact).abs() <= ACCUMULATED * TOLERANCE, "{}", found[99]);
+                for panics in [false, true] {
+                    VALID_UNTIL.set(1.0);
+                    PANICS.set(panics);
+                    let mut importer = Importer::new(None);
+                    let found = (0..STEPS).map(|number| importer.step(number)).last().unwrap();
+                    assert!(LATEST.get() > 1.0, "no step went beyond");
+                    assert!((found - (-2.0_f64).exp()).abs() <= ACCUMULATED * TOLERANCE, "{found}");
+                    let values = ["x", "der(x)", "square", "seconds", "target"];
+                    let reached = values.map(|name| importer.get(name));
+                    // SAFETY: see above.
+                    let status = unsafe { c_api::fmi2DoStep::<Model>(importer.0, 1.0, 1.0, 1) };
+                    assert_eq!(status, c_types::Status::Error);
+                    // What can be read is what was reached.
+                    VALID_UNTIL.set(f64::INFINITY);
+                    assert_eq!(bits(&values.map(|name| importer.get(name))), bits(&reached), "panics: {panics}");
+                }
             }
 
             #[test]

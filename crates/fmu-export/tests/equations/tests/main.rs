@@ -9,6 +9,7 @@ mod importer;
 mod intermediate_update;
 mod look_ahead;
 mod nested;
+mod pulses;
 mod rod;
 mod samples;
 mod solutions;

@@ -4,7 +4,9 @@ use fmu_export::{
     Context, Equations, Error, EvaluationOf, Event, Integrated, Number, Persistent, Sample, Sampled,
     SampledModel, Simulation, check_dependencies,
 };
-use fmu_export_equations::{Falling, bouncing_ball, decay, draining, falling, tuned, tuned_samples};
+use fmu_export_equations::{
+    Falling, bouncing_ball, decay, draining, falling, tuned, tuned_samples, undeclared,
+};
 
 /// Defines models that differ by one line of their equations.
 macro_rules! models {
@@ -213,6 +215,30 @@ fn a_calculated_parameter_that_another_hook_sets_is_named() {
 fn an_undeclared_dependency_through_a_calculated_parameter_is_named() {
     let undeclared = check_dependencies::<Integrated<Undeclared>>(&tuned::Variables::default()).unwrap_err();
     assert_eq!(undeclared.to_string(), "der(held) depends on x, which its 'reads' omit");
+}
+
+/// A fast decay towards a cosine of time (Prothero and Robinson), which its JSON does not say to read.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Timeless {}
+
+impl Equations for Timeless {
+    type Variables = undeclared::Variables;
+
+    fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>) {
+        variables.derivatives.x = (time.cos() - variables.states.x) * 1e4 - time.sin();
+    }
+}
+
+#[test]
+fn an_undeclared_dependency_on_time_is_named() {
+    let undeclared =
+        check_dependencies::<Integrated<Timeless>>(&undeclared::Variables::default()).unwrap_err();
+    assert_eq!(undeclared.to_string(), "der(x) depends on time, which its 'reads' omit");
+    let mut simulation = Simulation::<Integrated<Timeless>>::default();
+    simulation.initialize().unwrap();
+    // Without the derivative by time, the stiff method has a low order, and steps are short.
+    let abandoned = simulation.step(100.0).unwrap_err().to_string();
+    assert!(abandoned.contains("was abandoned") && abandoned.contains("depend on time"), "{abandoned}");
 }
 
 /// A model whose discrete output nothing sets.
