@@ -113,13 +113,13 @@ fn a_branch_that_omits_a_variable_is_named_in_model_exchange() {
     check_model_exchange::<Integrated<Branches3>>();
 }
 
-/// x after a second, with the tolerance that the importer gives.
+/// x after 20 s, with the tolerance that the importer gives.
 fn decayed<M: Model>(tolerance: Option<f64>) -> u64 {
     let mut importer = Importer::<M>::new(InstanceType::CoSimulation);
     importer.enter_initialization_with(tolerance);
     importer.set_integer("after", 0);
     importer.exit_initialization();
-    importer.step(0.0, 1.0);
+    importer.step(0.0, 20.0);
     importer.get(["x"])[0].to_bits()
 }
 
@@ -138,7 +138,7 @@ fn the_tolerance_of_the_declaration_holds_where_the_importer_gives_none() {
         simulation.experiment.tolerance = tolerance;
         simulation.variables.parameters.after = 0;
         simulation.initialize().unwrap();
-        simulation.step(1.0).unwrap();
+        simulation.step(20.0).unwrap();
         simulation.variables.states.x.to_bits()
     };
     assert_eq!(x(None), x(Some(0.01)));
