@@ -116,10 +116,24 @@ impl<M: Model> Importer<M> {
         unsafe {
             if const { Self::IS_FMI2 } {
                 let [has_tolerance, has_stop] = [has_tolerance, has_stop].map(i32::from);
-                fmi2::c_api::fmi2SetupExperiment::<M>(self.0, has_tolerance, tolerance, start, has_stop, stop);
+                fmi2::c_api::fmi2SetupExperiment::<M>(
+                    self.0,
+                    has_tolerance,
+                    tolerance,
+                    start,
+                    has_stop,
+                    stop,
+                );
                 fmi2::c_api::fmi2EnterInitializationMode::<M>(self.0);
             } else {
-                fmi3::c_api::fmi3EnterInitializationMode::<M>(self.0, has_tolerance, tolerance, start, has_stop, stop);
+                fmi3::c_api::fmi3EnterInitializationMode::<M>(
+                    self.0,
+                    has_tolerance,
+                    tolerance,
+                    start,
+                    has_stop,
+                    stop,
+                );
             }
         }
     }
