@@ -152,6 +152,7 @@ impl Equations for Plant {
             (self.found, self.is_settled) = (settled.states, settled.shortcoming.is_none());
         }
         warn_of_ignored_starts(variables, context);
+        warn_of_negative_pressure(&System::new(&variables.parameters), context);
         Ok(())
     }
 
@@ -284,6 +285,18 @@ fn warn_of_ignored_starts(variables: &Variables, context: &mut Context<'_>) {
         context.warn(format_args!(
             "the start values of {} are ignored: only initialization.mode = given uses them",
             ignored.join(", ")
+        ));
+    }
+}
+
+/// Warns if the valve's polynomial asks for less than a vacuum.
+fn warn_of_negative_pressure(system: &System, context: &mut Context<'_>) {
+    let (pressure, duty) = system.valve.lowest_pressure();
+    if pressure < 0.0 {
+        context.warn(format_args!(
+            "valve.pressure is {} Pa at a plunger duty of {duty} %: with these valve.pressure_coefficient, the valve asks for \
+             less than a vacuum",
+            Rounded(pressure)
         ));
     }
 }

@@ -14,6 +14,9 @@ use super::orifice::Orifice;
 use super::variables::{ValveLocals, ValveParameters};
 use crate::elementary::Elementary;
 
+/// A plunger's largest duty in percent.
+const LARGEST_DUTY: u8 = 100;
+
 #[derive(Clone, Copy, Debug)]
 pub struct SolenoidValve<D = f64> {
     pub parameters: ValveParameters<D>,
@@ -32,7 +35,7 @@ impl<D: Elementary> SolenoidValve<D> {
         } else {
             relative.power(self.parameters.voltage_exponent)
         };
-        (duty * gain).max(0.0).min(100.0)
+        (duty * gain).max(0.0).min(f64::from(LARGEST_DUTY))
     }
 
     /// Rate of change of the plunger's duty in %/s.
@@ -89,5 +92,14 @@ impl<D: Elementary> SolenoidValve<D> {
     /// The pressure in Pa at which the chamber settles: the target, within tank and ambient pressure.
     pub fn chamber_pressure_at_rest(&self, plunger_duty: D, ambient_pressure: D, tank_pressure: D) -> D {
         self.pressure(plunger_duty, ambient_pressure).max(tank_pressure).min(ambient_pressure)
+    }
+}
+
+impl SolenoidValve {
+    /// The lowest pressure in Pa at which the valve would hold the chamber, and its plunger duty, a whole percentage.
+    pub fn lowest_pressure(&self) -> (f64, f64) {
+        let pressures =
+            (0..=LARGEST_DUTY).map(f64::from).map(|duty| (self.pressure(duty, f64::INFINITY), duty));
+        pressures.fold((f64::INFINITY, 0.0), |lowest, next| if next.0 < lowest.0 { next } else { lowest })
     }
 }

@@ -1,6 +1,6 @@
 //! The start of an experiment, in its modes and at extreme inputs.
 
-use boost_fmu::plant::variables::{InitializationMode, Inputs, States};
+use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States};
 
 use crate::bench::Bench;
 use crate::random::Random;
@@ -41,6 +41,30 @@ fn a_missing_steady_state_is_reported() {
     assert_eq!(bench.messages.len(), 1, "{:?}", bench.messages);
     let warning = &bench.messages[0].1;
     assert!(warning.contains("engine_speed = 0 rpm") && warning.contains("throttle = 0 "), "{warning}");
+}
+
+#[test]
+fn a_valve_that_asks_for_less_than_a_vacuum_is_reported_once() {
+    let with = |coefficients: [f64; 4]| {
+        let inputs = Inputs { hp_wastegate_pwm: 100.0, ..Inputs::default() };
+        let mut bench =
+            Bench::new(inputs, |parameters, _| parameters.valve.pressure_coefficient = coefficients);
+        bench.run(1.0);
+        bench.messages.iter().map(|(_, text)| text.clone()).collect::<Vec<_>>()
+    };
+    let message = |pressure, duty| {
+        format!(
+            "at 0 s: valve.pressure is {pressure} Pa at a plunger duty of {duty} %: with these \
+             valve.pressure_coefficient, the valve asks for less than a vacuum"
+        )
+    };
+    let [k1, k2, k3, k4] = Parameters::default().valve.pressure_coefficient;
+    assert_eq!(with([k1, 2.0 * k2, k3, k4]), [message("-40519", 100)]);
+    // At 100 %, k2 takes 65,767 Pa, which leaves 25,248 Pa: 0.3839 of it.
+    assert_eq!(with([k1, 1.3839 * k2, k3, k4]), [] as [String; 0]);
+    assert_eq!(with([k1, 1.384 * k2, k3, k4]), [message("-6.528", 100)]);
+    // 0 Pa at 100 %, and lowest where 0.9·u² = 80·u.
+    assert_eq!(with([0.3, -40.0, 0.0, 1e5]), [message("-5349.3", 89)]);
 }
 
 #[test]

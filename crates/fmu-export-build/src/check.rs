@@ -9,12 +9,13 @@ pub(crate) mod units;
 pub(crate) mod variable;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::mem;
 
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
 use crate::declaration::{Declaration, Described, VariableDeclaration, within};
 use crate::error::{Refusals, nearest, refuse_if};
-use crate::names::{OF_ITEMS, field_name, mixed_name, pascal_case, type_name, unique, variable_name};
+use crate::names::{field_name, item_name, type_name, unique, variable_name, variant_name};
 use crate::texts::{label, text};
 use crate::value_type::ValueType;
 
@@ -65,21 +66,21 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
             refusals.add(format!("{key}.items"), format!("{name}: has no items"));
         }
         for (number, item) in enumeration.items.iter().enumerate() {
-            let (name, key) = (&item.name, format!("{key}.items[{number}].name"));
-            if let Err(reason) = mixed_name(name, OF_ITEMS) {
-                refusals.add(key, reason);
-            } else if pascal_case(name) == "Self" {
-                refusals.add(key, format!("'{name}' would be 'Self' in Rust, which is a reserved word"));
-            }
+            refusals.require(format!("{key}.items[{number}].name"), item_name(&item.name));
         }
-        let mut values = BTreeMap::new();
+        let (mut values, mut last) = (BTreeMap::new(), 0);
         for (number, (item, value)) in enumeration.valued().enumerate() {
-            if let Some(other) = values.insert(value, &item.name) {
-                let reason = format!("{}: '{other}' also has the value {value}", item.name);
-                refusals.add(format!("{key}.items[{number}]"), reason);
-            }
+            let (name, before) = (&item.name, mem::replace(&mut last, value));
+            let reason = if item.value.is_none() && before == i32::MAX {
+                format!("{name}: needs a 'value', as the item before has the largest, {before}")
+            } else if let Some(other) = values.insert(value, name) {
+                format!("{name}: '{other}' also has the value {value}")
+            } else {
+                continue;
+            };
+            refusals.add(format!("{key}.items[{number}]"), reason);
         }
-        let variants = enumeration.items.iter().map(|item| pascal_case(&item.name));
+        let variants = enumeration.items.iter().map(|item| variant_name(&item.name));
         unique(&format!("{key}.items"), variants, refusals);
     }
     let types = &declaration.component_types;

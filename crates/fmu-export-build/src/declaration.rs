@@ -225,7 +225,7 @@ pub(crate) struct DefaultExperiment {
     pub(crate) stop_time: Option<f64>,
     /// Communication step.
     pub(crate) step_size: Option<f64>,
-    /// Relative tolerance.
+    /// Relative tolerance, which holds where an importer gives none.
     pub(crate) tolerance: Option<f64>,
 }
 
@@ -325,10 +325,10 @@ pub(crate) struct EnumerationDeclaration {
 }
 
 impl EnumerationDeclaration {
-    /// The items with their values.
+    /// The items with their values. The check refuses one after the largest 32-bit integer.
     pub(crate) fn valued(&self) -> impl Iterator<Item = (&ItemDeclaration, i32)> {
         self.items.iter().scan(0_i32, |last, item| {
-            *last = item.value.unwrap_or(last.wrapping_add(1));
+            *last = item.value.unwrap_or(last.saturating_add(1));
             Some((item, *last))
         })
     }

@@ -19,11 +19,6 @@ const RESERVED: [&str; 51] = [
 /// The longest name, in bytes: longer ones are unreadable and slow to look up.
 const LONGEST_NAME: usize = 200;
 
-/// The characters of a clock's name.
-pub(crate) const OF_CLOCKS: &str = "letters, digits and underscores";
-/// The characters of an enumeration item's name.
-pub(crate) const OF_ITEMS: &str = "letters, digits, underscores and spaces";
-
 /// Rejects a name that occurs twice in a list.
 pub(crate) fn unique(list: &str, names: impl IntoIterator<Item = String>, refusals: &mut Refusals) {
     let mut seen = BTreeSet::new();
@@ -89,16 +84,25 @@ pub(crate) fn rust_name(name: &str) -> String {
     rust
 }
 
-/// A name that is written differently in Rust; `made_of` describes its characters.
-pub(crate) fn mixed_name(name: &str, made_of: &str) -> Result<(), String> {
-    length(name)?;
-    let allowed = |character: char| {
-        character.is_ascii_alphanumeric() || character == '_' || character == ' ' && made_of == OF_ITEMS
-    };
-    if !name.starts_with(|first: char| first.is_ascii_alphabetic()) || !name.chars().all(allowed) {
-        return Err(format!("'{name}' is not made of {made_of}"));
-    }
+/// The name of a `Sampled` model's clock, which is in snake case in Rust.
+pub(crate) fn clock_name(name: &str) -> Result<(), String> {
+    made_of(name, |character| character == '_', "letters, digits and underscores")?;
     not_reserved(name, &snake_case(name))
+}
+
+/// The name of an enumeration's item, whose name in Rust is [`variant_name`].
+pub(crate) fn item_name(name: &str) -> Result<(), String> {
+    made_of(name, |character| "_ ".contains(character), "letters, digits, underscores and spaces")
+}
+
+/// A name that begins with a letter, and has letters, digits and some other characters.
+fn made_of(name: &str, others: impl Fn(char) -> bool, description: &str) -> Result<(), String> {
+    length(name)?;
+    let allowed = |character: char| character.is_ascii_alphanumeric() || others(character);
+    if name.starts_with(|first: char| first.is_ascii_alphabetic()) && name.chars().all(allowed) {
+        return Ok(());
+    }
+    Err(format!("'{name}' is not made of {description}"))
 }
 
 fn not_reserved(name: &str, in_rust: &str) -> Result<(), String> {
@@ -117,6 +121,12 @@ pub(crate) fn snake_case(name: &str) -> String {
         snake.extend((if character == ' ' { '_' } else { character }).to_lowercase());
     }
     snake
+}
+
+/// The name of an enumeration's item in Rust. `Self` is the only reserved word in Pascal case.
+pub(crate) fn variant_name(item: &str) -> String {
+    let name = pascal_case(item);
+    if name == "Self" { name + "_" } else { name }
 }
 
 /// `hp_compressor` and `hp compressor` as `HpCompressor`.

@@ -20,7 +20,7 @@ use std::path::Path;
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
 use crate::model::Model;
-use crate::names::pascal_case;
+use crate::names::variant_name;
 use crate::type_names::PLACES;
 use generator::{Generator, markdown};
 
@@ -96,7 +96,7 @@ fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
     let name = &enumeration.name;
     let (mut items, mut values) = (String::new(), Vec::new());
     for (item, value) in enumeration.valued() {
-        let variant = pascal_case(&item.name);
+        let variant = variant_name(&item.name);
         let description = item.description.as_ref().unwrap_or(&item.name);
         let _ = writeln!(items, "    /// {}\n    {variant} = {value},", markdown(description));
         values.push(format!("{variant} = {value}"));

@@ -27,7 +27,8 @@ pub(crate) enum Start {
 }
 
 impl Start {
-    /// The start values of a variable's scalars, row by row; a single value is for all elements.
+    /// The start values of a variable's scalars, row by row, in one list or a list of rows; a single value is for all
+    /// elements.
     pub(crate) fn all(
         declaration: &Declaration,
         variable: &VariableDeclaration,
@@ -38,8 +39,11 @@ impl Start {
             let elements = variable.sizes.iter().product();
             return Self::read(declaration, variable, data_type, start).map(|start| vec![start; elements]);
         }
+        let is_flat = start.as_array().is_some_and(|list| !list.iter().any(Value::is_array));
+        let elements = [variable.sizes.iter().product()];
+        let sizes = if is_flat { &elements } else { &variable.sizes[..] };
         let mut values = vec![start];
-        for &size in &variable.sizes {
+        for &size in sizes {
             let rows = values.into_iter().map(|value| match value {
                 Value::Array(row) if row.len() == size => Ok(row),
                 Value::Array(row) => {

@@ -6,6 +6,7 @@ use crate::display::{Seconds, Shown};
 use crate::error::Error;
 use crate::logger;
 use crate::resources::{self, Resources};
+use crate::variables::Variables;
 
 /// The longest file that a model reads unless it asks for more.
 const MOST_BYTES: u64 = 256 << 20;
@@ -17,8 +18,15 @@ pub struct Experiment {
     pub start_time: f64,
     /// Stop time in seconds, if defined.
     pub stop_time: Option<f64>,
-    /// Relative tolerance, if defined and above 0.
+    /// Relative tolerance, if defined and above 0; a model receives that of its JSON if the importer defines none.
     pub tolerance: Option<f64>,
+}
+
+impl Experiment {
+    /// This experiment with a model's own tolerance if the importer defines none (FMI 2.0.5, section 2.1.5).
+    pub(crate) fn of<V: Variables>(self) -> Self {
+        Self { tolerance: self.tolerance.or(V::DEFAULT_TOLERANCE), ..self }
+    }
 }
 
 crate::persistent!(Experiment { start_time, stop_time, tolerance });

@@ -76,6 +76,8 @@ pub struct VariableDescription {
     pub min: f64,
     /// The largest accepted value.
     pub max: f64,
+    /// An enumeration's items, the only accepted values, with their names; empty for other types.
+    pub items: &'static [(i32, &'static str)],
     /// The position of a Real input among the Real inputs; for an array, that of its first element.
     pub first_real_input: Option<usize>,
     /// The position of a continuous-time state among the states; for an array, that of its first element.
@@ -97,6 +99,15 @@ pub struct Roles {
 }
 
 impl VariableDescription {
+    /// Whether a value, as a number, is one of the items, or within the range.
+    pub(crate) fn accepts(&self, value: f64) -> bool {
+        if self.items.is_empty() {
+            (self.min..=self.max).contains(&value)
+        } else {
+            self.items.iter().any(|(item, _)| f64::from(*item).total_cmp(&value).is_eq())
+        }
+    }
+
     /// All elements with their value references.
     pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
         let numbered = (0..).zip(0..self.elements as usize);

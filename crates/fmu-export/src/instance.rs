@@ -248,7 +248,7 @@ impl<M: Model> Instance<M> {
             Some(tolerance) if tolerance <= 0.0 => (None, Some(tolerance)),
             tolerance => (tolerance, None),
         };
-        self.memory.experiment = Experiment { tolerance, ..experiment };
+        self.memory.experiment = Experiment { tolerance, ..experiment }.of::<M::Variables>();
         self.memory.is_set_up = true;
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {

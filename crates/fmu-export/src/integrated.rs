@@ -32,7 +32,7 @@ use crate::variables::Variables;
 const MOST_TRIALS: u32 = 100_000;
 /// … and how many more for each time as long as the longest internal step.
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;
-/// The most events after which tests check the evaluation: later ones, as of a fast clock, repeat the branches.
+/// The most events after which tests evaluate twice: later ones, as of a fast clock, repeat the branches.
 const MOST_AUDITED: u32 = 1000;
 /// The most communication steps that an internal step goes beyond its end: more would save nothing.
 const MOST_AHEAD: f64 = 1000.0;
@@ -334,7 +334,10 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.evaluated = None;
-        with_inputs(variables, inputs, |variables| self.equations.event(event, variables, context))
+        with_inputs(variables, inputs, |variables| {
+            self.equations.event(event, variables, context)?;
+            self.evaluate_after_event(event.time, variables)
+        })
     }
 
     fn step_to_event(
@@ -539,6 +542,20 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
     }
 
+    /// Evaluates after an event, whose branch may omit a variable.
+    fn evaluate_after_event(&self, time: f64, variables: &mut E::Variables) -> Result<(), Error> {
+        variables.forget_continuous();
+        evaluate_values(&self.equations, time, variables);
+        if variables.has_finite_results() { Ok(()) } else { self.check_branch(time, variables) }
+    }
+
+    /// What the branch of an event omits, if it does: a variable may be infinite, or not a number, for another reason.
+    #[cold]
+    fn check_branch(&self, time: f64, variables: &E::Variables) -> Result<(), Error> {
+        check_evaluation(variables, |variables| evaluate_values(&self.equations, time, variables))
+            .map_err(|omitted| Error::new(format!("after the event at {} s, {omitted}", Seconds(time))))
+    }
+
     /// Finds which indicators have changed since the last event. Returns whether any has.
     fn find_changes(&mut self, variables: &E::Variables) -> Result<bool, Error> {
         let Self { equations, events, time, .. } = self;
@@ -580,7 +597,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
                 self.check_calculated_parameters(variables)?;
                 self.check_evaluation(variables)?;
             }
-            evaluate_values(&self.equations, self.time, variables);
+            self.evaluate_after_event(self.time, variables)?;
             self.events.accept();
             if !self.find_changes(variables)? {
                 self.events.check_limits(self.time, E::Variables::EVENT_INDICATORS, E::Variables::LIMITS)?;

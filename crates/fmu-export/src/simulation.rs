@@ -77,7 +77,8 @@ impl<F: Fmu> Simulation<F> {
         self.taken = Some(variables.clone());
         let mut log = log_to(messages, experiment.start_time);
         let resources = Resources::of::<VariablesOf<F>>();
-        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let mut context =
+            Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
         model.initialize(variables, inputs, &mut context)
     }
 
@@ -112,7 +113,8 @@ impl<F: Fmu> Simulation<F> {
         clock(variables).ticks = true;
         let mut log = log_to(messages, *time);
         let resources = Resources::of::<VariablesOf<F>>();
-        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let mut context =
+            Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
         let ticked = model.tick(*time, variables, inputs, &mut context);
         clock(variables).ticks = false;
         ticked
@@ -130,7 +132,8 @@ impl<F: Fmu> Simulation<F> {
         let ahead = reached.1.at_start(reached.0, *time).after(*time, size);
         let step = Step { start: *time, size, inputs, ahead };
         let resources = Resources::of::<VariablesOf<F>>();
-        let mut context = Context::new(*experiment, &mut log).with_resources(&resources);
+        let mut context =
+            Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
         model.step(variables, &step, &mut context)?;
         if let Some(end) = context.end {
             *time = end;

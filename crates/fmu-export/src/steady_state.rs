@@ -17,10 +17,16 @@ use crate::number::{Dual, Number};
 const FIRST_STEP: f64 = 1e-3;
 /// The pseudo time step in seconds above which the iteration is Newton's.
 const NEWTON_STEP: f64 = 1e7;
-/// The largest change of a scaled unknown in one iteration.
+/// The largest change of a scaled unknown in one iteration, …
 const LARGEST_CHANGE: f64 = 0.2;
+/// … and the largest fraction of a scaled unknown by which it may approach 0, unless that is less than …
+const LARGEST_FRACTION: f64 = 0.5;
+/// … this, from where it may cross 0.
+const NEAR_ZERO: f64 = 1e-3;
 /// The largest fraction of a step's residual that may remain; above, the step was too long for its linearization.
 const LARGEST_CONTRACTION: f64 = 0.8;
+/// A fraction below which the rates are linear along the step, whose length then has no limit.
+const LINEAR_CONTRACTION: f64 = 1e-3;
 /// A change of the scaled unknowns below which Newton's iteration has converged up to rounding.
 const CONVERGED: f64 = 1e-10;
 /// The most iterations; tens are usual.
@@ -52,9 +58,18 @@ impl From<NoSteadyState> for Error {
     }
 }
 
-/// Finds the positive unknowns at which the rates of change are 0, from a guess.
+/// Finds the unknowns at which the rates of change are 0, from a guess.
 ///
-/// `rates` computes the unknowns' rates of change, in 1/s times their units; `scales` is the magnitude of each unknown.
+/// `rates` computes the unknowns' rates of change, in 1/s times their units. NaN says that it is not defined there, such
+/// as at a negative pressure; the guess must be where it is.
+///
+/// `scales` is the magnitude of each unknown, in its unit: 1e5 for a pressure in Pa. An iteration changes an unknown by
+/// at most a fifth of its scale, and moves it towards 0 by at most half its value, unless the rates are linear that far.
+/// So a scale much below the distance between guess and steady state needs more than the 400 iterations of a search if
+/// the rates are not linear; one much above passes over a steady state that is nearer.
+///
+/// The guess decides which of several steady states is found: that which the model's transient reaches from there. If
+/// the rates are linear, any guess will do.
 ///
 /// # Errors
 /// Why there is none.
@@ -66,26 +81,34 @@ pub fn find<const N: usize>(
     let system = Scaled { rates, scales };
     let mut y: [f64; N] = array::from_fn(|i| guess[i] / scales[i]);
     let (mut slopes, mut jacobian) = (system.rates(&y), system.jacobian(&y));
-    let mut step = FIRST_STEP;
+    let (mut step, mut settled) = (FIRST_STEP, false);
     for _ in 0..MOST_ITERATIONS {
         let newton = step >= NEWTON_STEP;
         let damping = if newton { 0.0 } else { 1.0 / step };
-        let change = match Factors::of(&jacobian, damping).and_then(|factors| factors.solve(slopes)) {
-            Some(change) => change,
-            None if newton => return Err(NoSteadyState::NotIsolated),
+        let factors = Factors::of(&jacobian, damping);
+        let change = factors.as_ref().and_then(|factors| factors.solve(slopes));
+        let (factors, change) = match factors.zip(change) {
+            Some(found) => found,
+            None if newton && settled => return Err(NoSteadyState::NotIsolated),
             None => return Err(NoSteadyState::NotConverged),
         };
-        let settled = magnitude(&change) < CONVERGED;
+        settled = magnitude(&change) < CONVERGED * magnitude(&y).max(1.0);
         if newton && settled {
             return Ok(system.unscaled(&system.polish(y)?));
         }
-        let share = admissible_share(&y, &change);
-        let next: [f64; N] = array::from_fn(|i| y[i] + share * change[i]);
+        let next: [f64; N] = array::from_fn(|i| y[i] + change[i]);
         let next_slopes = system.rates(&next);
         // The remaining fraction of the implicit Euler step's residual.
-        let left: [f64; N] = array::from_fn(|i| next_slopes[i] - damping * share * change[i]);
+        let left: [f64; N] = array::from_fn(|i| next_slopes[i] - damping * change[i]);
         let contraction = magnitude(&left) / magnitude(&slopes);
-        if settled || share >= 1.0 && contraction < LARGEST_CONTRACTION {
+        let most = if is_short(&y, &change) {
+            LARGEST_CONTRACTION
+        } else if factors.are_before_growth() {
+            LINEAR_CONTRACTION
+        } else {
+            0.0
+        };
+        if settled || contraction < most {
             (y, slopes, jacobian) = (next, next_slopes, system.jacobian(&next));
             // At convergence, `contraction` is a quotient of rounding errors.
             let growth = if settled { 10.0 } else { (0.3 / contraction).clamp(0.5, 10.0) };
@@ -189,6 +212,15 @@ impl<const N: usize> Factors<N> {
         dense::factor(matrix.as_flattened_mut(), &mut pivots).then_some(Self { matrix, pivots })
     }
 
+    /// Whether Δt is below the time constant of what grows by itself: beyond, the steps of the implicit Euler method turn
+    /// back to a steady state that repels. 1/Δt − J has then lost one of its positive real eigenvalues, and its
+    /// determinant is negative.
+    fn are_before_growth(&self) -> bool {
+        let negative = (0..N).filter(|&row| self.matrix[row][row] < 0.0).count();
+        let exchanges = (0..N).filter(|&row| self.pivots[row] != row).count();
+        (negative + exchanges).is_multiple_of(2)
+    }
+
     /// The solution for a right-hand side, if it is finite.
     fn solve(&self, mut vector: [f64; N]) -> Option<[f64; N]> {
         dense::solve(self.matrix.as_flattened(), &self.pivots, &mut vector);
@@ -196,20 +228,23 @@ impl<const N: usize> Factors<N> {
     }
 }
 
-/// The fraction of a change that keeps within [`LARGEST_CHANGE`] and at most halves any unknown.
-fn admissible_share<const N: usize>(y: &[f64; N], change: &[f64; N]) -> f64 {
-    let towards_zero =
-        (0..N).filter(|&i| change[i] < 0.0).map(|i| 0.5 * y[i].max(0.0) / -change[i]).fold(1.0, f64::min);
-    towards_zero.min(LARGEST_CHANGE / magnitude(change)).min(1.0)
+/// Whether a change is so short that it follows the transient where the rates are not linear.
+fn is_short<const N: usize>(y: &[f64; N], change: &[f64; N]) -> bool {
+    y.iter().zip(change).all(|(y, change)| {
+        let towards_zero = if y * change < 0.0 { change.abs() } else { 0.0 };
+        change.abs() <= LARGEST_CHANGE && towards_zero <= (LARGEST_FRACTION * y.abs()).max(NEAR_ZERO)
+    })
 }
 
-/// The largest absolute value.
+/// The largest absolute value; infinite if one is not a number.
 fn magnitude<const N: usize>(vector: &[f64; N]) -> f64 {
-    vector.iter().fold(0.0, |largest, x| x.abs().max(largest))
+    vector.iter().fold(0.0, |largest, x| if x.is_nan() { f64::INFINITY } else { x.abs().max(largest) })
 }
 
 #[cfg(test)]
 mod tests {
+    use core::cmp::Ordering;
+
     use super::*;
 
     #[test]
@@ -243,6 +278,69 @@ mod tests {
                 assert!((found - expected).abs() < 1e-14, "{found} instead of {expected}");
             }
         }
+    }
+
+    /// A stable linear system: x' = −L·Lᵀ·(x − rest), with a random triangular L.
+    fn linear<const N: usize>(
+        random: &mut impl FnMut() -> f64,
+        rest: [f64; N],
+    ) -> impl Fn([Dual; N]) -> [Dual; N] {
+        let lower: [[f64; N]; N] = array::from_fn(|row| {
+            array::from_fn(|column| match row.cmp(&column) {
+                Ordering::Less => 0.0,
+                Ordering::Equal => 10.0_f64.powf(2.0 * random()),
+                Ordering::Greater => random(),
+            })
+        });
+        move |x| {
+            let deviation: [Dual; N] = array::from_fn(|i| x[i] - rest[i]);
+            let inner: [Dual; N] = array::from_fn(|i| (0..N).map(|j| deviation[j] * lower[j][i]).sum());
+            array::from_fn(|i| -(0..N).map(|j| inner[j] * lower[i][j]).sum::<Dual>())
+        }
+    }
+
+    #[test]
+    fn a_linear_system_converges_from_anywhere() {
+        for (rest, scale) in [(20.0, 1.0), (-1.0, 1.0), (-1e9, 1.0), (1e-9, 1.0), (0.0, 1e6), (3e5, 1e-3)] {
+            for guess in [0.0, 1.0, -7.0, 1e12, -1e-12] {
+                let found = find(|[x]: [Dual; 1]| [-x + rest], [guess], &[scale]).unwrap();
+                // One subtraction decides.
+                assert!((found[0] - rest).abs() <= f64::EPSILON * rest.abs(), "{found:?} from {guess}");
+            }
+        }
+        let mut seed = 1_u32;
+        let mut random = || {
+            // A linear congruential generator (Numerical Recipes), between −1 and 1.
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed) / 2.0_f64.powi(31) - 1.0
+        };
+        for _ in 0..200 {
+            let rest: [f64; 4] = array::from_fn(|_| 10.0_f64.powf(6.0 * random()) * random().signum());
+            let guess = array::from_fn(|_| 1e6 * random());
+            let rates = linear(&mut random, rest);
+            let found = find(rates, guess, &[1.0; 4]).unwrap();
+            for (found, expected) in found.iter().zip(rest) {
+                // Of the largest unknown, by the condition of the matrix: up to (10⁴)² of the diagonal alone.
+                let rounding = 1e9 * f64::EPSILON * magnitude(&rest);
+                assert!((found - expected).abs() <= rounding, "{found} instead of {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn unknowns_may_be_negative_and_cross_zero() {
+        // x' = −8 − x³, from both sides of 0 and from rest.
+        for guess in [-3.0, -1.0, 0.0, 1.5] {
+            let found = find(|[x]: [Dual; 1]| [-x.powi(3) - 8.0], [guess], &[1.0]).unwrap();
+            assert!((found[0] + 2.0).abs() < 1e-14, "{found:?} from {guess}");
+        }
+    }
+
+    #[test]
+    fn rates_may_be_undefined_at_negative_unknowns() {
+        // x' = 1e-4 − √x.
+        let found = find(|[x]: [Dual; 1]| [-x.sqrt() + 1e-4], [1.0], &[1.0]).unwrap();
+        assert!((found[0] - 1e-8).abs() < 1e-20, "{found:?}");
     }
 
     #[test]

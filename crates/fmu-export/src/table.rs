@@ -344,34 +344,42 @@ fn check_finite<V: Number>(what: &str, numbers: &[V]) -> Result<(), String> {
 }
 
 /// The numbers of a CSV file, by rows. Empty lines and those that begin with `#` are left out, as is a first line of
-/// names.
+/// names. The first cell may be a text, which a grid does not use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     name: String,
     rows: Vec<Vec<f64>>,
+    /// The refusal of the first cell, if it is a text.
+    corner: Option<Error>,
 }
 
 impl Table {
     /// Reads a text; its name is for messages.
     ///
     /// # Errors
-    /// When a cell is not a number; the message names the line.
+    /// When a cell other than the first is not a number; the message names the line.
     pub fn parse(name: &str, text: &str) -> Result<Self, Error> {
         let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
         let lines = lines.filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
-        let mut rows = vec![];
+        let (mut rows, mut corner) = (vec![], None);
         for (position, (index, line)) in lines.enumerate() {
             let cells = line.split(',').map(str::trim);
             if position == 0 && cells.clone().all(|cell| cell.parse::<f64>().is_err()) {
                 continue;
             }
-            let number = |cell: &str| {
-                let refusal = |_| refused(name, &format!("line {}: '{cell}' is not a number", index + 1));
-                cell.parse().map_err(refusal)
+            let number = |(column, cell): (usize, &str)| {
+                cell.parse().or_else(|_| {
+                    let refusal = refused(name, &format!("line {}: '{cell}' is not a number", index + 1));
+                    if (position, column) == (0, 0) {
+                        corner = Some(refusal);
+                        return Ok(f64::NAN);
+                    }
+                    Err(refusal)
+                })
             };
-            rows.push(cells.map(number).collect::<Result<_, _>>()?);
+            rows.push(cells.enumerate().map(number).collect::<Result<_, _>>()?);
         }
-        Ok(Self { name: name.to_owned(), rows })
+        Ok(Self { name: name.to_owned(), rows, corner })
     }
 
     /// Reads a file in the FMU's folder `resources`.
@@ -384,7 +392,7 @@ impl Table {
         Self::parse(name, text)
     }
 
-    /// Its rows.
+    /// Its rows. If the first cell is a text, it is NaN.
     #[must_use]
     pub fn rows(self) -> Vec<Vec<f64>> {
         self.rows
@@ -393,8 +401,11 @@ impl Table {
     /// Its columns.
     ///
     /// # Errors
-    /// When a row has another number of cells.
+    /// When the first cell is a text, or a row has another number of cells.
     pub fn columns<const COLUMNS: usize>(self) -> Result<[Vec<f64>; COLUMNS], Error> {
+        if let Some(refusal) = self.corner {
+            return Err(refusal);
+        }
         let mut columns = [const { Vec::new() }; COLUMNS];
         for (index, row) in self.rows.iter().enumerate() {
             let row: &[f64; COLUMNS] = row.as_slice().try_into().map_err(|_| {
@@ -408,8 +419,8 @@ impl Table {
         Ok(columns)
     }
 
-    /// Its numbers as those of a [`Surface`]: columns' knots in the first row, after a cell that is not used, then in
-    /// each row the row's knot and its values.
+    /// Its numbers as those of a [`Surface`]: columns' knots in the first row, after a cell that is not used and may be a
+    /// text, then in each row the row's knot and its values.
     ///
     /// # Errors
     /// Those of [`Surface::check`].

@@ -10,6 +10,18 @@ pub fn boxed<T, const N: usize>(elements: Vec<T>) -> Box<[T; N]> {
     elements.into_boxed_slice().try_into().ok().expect("there are as many elements as the type says")
 }
 
+/// A type that is the same over all number types, for an alias that names one. The alias passes its number type `T` as
+/// `fn(T)`, which leaves it open in patterns, where no value determines it.
+#[doc(hidden)]
+pub trait OverAny<N> {
+    /// The type.
+    type Type;
+}
+
+impl<S, N> OverAny<N> for S {
+    type Type = S;
+}
+
 /// A table of which some elements are equal: each run's length and element.
 #[doc(hidden)]
 #[must_use]

@@ -37,6 +37,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const EVENT_INDICATORS: &'static [&'static str] = &[];
     /// The positions of the indicators that no event may leave positive.
     const LIMITS: &'static [usize] = &[];
+    /// The relative tolerance of the JSON's `default_experiment`.
+    const DEFAULT_TOLERANCE: Option<f64> = None;
     /// This model's tables.
     const DESCRIPTION: &'static ModelDescription;
     /// In FMI 3.0, the value reference of the first event indicator's variable; those of the others follow.
@@ -218,7 +220,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn set_real(&mut self, reference: ValueReference, value: f64);
     /// The value of an Integer or Enumeration variable.
     fn integer(&self, reference: ValueReference) -> i32;
-    /// Sets an Integer or Enumeration variable.
+    /// Sets an Integer variable, or an Enumeration variable to the item with a value.
     fn set_integer(&mut self, reference: ValueReference, value: i32);
     /// The value of a Boolean variable.
     fn boolean(&self, reference: ValueReference) -> bool;
@@ -269,6 +271,13 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// values, of any type: what still differs after an evaluation was not set. A no-op without such variables.
     fn mark_calculated(&mut self, mark: bool) {
         let _ = mark;
+    }
+    /// Sets each continuous variable that an evaluation calculates to NaN, which it stays if the evaluation omits it.
+    fn forget_continuous(&mut self) {}
+    /// Whether the continuous variables that an evaluation calculates are finite. A cheap test may deny it of very large
+    /// ones.
+    fn has_finite_results(&self) -> bool {
+        true
     }
     /// Marks everything calculated from parameters only, as [`Self::mark_calculated`] does.
     fn mark_calculated_parameters(&mut self, mark: bool) {

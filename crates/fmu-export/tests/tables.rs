@@ -165,12 +165,24 @@ fn tables_are_read_from_csv() {
     assert_eq!((speed, torque), (vec![0.0, 100.0], vec![50.0, 60.0]));
     let grid = Table::parse("map.csv", "0,-1,3\n0,1,2\n1,3,4\n").unwrap().grid().unwrap();
     assert_eq!(grid.surface().at(0.5, 1.0).to_bits(), 2.5_f64.to_bits());
+    // What stands at the corner of a grid is of no use to it, and no number elsewhere.
+    for corner in ["Te\\Tc", "", "rpm"] {
+        let table =
+            Table::parse("map.csv", &format!("# by rows\n{corner},20,30\n4,5.8,4.6\n10,6.5,5.3\n")).unwrap();
+        let message = table.clone().columns::<3>().unwrap_err().to_string();
+        assert_eq!(message, format!("map.csv: line 2: '{corner}' is not a number"));
+        assert!(table.clone().rows()[0][0].is_nan());
+        let grid = table.grid().unwrap();
+        assert_eq!(grid.surface().at(10.0, 20.0).to_bits(), 6.5_f64.to_bits());
+    }
     let rows = Table::parse("rows.csv", "1,2\n3\n").unwrap();
     assert_eq!(rows.clone().rows(), [vec![1.0, 2.0], vec![3.0]]);
     let message = rows.columns::<2>().unwrap_err().to_string();
     assert_eq!(message, "rows.csv: row 2 has 1 cells, not 2");
     for (text, message) in [
         ("1,2\n3,x\n", "map.csv: line 2: 'x' is not a number"),
+        ("1,2\nx,3\n", "map.csv: line 2: 'x' is not a number"),
+        ("x,2,y\n1,2,3\n", "map.csv: line 1: 'y' is not a number"),
         ("0,-1,3\n0,1,2\n1,3\n", "map.csv: row 2: 1 values for 2 knots"),
         ("", "map.csv: rows: 0 knots; it needs two"),
         ("0,-1,3\n1,1,2\n0,3,4\n", "map.csv: rows: knot 2 is 0, not above the one before, 1"),

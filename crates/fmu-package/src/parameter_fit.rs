@@ -4,7 +4,7 @@ use std::io;
 
 use fmu_io::reading::broken;
 use fmu_io::terminal;
-use fmu_terms::{Linear, Unit, like};
+use fmu_terms::{Causality, Linear, Unit, like};
 
 use crate::model_description::FmuDescription;
 use crate::parameter_set::{Parameter, ParameterSet, Value};
@@ -109,6 +109,10 @@ impl Value {
             Ok(())
         } else {
             let [min, max] = [min, max].map(terminal::number);
+            if variable.causality == Causality::StructuralParameter && min == max {
+                let reason = format!("it is fixed at {min} when the FMU is built");
+                return Err(self.refused(variable, &reason));
+            }
             let unit = if variable.unit.is_empty() { String::new() } else { format!(" {}", variable.unit) };
             Err(self.refused(variable, &format!("{self} is not within {min}..{max}{unit}")))
         }
@@ -200,6 +204,7 @@ mod tests {
         <ScalarVariable name="pressure" causality="parameter"><Real unit="Pa" min="0" max="2e5" start="101325"/></ScalarVariable>
         <ScalarVariable name="count" causality="parameter"><Integer min="1" max="4"/></ScalarVariable>
         <ScalarVariable name="mode" causality="parameter"><Enumeration declaredType="Mode"/></ScalarVariable>
+        <ScalarVariable name="size" causality="structuralParameter" initial="exact"><Integer min="40" max="40"/></ScalarVariable>
         <ScalarVariable name="level" causality="output"><Real/></ScalarVariable>
         <ScalarVariable name="warming" causality="parameter"><Real declaredType="Warming"/></ScalarVariable>
         <ScalarVariable name="temperature" causality="parameter"><Real unit="K" displayUnit="degC"/></ScalarVariable>
@@ -285,6 +290,11 @@ mod tests {
             refusal("count", Value::Integer(5)),
             "the value 5 of count cannot be used: 5 is not within 1..4"
         );
+        assert_eq!(
+            refusal("size", Value::Integer(20)),
+            "the value 20 of size cannot be used: it is fixed at 40 when the FMU is built"
+        );
+        assert_eq!(fit("size", Value::Integer(40)), Ok(Value::Integer(40)));
         assert_eq!(
             refusal("count", Value::Real(1.0, None)),
             "the value 1 of count cannot be used: it is of the type Real, not Integer"

@@ -7,7 +7,7 @@ use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 use crate::declaration::Declaration;
 use crate::error::{Refusals, nearest};
 use crate::model::{Model, Part, Place, Scalar, outward};
-use crate::names::{OF_CLOCKS, field_name, mixed_name, unique};
+use crate::names::{clock_name, field_name, unique};
 use crate::texts::text;
 use crate::type_names::{FIXED_NAMES, struct_names};
 
@@ -141,7 +141,7 @@ fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
 fn clocks(model: &Model<'_>, refusals: &mut Refusals) {
     let Model { declaration, fmi, parts, scalars, .. } = model;
     if let Some(clock) = &declaration.clock {
-        if let Err(reason) = mixed_name(&clock.name, OF_CLOCKS) {
+        if let Err(reason) = clock_name(&clock.name) {
             refusals.add("clock.name", reason);
         } else if scalars.iter().any(|scalar| scalar.name == clock.name) {
             refusals.add("clock.name", format!("{}: another variable has this name", clock.name));

@@ -1,5 +1,6 @@
 //! The checks of what a model calculates: whether it is finite, and whether all of it was set.
 
+use std::fmt;
 use std::fmt::Write as _;
 
 use fmu_terms::{DataType, Initial, Variability};
@@ -12,7 +13,7 @@ impl Generator<'_, '_> {
     /// The search for a result that is not finite.
     pub(super) fn first_non_finite(&self) -> String {
         // States fail first; derivatives and outputs follow from them.
-        let (mut sums, mut reals, mut count) = ([const { String::new() }; 4], String::new(), 0);
+        let (mut sums, mut reals) = (Sums::default(), String::new());
         let of_place = |place| self.in_place(place).map(|variable| (variable, self.first(variable)));
         let results = [Place::States, Place::Derivatives, Place::Outputs].into_iter().flat_map(of_place);
         for (variable, scalar) in results.filter(|(_, scalar)| scalar.data_type == DataType::Real) {
@@ -20,24 +21,20 @@ impl Generator<'_, '_> {
                 (scalar.place.field_name(), scalar.value_reference, self.stride(variable));
             let numbers = if variable.is_array() {
                 let numbers = format!("{place}.{}[..]", self.flat(variable, false));
-                let _ = write!(sums[count % 4], " + ::fmu_export::typed::sum_of_magnitudes(&self.{numbers})");
+                sums.add(&format!("::fmu_export::typed::sum_of_magnitudes(&self.{numbers})"));
                 format!("&variables.{numbers}")
             } else {
                 let path = full_path(scalar);
-                let _ = write!(sums[count % 4], " + self.{path}.abs()");
+                sums.add(&format!("self.{path}.abs()"));
                 format!("::core::slice::from_ref(&variables.{path})")
             };
             let _ = writeln!(reals, "                ({reference}, {stride}, {numbers}),");
-            count += 1;
         }
-        let sums = sums.map(|sum| format!("            0.0{sum},\n")).concat();
         format!(
             "
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {{
-        // Fast if their sum is finite; in four parts that do not wait for each other.
-        let sums: [f64; 4] = [
-{sums}        ];
-        if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
+        // Fast if their sum is finite.
+{sums}        if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {{
             return ::core::option::Option::None;
         }}
         #[cold]
@@ -50,6 +47,57 @@ impl Generator<'_, '_> {
             }})
         }}
         find(self)
+    }}
+"
+        )
+    }
+
+    /// Makes what an evaluation calculates continuously NaN, and tells whether it still is.
+    pub(super) fn forgetting(&self) -> String {
+        let (mut forget, mut sums) = (String::new(), Sums::default());
+        for variable in &self.variables {
+            let scalar = self.first(variable);
+            let (number, is_real) = match scalar.data_type.data_type() {
+                DataType::Real => ("f64", true),
+                DataType::Float32 => ("f32", false),
+                _ => continue,
+            };
+            if !is_evaluated(scalar) || scalar.variability != Variability::Continuous {
+                continue;
+            }
+            let place = scalar.place.field_name();
+            if variable.is_array() {
+                let _ = writeln!(
+                    forget,
+                    "        self.{place}.{}.fill({number}::NAN);",
+                    self.flat(variable, true)
+                );
+                let flat = self.flat(variable, false);
+                sums.add(&if is_real {
+                    format!("::fmu_export::typed::sum_of_magnitudes(&self.{place}.{flat}[..])")
+                } else {
+                    format!("self.{place}.{flat}.iter().map(|number| f64::from(number.abs())).sum::<f64>()")
+                });
+            } else {
+                let path = full_path(scalar);
+                let _ = writeln!(forget, "        self.{path} = {number}::NAN;");
+                sums.add(&if is_real {
+                    format!("self.{path}.abs()")
+                } else {
+                    format!("f64::from(self.{path}.abs())")
+                });
+            }
+        }
+        if forget.is_empty() {
+            return forget;
+        }
+        format!(
+            "
+    fn forget_continuous(&mut self) {{
+{forget}    }}
+
+    fn has_finite_results(&self) -> bool {{
+{sums}        ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite()
     }}
 "
         )
@@ -86,6 +134,31 @@ impl Generator<'_, '_> {
 {marks}    }}
 "
         )
+    }
+}
+
+/// The sum of magnitudes, in four parts that do not wait for each other.
+#[derive(Default)]
+struct Sums {
+    parts: [String; 4],
+    count: usize,
+}
+
+impl Sums {
+    fn add(&mut self, term: &str) {
+        let _ = write!(self.parts[self.count % 4], " + {term}");
+        self.count += 1;
+    }
+}
+
+/// As the variable `sums`.
+impl fmt::Display for Sums {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("        let sums: [f64; 4] = [\n")?;
+        for part in &self.parts {
+            writeln!(formatter, "            0.0{part},")?;
+        }
+        formatter.write_str("        ];\n")
     }
 }
 

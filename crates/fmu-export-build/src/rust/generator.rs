@@ -7,8 +7,9 @@ use fmu_terms::DataType;
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
 use crate::model::{Field, Model, Part, Place, Scalar};
-use crate::names::pascal_case;
+use crate::names::variant_name;
 use crate::start::Start;
+use crate::texts::comment;
 use crate::type_names::PLACES;
 use crate::value_type::ValueType;
 
@@ -138,7 +139,7 @@ impl<'m, 'a> Generator<'m, 'a> {
 
     pub(super) fn item(&self, enumeration: usize, item: usize) -> String {
         let enumeration = &self.model.declaration.enumerations[enumeration];
-        format!("{}::{}", enumeration_path(enumeration), pascal_case(&enumeration.items[item].name))
+        format!("{}::{}", enumeration_path(enumeration), variant_name(&enumeration.items[item].name))
     }
 
     /// The Rust type of a scalar's value.
@@ -246,6 +247,13 @@ impl<'m, 'a> Generator<'m, 'a> {
             (!self.model.scalars[clock].is_input_clock(), priority)
         });
         clocks
+    }
+
+    /// An enumeration's items by value, as Rust text; empty for other types.
+    pub(super) fn items(&self, scalar: &Scalar) -> String {
+        let ValueType::Enumeration(enumeration) = scalar.data_type else { return String::new() };
+        let items = self.model.declaration.enumerations[enumeration].valued();
+        items.map(|(item, value)| format!("({value}, {:?})", item.name)).collect::<Vec<_>>().join(", ")
     }
 
     /// A variable's bounds, as Rust text.
@@ -378,14 +386,14 @@ fn nest(dimensions: &[usize], elements: &[String]) -> String {
 
 /// A description for rustdoc; without one, the name.
 pub(super) fn described(description: Option<&str>, name: &str) -> String {
-    description.map_or_else(|| format!("`{name}`"), markdown)
+    description.map_or_else(|| format!("`{}`", comment(name)), markdown)
 }
 
 /// A description for rustdoc: markup is escaped.
 pub(super) fn markdown(text: &str) -> String {
     let mut escaped = String::new();
     // Indented or `~~~` text would be code, which rustdoc compiles.
-    for character in text.trim().chars() {
+    for character in comment(text.trim()).chars() {
         if "\\`*_[]<>~".contains(character) {
             escaped.push('\\');
         }

@@ -7,19 +7,17 @@ impl Generator<'_, '_> {
     /// The variables over other number types, and their states.
     pub(super) fn numbers(&self) -> String {
         // Without Reals the variables are the same over all number types.
-        let [of, evaluation, other, number, combined, collected] = if self.has_reals() {
+        let [of, other, number, combined, collected] = if self.has_reals() {
             let [combined, collected] =
                 ["self", "numbers"].map(|numbers| format!("{numbers}.combine(other, &mut number)"));
-            ["Variables<T>", "Evaluation<'a, T>", "other", "mut number", &combined, &collected]
-                .map(str::to_owned)
+            ["Variables<T>", "other", "mut number", &combined, &collected].map(str::to_owned)
         } else {
-            ["Self", "Evaluation<'a>", "_other", "_number", "self.clone()", "numbers.clone()"]
-                .map(str::to_owned)
+            ["Self", "_other", "_number", "self.clone()", "numbers.clone()"].map(str::to_owned)
         };
         let of = format!(
             "
     type Of<T: ::fmu_export::Number> = {of};
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = {evaluation};
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
 
     fn combined<T: ::fmu_export::Number>(&self, {other}: &Self, {number}: impl FnMut(f64, f64) -> T) -> {of} {{
         {combined}

@@ -7,6 +7,7 @@ use fmu_terms::DataType;
 use super::generator::{Generator, Members, described, is_copy, is_real};
 use crate::declaration::UnitNames;
 use crate::model::{Field, Part, Place};
+use crate::texts::comment;
 use crate::value_type::ValueType;
 
 impl Generator<'_, '_> {
@@ -58,6 +59,7 @@ impl Generator<'_, '_> {
             Some(UnitNames::Each(units)) => format!(" (`{}`)", units.join("`, `")),
             _ => String::new(),
         };
+        let unit = comment(&unit);
         let sizes = declaration.sizes.iter().rev();
         let array =
             sizes.fold(self.rust_type(field.data_type), |data_type, size| format!("[{data_type}; {size}]"));
@@ -137,18 +139,32 @@ impl Generator<'_, '_> {
             let generic = if self.is_real(place) { "<T>" } else { "" };
             format!("    /// {description}\n    pub {name}: &'a {mutable}{}{generic},\n", place.type_name())
         });
-        let parameter = if self.has_reals() { ", T = f64" } else { "" };
+        let fields = fields.collect::<String>();
+        if self.has_reals() {
+            return format!("{EVALUATION}pub struct Evaluation<'a, T = f64> {{\n{fields}}}\n");
+        }
+        // The same over all number types. Equations name one, as those of other models do.
         format!(
             "
-/// What equations read and calculate.
-#[derive(Debug)]
-pub struct Evaluation<'a{parameter}> {{
-{}}}
-",
-            fields.collect::<String>()
+/// What equations read and calculate, over any number type.
+pub type Evaluation<'a, T = f64> =
+    <without_reals::Evaluation<'a> as ::fmu_export::typed::OverAny<fn(T)>>::Type;
+
+mod without_reals {{
+use super::*;
+{EVALUATION}pub struct Evaluation<'a> {{
+{fields}}}
+}}
+"
         )
     }
 }
+
+/// The head of the struct of an evaluation.
+const EVALUATION: &str = "
+/// What equations read and calculate.
+#[derive(Debug)]
+";
 
 /// Whether a field is `Copy`.
 pub(super) fn is_copied(field: &Field<'_>) -> bool {

@@ -50,6 +50,15 @@ impl Generator<'_, '_> {
         )
     }
 
+    /// The tolerance of the default experiment, if it is declared.
+    pub(super) fn default_tolerance(&self) -> String {
+        let experiment = self.model.declaration.default_experiment.as_ref();
+        let tolerance = experiment
+            .and_then(|experiment| experiment.tolerance)
+            .map(|tolerance| format!("    const DEFAULT_TOLERANCE: Option<f64> = Some({tolerance:?});\n"));
+        tolerance.unwrap_or_default()
+    }
+
     /// The states' nominal values.
     pub(super) fn nominals(&self) -> String {
         let nominal = |state: &Variable<'_>| format!("{:?}", self.first(state).nominal.unwrap_or(1.0));
@@ -171,6 +180,7 @@ impl Generator<'_, '_> {
         for variable in self.by_value_reference() {
             let scalar = self.first(variable);
             let (min, max) = self.bounds(scalar);
+            let items = self.items(scalar);
             let [in_initialization, in_steps] = self.roles(scalar);
             let name =
                 if variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
@@ -178,7 +188,7 @@ impl Generator<'_, '_> {
                 variables,
                 "        fmi::VariableDescription {{ base_name: {name:?}, value_reference: {}, dimensions: &{:?}, elements: {}, \
                  stride: {}, data_type: fmi::DataType::{:?}, causality: fmi::Causality::{:?}, variability: fmi::Variability::{:?}, \
-                 initial: {}, min: {min}, max: {max}, first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
+                 initial: {}, min: {min}, max: {max}, items: &[{items}], first_real_input: {:?}, first_state: {:?}, in_initialization: {in_initialization}, \
                  in_steps: {in_steps} }},",
                 scalar.value_reference,
                 variable.sizes,

@@ -11,14 +11,20 @@ impl Generator<'_, '_> {
         let resources = resources.map_or_else(String::new, |folder| {
             format!("    const RESOURCES: Option<&'static str> = Some({:?});\n", folder.to_string_lossy())
         });
-        let tables =
-            [self.strict_states(), self.event_indicators(), self.dependencies(), self.clock_tables()]
-                .concat();
+        let tables = [
+            self.default_tolerance(),
+            self.strict_states(),
+            self.event_indicators(),
+            self.dependencies(),
+            self.clock_tables(),
+        ]
+        .concat();
         let access = [
             self.numbers(),
             self.accessors(),
             self.clocks(),
             self.marks("mark_calculated", is_evaluated),
+            self.forgetting(),
             self.calculated_parameters(),
         ]
         .concat();

@@ -55,9 +55,8 @@ impl<M: Model> Instance<M> {
             _ => self.is_settable_now(variable),
         };
         // A solver tries states beyond their bounds; the model copes, as with fmi2SetContinuousStates.
-        let within =
-            self.memory.phase == Phase::ContinuousTimeMode || (variable.min..=variable.max).contains(&value);
-        if settable && value.is_finite() && within {
+        let is_accepted = self.memory.phase == Phase::ContinuousTimeMode || variable.accepts(value);
+        if settable && value.is_finite() && is_accepted {
             Ok(())
         } else {
             Err(self.set_error(reference, value, settable))
@@ -112,6 +111,15 @@ impl<M: Model> Instance<M> {
                 Shown(value),
                 variable.name(),
                 Shown(variable.min)
+            )
+        } else if !variable.items.is_empty() {
+            let items: Vec<_> =
+                variable.items.iter().map(|(item, name)| format!("{item} ({name})")).collect();
+            format!(
+                "{} for the variable {} is not one of its items {}",
+                Shown(value),
+                variable.name(),
+                items.join(", ")
             )
         } else {
             format!(

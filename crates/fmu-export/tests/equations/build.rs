@@ -29,6 +29,8 @@ fn main() {
         "waves",
         "ticks",
         "alarms",
+        "gears",
+        "branches",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");
@@ -36,8 +38,18 @@ fn main() {
         generate(Path::new(&declaration), Path::new(&out_dir), Version::Two);
     }
     // Models as FMI 3.0, in addition to or instead of FMI 2.0.
-    for model in ["tuned", "tuned_samples", "tuned_ticks", "two_clocks", "ending", "waves", "ticks", "alarms"]
-    {
+    for model in [
+        "tuned",
+        "tuned_samples",
+        "tuned_ticks",
+        "two_clocks",
+        "ending",
+        "waves",
+        "ticks",
+        "alarms",
+        "gears",
+        "branches",
+    ] {
         let declaration = format!("{model}.json");
         println!("cargo::rerun-if-changed={declaration}");
         generate(Path::new(&declaration), &Path::new(&out_dir).join("fmi3"), Version::Three);

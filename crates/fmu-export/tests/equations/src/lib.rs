@@ -24,7 +24,8 @@ variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", h
     tuned: "tuned", tuned_3: "fmi3/tuned", tuned_samples: "tuned_samples", tuned_samples_3: "fmi3/tuned_samples",
     tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks",
     waves: "waves", waves_3: "fmi3/waves", ticks: "ticks", ticks_3: "fmi3/ticks", alarms: "alarms",
-    alarms_3: "fmi3/alarms");
+    alarms_3: "fmi3/alarms",
+    gears: "gears", gears_3: "fmi3/gears", branches: "branches", branches_3: "fmi3/branches");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]

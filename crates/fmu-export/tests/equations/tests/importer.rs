@@ -1,6 +1,7 @@
 //! An importer of models' FMUs, of both versions.
 
-use std::ffi::{CString, c_void};
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::marker::PhantomData;
 use std::ptr;
 
@@ -12,6 +13,27 @@ use crate::instantiate;
 
 /// An instance of a model's FMU.
 pub struct Importer<M: Model>(*mut c_void, InstanceType, PhantomData<M>);
+
+thread_local! {
+    static HEARD: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A logger of FMI 3.0.
+unsafe extern "C" fn hear(
+    _environment: *mut c_void,
+    _status: fmi3::c_types::Status,
+    _category: *const c_char,
+    message: *const c_char,
+) {
+    // SAFETY: the exporter passes a string.
+    let message = unsafe { CStr::from_ptr(message) }.to_string_lossy().into_owned();
+    HEARD.with_borrow_mut(|heard| heard.push(message));
+}
+
+/// The messages of this thread's instances of FMI 3.0 since the last call.
+pub fn heard() -> Vec<String> {
+    HEARD.take()
+}
 
 /// Calls a function that has the same arguments in both versions. It must succeed.
 macro_rules! call {
@@ -48,7 +70,15 @@ impl<M: Model> Importer<M> {
             if const { Self::IS_FMI2 } {
                 instantiate::<M>(i32::from(instance_type != InstanceType::ModelExchange))
             } else if instance_type == InstanceType::ModelExchange {
-                fmi3::c_api::fmi3InstantiateModelExchange::<M>(name, token, ptr::null(), 0, 0, none, None)
+                fmi3::c_api::fmi3InstantiateModelExchange::<M>(
+                    name,
+                    token,
+                    ptr::null(),
+                    0,
+                    0,
+                    none,
+                    Some(hear),
+                )
             } else {
                 fmi3::c_api::fmi3InstantiateCoSimulation::<M>(
                     name,
@@ -61,7 +91,7 @@ impl<M: Model> Importer<M> {
                     ptr::null(),
                     0,
                     none,
-                    None,
+                    Some(hear),
                     None,
                 )
             }
@@ -71,21 +101,54 @@ impl<M: Model> Importer<M> {
     }
 
     pub fn enter_initialization(&mut self) {
-        self.enter_initialization_at(0.0, None);
+        self.enter_initialization_with(None, 0.0, None);
     }
 
     /// At a start time, and with a stop time (s).
     pub fn enter_initialization_at(&mut self, start: f64, stop: Option<f64>) {
+        self.enter_initialization_with(None, start, stop);
+    }
+
+    pub fn enter_initialization_with(&mut self, tolerance: Option<f64>, start: f64, stop: Option<f64>) {
+        let (has_tolerance, tolerance) = (u8::from(tolerance.is_some()), tolerance.unwrap_or_default());
         let (has_stop, stop) = (u8::from(stop.is_some()), stop.unwrap_or_default());
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
-                fmi2::c_api::fmi2SetupExperiment::<M>(self.0, 0, 0.0, start, has_stop.into(), stop);
+                let [has_tolerance, has_stop] = [has_tolerance, has_stop].map(i32::from);
+                fmi2::c_api::fmi2SetupExperiment::<M>(
+                    self.0,
+                    has_tolerance,
+                    tolerance,
+                    start,
+                    has_stop,
+                    stop,
+                );
                 fmi2::c_api::fmi2EnterInitializationMode::<M>(self.0);
             } else {
-                fmi3::c_api::fmi3EnterInitializationMode::<M>(self.0, 0, 0.0, start, has_stop, stop);
+                fmi3::c_api::fmi3EnterInitializationMode::<M>(
+                    self.0,
+                    has_tolerance,
+                    tolerance,
+                    start,
+                    has_stop,
+                    stop,
+                );
             }
         }
+    }
+
+    pub fn set_integer(&mut self, name: &str, value: i32) {
+        let (reference, from) = (Self::reference(name), &raw const value);
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::fmi2SetInteger::<M>(self.0, &raw const reference, 1, from) as i32
+            } else {
+                fmi3::c_api::fmi3SetInt32::<M>(self.0, &raw const reference, 1, from, 1) as i32
+            }
+        };
+        assert_eq!(status, 0, "{name}");
     }
 
     /// From a new or reset instance to Step Mode or Event Mode.
@@ -112,6 +175,35 @@ impl<M: Model> Importer<M> {
         };
         assert_eq!(status as i32, 0, "{names:?}");
         values
+    }
+
+    /// Sets enumerations by the values of their items. Returns whether they are accepted.
+    pub fn choose<const N: usize>(&mut self, names: [&str; N], items: [i32; N]) -> bool {
+        let (references, wide) = (names.map(Self::reference), items.map(i64::from));
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::fmi2SetInteger::<M>(self.0, references.as_ptr(), N, items.as_ptr()) as i32
+            } else {
+                fmi3::c_api::fmi3SetInt64::<M>(self.0, references.as_ptr(), N, wide.as_ptr(), N) as i32
+            }
+        };
+        status == 0
+    }
+
+    /// The value of an enumeration's item.
+    pub fn chosen(&mut self, name: &str) -> i64 {
+        let (reference, mut item, mut wide) = (Self::reference(name), i32::MIN, i64::MIN);
+        // SAFETY: see above.
+        let status = unsafe {
+            if const { Self::IS_FMI2 } {
+                fmi2::c_api::fmi2GetInteger::<M>(self.0, &raw const reference, 1, &raw mut item) as i32
+            } else {
+                fmi3::c_api::fmi3GetInt64::<M>(self.0, &raw const reference, 1, &raw mut wide, 1) as i32
+            }
+        };
+        assert_eq!(status, 0, "{name}");
+        if const { Self::IS_FMI2 } { item.into() } else { wide }
     }
 
     /// Sets the gain. Returns whether it is accepted.
@@ -165,14 +257,18 @@ impl<M: Model> Importer<M> {
 
     /// One iteration of an event: whether another one follows, and when the next time event is due.
     pub fn iterate(&mut self) -> (bool, Option<f64>) {
+        self.try_iteration().expect("the model handles the event")
+    }
+
+    /// One iteration of an event, as `iterate`, if the model can handle it.
+    pub fn try_iteration(&mut self) -> Option<(bool, Option<f64>)> {
         // SAFETY: see above.
         unsafe {
             if const { Self::IS_FMI2 } {
                 let mut info = fmi2::c_types::EventInfo::default();
                 let status = fmi2::c_api::fmi2NewDiscreteStates::<M>(self.0, &raw mut info);
-                assert_eq!(status as i32, 0);
                 let next = (info.next_event_time_defined == 1).then_some(info.next_event_time);
-                return (info.new_discrete_states_needed == 1, next);
+                return (status as i32 == 0).then_some((info.new_discrete_states_needed == 1, next));
             }
             let ([mut again, mut ends, mut nominals, mut values, mut is_defined], mut next) = ([0; 5], 0.0);
             let status = fmi3::c_api::fmi3UpdateDiscreteStates::<M>(
@@ -184,8 +280,7 @@ impl<M: Model> Importer<M> {
                 &raw mut is_defined,
                 &raw mut next,
             );
-            assert_eq!(status as i32, 0);
-            (again == 1, (is_defined == 1).then_some(next))
+            (status as i32 == 0).then_some((again == 1, (is_defined == 1).then_some(next)))
         }
     }
 

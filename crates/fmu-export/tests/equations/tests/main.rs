@@ -2,7 +2,9 @@
 
 mod allocations;
 mod arrays;
+mod branches;
 mod calculated_parameters;
+mod enumerations;
 mod event_mode;
 mod foreign_state;
 mod importer;
