@@ -139,6 +139,7 @@ impl Connected {
                 target: member.name.clone(),
                 input,
                 conversion: Conversion::Function(origin.function.clone()),
+                threshold: None,
                 location: edge.location.clone(),
             });
         }
