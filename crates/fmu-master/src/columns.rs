@@ -52,7 +52,7 @@ impl Columns {
                 }
                 match recorded.location.locate(names.find_all(name)) {
                     Ok(found) => columns.add_new(found, &names),
-                    Err(error) if scenario.has_replaced_fmus => {
+                    Err(error) if scenario.has_replaced_fmus && !names.are_several(name) => {
                         notes.push(format!("{error:#}"));
                         columns.missing.push(name.clone());
                     }
@@ -209,6 +209,12 @@ impl<'a> Names<'a> {
         }
         let all = self.fmus.iter().flat_map(|fmu| &fmu.description().variables);
         bail!("no FMU has a variable {name}{}", like(name, all.map(|variable| variable.name.as_str())))
+    }
+
+    /// Whether several FMUs have a name.
+    fn are_several(&self, name: &str) -> bool {
+        let is_variable = matches!(self.meaning(name), Meaning::Variables(all) if all.len() > 1);
+        is_variable || self.arrays(name).len() > 1
     }
 
     /// The error for a name of several variables.

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
+use fmu_export::time::rounding;
 use fmu_io::terminal::number;
 use fmu_package::{Function, ValueType};
 use fmu_terms::{Causality, like};
@@ -261,7 +262,8 @@ impl<'a> Master<'a> {
         if let Some(ended) = self.coupling.settle(self.time())? {
             bail!(ended);
         }
-        let ended = self.coupling.step(self.time(), self.size())?;
+        let (time, size) = self.next_step();
+        let ended = self.coupling.step(time, size)?;
         self.steps_done += 1;
         match ended {
             Some(ended) => bail!(ended),
@@ -297,18 +299,22 @@ impl<'a> Master<'a> {
         }
     }
 
-    /// The size of the next step (s): with it, the time does not exceed the stop time in doubles, beyond which an FMU
-    /// that knows it may refuse to step.
-    fn size(&self) -> f64 {
+    /// From where the next step goes, and its size (s). In doubles their sum does not exceed the stop time, beyond which
+    /// an FMU that knows it may refuse to step.
+    fn next_step(&self) -> (f64, f64) {
         let Scenario { stop_time, step, .. } = *self.scenario;
-        if self.steps_done + 1 != self.steps() {
-            return step;
+        let (mut time, mut size) = (self.time(), step);
+        if self.steps_done + 1 == self.steps() {
+            size = self.rest.unwrap_or(step);
+            if time + size > stop_time + rounding(stop_time) {
+                size = stop_time - time;
+            }
+            // The size stays, as an FMU may have only one.
+            while time + size > stop_time {
+                time = time.next_down();
+            }
         }
-        let (time, mut size) = (self.time(), self.rest.unwrap_or(step));
-        while time + size > stop_time {
-            size = size.min(stop_time - time).next_down();
-        }
-        size
+        (time, size)
     }
 
     /// Initializes all instances at the scenario's start.
@@ -333,7 +339,8 @@ impl<'a> Master<'a> {
     /// When a call fails, or an FMU requests the end of the simulation ([`Ended`]). If it is alone, its values at that
     /// time are recorded.
     pub fn step(&mut self) -> Result<()> {
-        let ended = self.coupling.step(self.time(), self.size())?;
+        let (time, size) = self.next_step();
+        let ended = self.coupling.step(time, size)?;
         if let Some(ended) = ended {
             self.end(&ended)?;
             bail!(ended);
