@@ -153,6 +153,26 @@ mod tests {
         assert_eq!(description.unit("%").unwrap().base.unwrap().factor.to_bits(), 0.01_f64.to_bits());
     }
 
+    /// Numbers into a Boolean follow one rule, which a run applies.
+    #[test]
+    fn a_boolean_takes_the_place_of_a_real_with_or_without_a_threshold() {
+        let boolean = FMU.replace(
+            r#"<ScalarVariable name="hp_bypass" causality="input"><Real/>"#,
+            r#"<ScalarVariable name="on" causality="input"><Boolean/>"#,
+        );
+        let fmu = FmuDescription::parse(&boolean).unwrap();
+        for (more, expected) in [("", None), (", threshold = 0.5", Some(0.5))] {
+            let connections = connected(&format!(
+                r#"{{ from = "plant:p", to = "controller:boost_pressure" }},
+                   {{ from = "controller:hp_wastegate_pwm", to = "plant:shut", to_unit = "1" }},
+                   {{ from = "controller:vacuum_pump", to = "plant:on"{more} }}"#
+            ));
+            let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
+            assert!(compatibility.fits(), "{compatibility}");
+            assert_eq!(compatibility.translation().thresholds.get("vacuum_pump").copied(), expected);
+        }
+    }
+
     #[test]
     fn an_input_has_one_source() {
         let fmu = FmuDescription::parse(FMU).unwrap();
