@@ -87,7 +87,13 @@ impl EventMode {
                 next: None,
             });
         }
-        Ok(Self { phase: Phase::Initialization, announced: None, last: f64::NEG_INFINITY, has_event: false, clocks })
+        Ok(Self {
+            phase: Phase::Initialization,
+            announced: None,
+            last: f64::NEG_INFINITY,
+            has_event: false,
+            clocks,
+        })
     }
 
     /// Reads when periodic clocks tick; called in Initialization Mode, at its time (s).

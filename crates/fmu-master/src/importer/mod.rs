@@ -17,6 +17,7 @@ mod event_mode;
 mod fmu;
 mod folder;
 mod followed;
+mod following;
 mod instance;
 mod integration;
 mod linearization;
