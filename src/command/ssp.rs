@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use boost_interface::{Compatibility, Interface, Role};
+use boost_interface::{Compatibility, Interface, Match, Role};
 use clap::Args;
 use fmu_io::{reading, writing};
 use fmu_package::{FmuDescription, Kind, ParameterSet, SystemPackage, SystemStructure, connection};
@@ -59,6 +59,11 @@ pub fn run(interface: &Interface, arguments: &Arguments) -> Result<()> {
              them to edit.",
             compatibility.role.name()
         );
+    }
+    for (port, found) in fits.iter().flat_map(|compatibility| &compatibility.matches) {
+        if let Match::Found { threshold: Some(_), .. } = found {
+            bail!("{}: a system has no threshold; have the FMU compare the value", port.name());
+        }
     }
     let mut package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameters)?;
     if let Some(exposed) = exposed {

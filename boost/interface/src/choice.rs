@@ -15,6 +15,8 @@ pub struct Choice {
     pub name: String,
     /// From its values to the interface's.
     pub to_interface: Conversion,
+    /// From which value on a Boolean is true.
+    pub threshold: Option<f64>,
     /// The connection that names it.
     pub connection: Connection,
 }
@@ -68,6 +70,7 @@ pub fn choices(
         let choice = Choice {
             name: own.clone(),
             to_interface: oriented(&connection.conversion, kind, has_others_name),
+            threshold: connection.threshold.filter(|_| kind == Kind::Input),
             connection: connection.clone(),
         };
         match choices.get(name) {

@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use fmu_io::terminal::number;
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{Causality, FmuDescription, FmuVariable, Kind, Linear, ValueType};
+use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Kind, Linear, ValueType};
 
 use crate::choice::{Choice, choices};
 use crate::likeness::suggestions;
@@ -50,6 +51,8 @@ pub enum Match<'a> {
         variable: &'a FmuVariable,
         /// The conversion of its values to the interface.
         to_interface: Linear,
+        /// From which value on it is true, if it is a Boolean that a connection gives one.
+        threshold: Option<f64>,
         /// Why it does not fit.
         problems: Vec<String>,
         /// Remarks for the user.
@@ -134,7 +137,10 @@ impl<'a> Match<'a> {
             None => return Self::Unconnected,
         };
         match (fmu.variable(name), choice) {
-            (Some(variable), _) => Self::found(port, fmu, variable, to_interface),
+            (Some(variable), _) => {
+                let threshold = choice.and_then(|choice| choice.threshold);
+                Self::found(port, fmu, variable, to_interface, threshold)
+            }
             (None, Some(_)) => {
                 Self::Unknown { name: name.to_owned(), suggestions: suggestions(port, name, fmu) }
             }
@@ -147,11 +153,23 @@ impl<'a> Match<'a> {
         fmu: &FmuDescription,
         variable: &'a FmuVariable,
         to_interface: &Conversion,
+        threshold: Option<f64>,
     ) -> Self {
         let mut problems = vec![];
         let mut notes = vec![];
-        if variable.value_type() != ValueType::Real {
-            problems.push(format!("its type is {}, not Real", variable.data_type));
+        match (variable.value_type(), threshold) {
+            (ValueType::String | ValueType::Other, _) => {
+                problems.push(format!("its type is {}, not a number", variable.data_type));
+            }
+            (_, Some(threshold)) => match Domain::with_threshold(variable, threshold) {
+                Ok(_) => notes.push(format!("it is true from {} on", number(threshold))),
+                Err(reason) => problems.push(reason),
+            },
+            // A run refuses other numbers.
+            (ValueType::Boolean, _) => notes.push("it takes 0 and 1".to_owned()),
+            (ValueType::Integer, _) => notes.push("it takes whole numbers".to_owned()),
+            (ValueType::Enumeration, _) => notes.push("it takes the numbers of its items".to_owned()),
+            (ValueType::Real, _) => {}
         }
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
@@ -179,7 +197,7 @@ impl<'a> Match<'a> {
             }
             Err(text) => problems.push(text),
         }
-        Self::Found { variable, to_interface, problems, notes }
+        Self::Found { variable, to_interface, threshold, problems, notes }
     }
 
     /// Whether both are the same variable.
@@ -316,7 +334,7 @@ mod tests {
             _ => panic!("{name}: not found"),
         };
         assert_eq!(problems("boost_pressure"), ["its causality is local, not output"]);
-        assert_eq!(problems("vacuum_pump"), ["its type is Boolean, not Real"]);
+        assert!(problems("vacuum_pump").is_empty());
         let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &[]).unwrap();
         assert!(!compatibility.fits());
     }

@@ -74,7 +74,7 @@ fn connection(port: &Port<'_>, role: Role, name: &str, conversion: Conversion) -
         Kind::Output => (Some(role.name().to_owned()), own_name, other, interface_name),
     };
     let location = Location::argument(port.name());
-    Connection { source, output, target, input, conversion, location }
+    Connection { source, output, target, input, conversion, threshold: None, location }
 }
 
 fn table(connection: &Connection) -> String {

@@ -15,6 +15,8 @@ pub struct Translation {
     pub description: FmuDescription,
     /// The conversions from the FMU's values, by name; values of other variables are not converted.
     pub conversions: BTreeMap<String, Linear>,
+    /// From which values on Booleans are true, by name.
+    pub thresholds: BTreeMap<String, f64>,
 }
 
 impl Compatibility<'_> {
@@ -22,7 +24,7 @@ impl Compatibility<'_> {
     #[must_use]
     pub fn translation(&self) -> Translation {
         let mut description = self.fmu.clone();
-        let mut to_interface = BTreeMap::new();
+        let (mut to_interface, mut thresholds) = (BTreeMap::new(), BTreeMap::new());
         let units: Vec<_> = self.matches.iter().map(|(port, _)| port.unit()).collect();
         description.units.clear();
         // Without other variables' units that the interface defines differently.
@@ -38,15 +40,16 @@ impl Compatibility<'_> {
         let mut variables = vec![];
         for variable in &self.fmu.variables {
             let connected = self.matches.iter().filter_map(|(port, found)| match found {
-                Match::Found { variable: own, to_interface, .. } if own.name == variable.name => {
-                    Some((port, *to_interface))
+                Match::Found { variable: own, to_interface, threshold, .. } if own.name == variable.name => {
+                    Some((port, *to_interface, *threshold))
                 }
                 _ => None,
             });
             let before = variables.len();
-            for (port, function) in connected {
+            for (port, function, threshold) in connected {
                 variables.push(translated(variable, port, function));
                 to_interface.insert(port.name().to_owned(), function);
+                thresholds.extend(threshold.map(|threshold| (port.name().to_owned(), threshold)));
             }
             if variables.len() > before {
                 continue;
@@ -66,7 +69,7 @@ impl Compatibility<'_> {
             }
         }
         description.variables = variables.into();
-        Translation { description, conversions: to_interface }
+        Translation { description, conversions: to_interface, thresholds }
     }
 }
 
@@ -123,7 +126,7 @@ mod tests {
         );
         let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
         assert!(compatibility.fits(), "{compatibility}");
-        let Translation { description, conversions: to_interface } = compatibility.translation();
+        let Translation { description, conversions: to_interface, .. } = compatibility.translation();
         let seen: Vec<_> = description
             .variables
             .iter()
@@ -148,6 +151,26 @@ mod tests {
         assert_eq!(to_interface.len(), 2);
         assert!(description.unit("bar").is_some());
         assert_eq!(description.unit("%").unwrap().base.unwrap().factor.to_bits(), 0.01_f64.to_bits());
+    }
+
+    /// Numbers into a Boolean follow one rule, which a run applies.
+    #[test]
+    fn a_boolean_takes_the_place_of_a_real_with_or_without_a_threshold() {
+        let boolean = FMU.replace(
+            r#"<ScalarVariable name="hp_bypass" causality="input"><Real/>"#,
+            r#"<ScalarVariable name="on" causality="input"><Boolean/>"#,
+        );
+        let fmu = FmuDescription::parse(&boolean).unwrap();
+        for (more, expected) in [("", None), (", threshold = 0.5", Some(0.5))] {
+            let connections = connected(&format!(
+                r#"{{ from = "plant:p", to = "controller:boost_pressure" }},
+                   {{ from = "controller:hp_wastegate_pwm", to = "plant:shut", to_unit = "1" }},
+                   {{ from = "controller:vacuum_pump", to = "plant:on"{more} }}"#
+            ));
+            let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
+            assert!(compatibility.fits(), "{compatibility}");
+            assert_eq!(compatibility.translation().thresholds.get("vacuum_pump").copied(), expected);
+        }
     }
 
     #[test]

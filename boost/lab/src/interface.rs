@@ -25,6 +25,6 @@ pub fn open(path: &Path, role: Role, connections: &[Connection]) -> Result<Arc<F
     if !compatibility.fits() {
         bail!("{}: {}", path.display(), compatibility.to_string().trim_end());
     }
-    let Translation { description, conversions } = compatibility.translation();
-    Ok(fmu.translated(description, conversions))
+    let Translation { description, conversions, thresholds } = compatibility.translation();
+    Ok(fmu.translated(description, conversions, thresholds))
 }

@@ -133,6 +133,7 @@ fn connector(variable: &FmuVariable, kind: Kind, height: f64) -> Connector {
     Connector {
         name: variable.name.clone(),
         kind,
+        value_type: ValueType::Real,
         unit: variable.unit.clone(),
         start: variable.start.parse().ok().filter(|_| kind == Kind::Input),
         place: (if kind == Kind::Input { 0.0 } else { 1.0 }, height),

@@ -55,6 +55,11 @@
 //! FMUs are native code in this process, so an FMU that crashes ends the process. [`when_an_fmu_exits`] reports a call
 //! of `exit` by an FMU; [`process`] has what a program needs that runs FMUs in processes of their own.
 
+#[cfg(test)]
+#[path = "../tests/careless/mod.rs"]
+mod careless;
+mod columns;
+mod coupling;
 mod importer;
 mod links;
 mod master;
@@ -64,7 +69,7 @@ mod recorder;
 pub mod scenario;
 pub mod system;
 
+pub use columns::column_of;
 pub use importer::*;
 pub use links::{Link, links};
 pub use master::{LoadedFmus, Master, Run};
-pub use recorder::column_of;

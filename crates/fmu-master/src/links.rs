@@ -8,9 +8,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Error, Result};
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{FmuDescription, FmuVariable, Function, Linear, Unit, unit_conversion};
+use fmu_package::{Domain, FmuDescription, FmuVariable, Function, Linear, Unit, unit_conversion};
 use fmu_terms::{Causality, like};
 
 use crate::importer::Fmu;
@@ -91,6 +91,7 @@ fn by_name(members: &[Ends<'_>]) -> Vec<Connection> {
         target: target.name.clone(),
         input: name.to_owned(),
         conversion: Conversion::DECLARED,
+        threshold: None,
         location: target.location.clone(),
     };
     let mut connections = vec![];
@@ -123,6 +124,9 @@ impl Link {
         let source = source.transpose()?;
         let index = position(&connection.target)?;
         let taken = members[index].find(Causality::Input, &connection.input)?;
+        if let Some(threshold) = connection.threshold {
+            Domain::with_threshold(taken, threshold).map_err(Error::msg)?;
+        }
         let output = source.map(|(giver, variable)| (variable, members[giver].description));
         Ok(Self {
             conversion: connection.function(output, (taken, members[index].description))?,

@@ -1,29 +1,26 @@
-//! The master: connects instances by a scenario's [`links`](crate::links()), and steps them through it.
+//! The master: couples instances by a scenario's [`links`](crate::links()), takes them from communication point to
+//! communication point, and records. What happens at a point is the [coupling](crate::coupling)'s.
 //!
 //! A signal for a single FMU takes precedence over a connection.
 
-use std::collections::BTreeMap;
-use std::mem;
+use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
+use fmu_export::time::rounding;
 use fmu_io::terminal::number;
-use fmu_package::connection::Connection;
 use fmu_package::{Function, ValueType};
 use fmu_terms::{Causality, like};
 
-use crate::importer::{Ended, Fmu, Instance, Interface, Message, Selection};
+use crate::columns::{Columns, Found};
+use crate::coupling::{self, Coupling, Inputs, Parts, TextWire, Wire};
+use crate::importer::{Ended, Fmu, Instance, Interface, Message};
 use crate::links::{Link, links, refuse_ambiguous_unit};
 use crate::noise::NoiseSource;
-use crate::recorder::Recorder;
-use crate::scenario::{Assignment, Input, Member, Scenario, Signal, Stepping};
+use crate::recorder::{Recorder, Source};
+use crate::scenario::{Input, Member, Scenario, Signal, Tolerance};
 use fmu_record::{Column, Record};
-
-/// Exchanges of outputs and inputs during initialization, at least: the outputs of one FMU, once it has its inputs, may
-/// change those of another, as a measured voltage changes a controller's duty. In a chain of more FMUs there are as many
-/// exchanges as FMUs, so that the first one's outputs reach the last in any order.
-const INITIAL_EXCHANGES: usize = 2;
 
 /// The flag of FMUs for co-simulation whose steps may differ in size.
 const VARIABLE_STEP: &str = "canHandleVariableCommunicationStepSize";
@@ -62,83 +59,38 @@ impl LoadedFmus {
 /// go step by step.
 pub struct Master<'a> {
     scenario: &'a Scenario,
-    members: Vec<Coupled<'a>>,
+    coupling: Coupling<'a>,
     noise: Vec<NoiseOn>,
     recorder: Recorder,
+    records_events: bool,
     notes: Vec<String>,
-    /// From where steps are counted (s), and those done since.
-    origin: f64,
     steps_done: u32,
     /// The length of the last step, which is shorter than the others (s), if there is one.
     rest: Option<f64>,
-    /// The time whose values the signals keep (s).
-    signals_held_at: Option<f64>,
-    tap: Option<Tap>,
+    tap: Option<At>,
 }
 
-/// A connection whose signal is changed.
-struct Tap {
-    target: usize,
-    wires: usize,
+/// An input, by its member and its place among the member's.
+#[derive(Clone, Copy)]
+struct At {
+    member: usize,
     position: usize,
-    /// What is added.
-    added: f64,
-    /// What the connection brought last.
-    brought: f64,
-}
-
-/// An instance with its inputs.
-struct Coupled<'a> {
-    member: &'a Member,
-    instance: Instance,
-    driven: Driven,
-    wires: Vec<Wires>,
-}
-
-/// The inputs driven by signals.
-struct Driven {
-    selection: Selection,
-    signals: Vec<Signal>,
-    /// From the signals to the inputs' values.
-    conversions: Vec<Function>,
-    values: Vec<f64>,
-}
-
-/// The connections from one instance to another.
-struct Wires {
-    source: usize,
-    outputs: Selection,
-    inputs: Selection,
-    values: Vec<f64>,
-    /// By position: conversions between different units.
-    conversions: Vec<(usize, Function)>,
-    texts: Vec<TextWire>,
-}
-
-/// A connection of Strings.
-struct TextWire {
-    output: Selection,
-    input: String,
-    /// The number of the output's text; not a number until it is read.
-    number: f64,
-    is_new: bool,
 }
 
 /// Noise on a connection.
 struct NoiseOn {
-    target: usize,
-    wires: usize,
-    position: usize,
+    at: At,
     source: NoiseSource,
 }
 
 /// The result of a complete run.
 pub struct Run {
-    /// A row for the start and for the end of each communication step, and those at events, if they are recorded.
+    /// A row for each communication point, and those at events, if they are recorded.
     pub record: Record,
     /// The instances' warnings, with their names.
     pub warnings: Vec<(String, Message)>,
-    /// The FMU that asked for the end before the scenario's, if one did.
+    /// The FMU that asked for the end before the scenario's, if one did. The last row is that of its time if it is alone,
+    /// else of the last communication point that all have reached.
     pub ended: Option<Ended>,
 }
 
@@ -147,7 +99,8 @@ impl<'a> Master<'a> {
     ///
     /// # Errors
     /// When an FMU cannot be loaded or instantiated, or the scenario does not fit its FMUs: no FMU has an input or
-    /// recorded variable, two FMUs have the output for one input, or units do not convert. The message names the line.
+    /// recorded variable, several have a recorded one, two FMUs have the output for one input, or units do not convert.
+    /// The message names the line.
     pub fn new(scenario: &'a Scenario, fmus: &mut LoadedFmus) -> Result<Self> {
         let loaded: Vec<_> = scenario.fmus.iter().map(|member| fmus.get(member)).collect::<Result<_>>()?;
         let mut notes = vec![];
@@ -156,70 +109,78 @@ impl<'a> Master<'a> {
             take_note(scenario, drives(input, scenario, &links), input, &mut notes)?;
             refuse_ambiguous_unit(input, scenario, &links, &loaded)?;
         }
-        let mut members = vec![];
-        for (index, member) in scenario.fmus.iter().enumerate() {
-            let fmu = &loaded[index];
-            let wires = wires(scenario, &loaded, &links, index)?;
-            let wired =
-                |name: &str| wires.iter().any(|wires| wires.inputs.names().iter().any(|input| input == name));
-            let mut inputs: Vec<(&str, &Input, Function)> = vec![];
-            for input in &member.inputs {
-                let found = has_input(fmu, &input.name);
-                if take_note(scenario, found, input, &mut notes)? {
-                    inputs.push((&input.name, input, Function::IDENTITY));
+        let mut wanted: Vec<Wanted> = scenario.fmus.iter().map(|_| Wanted::default()).collect();
+        let mut taken = vec![];
+        for index in 0..loaded.len() {
+            taken.push(Taken::new(scenario, &loaded, &links, index, &mut wanted, &mut notes)?);
+        }
+        let outputs: Vec<_> = wanted.iter().map(|wanted| wanted.names.len()).collect();
+        let columns = Columns::new(scenario, &loaded, &links, &mut notes)?;
+        let mut sources = vec![];
+        for (_, found) in &columns.all {
+            sources.push(match found {
+                Found::Signal(signal) => Source::Signal(signal.clone(), Function::IDENTITY),
+                Found::Variable { member, name } => {
+                    let source = taken[*member].source(*member, name);
+                    source.unwrap_or_else(|| wanted[*member].reading(*member, name))
                 }
-            }
-            for input in &scenario.inputs {
-                let driven = links.iter().filter(|link| link.target == index && link.is_from(&input.name));
-                for Link { connection, conversion, .. } in driven {
-                    let name = connection.input.as_str();
-                    if wired(name) {
-                        return Err(input.location.error(format!(
-                            "{} gets {name} from another FMU; a signal among its own inputs would replace it",
-                            member.name
-                        )));
-                    }
-                    if !inputs.iter().any(|(own, ..)| *own == name) {
-                        inputs.push((name, input, conversion.clone()));
-                    }
-                }
-            }
-            let fit = |(name, input, conversion): &(&str, &Input, Function)| {
-                let signal = input.course.fit(fmu.variable(name)?, fmu.description(), conversion.linear());
-                input.location.locate(signal)
-            };
-            let signals = inputs.iter().map(fit).collect::<Result<_>>()?;
-            let driven = Driven {
-                selection: fmu.select(inputs.iter().map(|(name, ..)| *name))?,
-                values: vec![f64::NAN; inputs.len()],
-                signals,
-                conversions: inputs.into_iter().map(|(.., conversion)| conversion).collect(),
-            };
+            });
+        }
+        let all = columns.all.into_iter().map(|(column, _)| column).collect();
+        let recorder = Recorder::new(scenario, all, sources, &columns.missing)?;
+        let mut parts = vec![];
+        let mut tolerances: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+        for (index, Taken { held, followed, texts }) in taken.into_iter().enumerate() {
+            let (member, fmu, names) = (&scenario.fmus[index], &loaded[index], &wanted[index].names);
             let instance = if member.returns_early {
                 fmu.instantiate_with_early_return(&member.name)
             } else {
                 fmu.instantiate(&member.name)
             };
             let mut instance = member.location.locate(instance)?;
-            instance.set_tolerance(scenario.tolerance);
-            members.push(Coupled { member, instance, driven, wires });
+            let tolerance = match scenario.tolerance {
+                Tolerance::Given(tolerance) => Some(tolerance),
+                Tolerance::Undefined => None,
+                Tolerance::OfFmu => fmu.default_tolerance(),
+            };
+            instance.set_tolerance(tolerance);
+            if let (Tolerance::OfFmu, Some(tolerance)) = (scenario.tolerance, tolerance) {
+                tolerances.entry(number(tolerance)).or_default().push(&member.name);
+            }
+            let (follow, signals): (Vec<_>, Vec<_>) = followed
+                .into_iter()
+                .map(|Following { input, signal, conversion }| (input, (signal, conversion)))
+                .unzip();
+            parts.push(Parts {
+                member,
+                instance,
+                readings: fmu.select_with_texts(names.iter().map(String::as_str))?,
+                outputs: fmu.select_with_texts(names[..outputs[index]].iter().map(String::as_str))?,
+                inputs: member.location.locate(Inputs::new(fmu, held))?,
+                followed: (!follow.is_empty())
+                    .then(|| anyhow::Ok((fmu.select(follow.iter().map(String::as_str))?, signals)))
+                    .transpose()?,
+                texts,
+            });
         }
-        let noise = noise(scenario, &members)?;
-        let (recorder, selections) = Recorder::new(scenario, &loaded, &links, &mut notes)?;
-        for (coupled, selection) in members.iter_mut().zip(selections) {
-            coupled.instance.watch(selection)?;
+        for (tolerance, names) in tolerances {
+            notes.push(format!(
+                "{} gets the tolerance of its DefaultExperiment, {tolerance}; --tolerance changes it, or omits it by none",
+                names.join(" and ")
+            ));
         }
         let rest = rest(scenario, &loaded, &mut notes)?;
+        let coupling = Coupling::new(parts, scenario.stepping, scenario.step)?;
+        let noise = noise(scenario, &coupling)?;
         Ok(Self {
             scenario,
-            members,
+            coupling,
             noise,
             recorder,
+            records_events: false,
             notes,
-            origin: scenario.start_time,
             steps_done: 0,
             rest,
-            signals_held_at: None,
             tap: None,
         })
     }
@@ -229,7 +190,8 @@ impl<'a> Master<'a> {
         self.recorder.record.columns().iter()
     }
 
-    /// The signals and recorded names that the FMUs do not have, because one was replaced; a message each.
+    /// The signals and recorded names that the FMUs do not have, because one was replaced, and what else the FMUs get; a
+    /// message each.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -240,26 +202,27 @@ impl<'a> Master<'a> {
     /// # Errors
     /// When the scenario has no FMU of this name.
     pub fn instance(&mut self, name: &str) -> Result<&mut Instance> {
-        let coupled = self.members.iter_mut().find(|coupled| coupled.member.name == name);
+        let coupled = self.coupling.members.iter_mut().find(|coupled| coupled.member.name == name);
         Ok(&mut coupled.with_context(|| format!("the scenario has no FMU {name}"))?.instance)
     }
 
     /// Records the rows before and after each event of the FMUs that report them, too.
     pub fn record_events(&mut self) {
-        self.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
+        self.records_events = true;
+        self.coupling.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
     }
 
     /// The names of the FMUs that report no events, in co-simulation without Event Mode; and whether they have it.
     pub fn without_events(&self) -> impl Iterator<Item = (&str, bool)> {
-        let silent = self.members.iter().filter(|coupled| !coupled.instance.reports_events());
-        silent.map(|Coupled { member, instance, .. }| {
-            (member.name.as_str(), instance.fmu().refuse_no_event_mode().is_ok())
+        let silent = self.coupling.members.iter().filter(|coupled| !coupled.instance.reports_events());
+        silent.map(|coupled| {
+            (coupled.member.name.as_str(), coupled.instance.fmu().refuse_no_event_mode().is_ok())
         })
     }
 
     /// Holds the signals at their present values.
     pub fn hold_signals(&mut self) {
-        self.signals_held_at = Some(self.time());
+        self.coupling.hold_signals(Some(self.time()));
     }
 
     /// Selects the connection to an input that [`Master::step_adding`] changes. If several FMUs have the input, its
@@ -270,38 +233,42 @@ impl<'a> Master<'a> {
     pub fn tap(&mut self, input: &str) -> Result<()> {
         let mut known = vec![];
         let mut found = vec![];
-        for (target, coupled) in self.members.iter().enumerate() {
-            for (wires, connections) in coupled.wires.iter().enumerate() {
-                for (position, name) in connections.inputs.names().iter().enumerate() {
-                    let full = format!("{}:{name}", coupled.member.name);
-                    if input == name || input == full {
-                        found.push((
-                            full.clone(),
-                            Tap { target, wires, position, added: 0.0, brought: f64::NAN },
-                        ));
-                    }
-                    known.extend([name.clone(), full]);
-                }
+        for (at, member, name) in connected(&self.coupling) {
+            let full = format!("{member}:{name}");
+            if input == name || input == full {
+                found.push((full.clone(), at));
             }
+            known.extend([name.to_owned(), full]);
         }
-        let names: Vec<_> = found.iter().map(|(name, _)| name.as_str()).collect();
-        match names[..] {
-            [_] => self.tap = found.pop().map(|(_, tap)| tap),
+        match &found[..] {
+            [(_, at)] => self.tap = Some(*at),
             [] => bail!("no FMU gets {input} from another{}", like(input, known.iter().map(String::as_str))),
-            _ => bail!("several FMUs get it: use {}", names.join(" or ")),
+            _ => {
+                let names: Vec<_> = found.iter().map(|(name, _)| name.as_str()).collect();
+                bail!("several FMUs get it: use {}", names.join(" or "))
+            }
         }
         Ok(())
     }
 
-    /// Makes a step as [`Master::step`] does, and adds a number to the signal of the tapped connection, in the unit of
-    /// its input. Returns the signal without it.
+    /// Makes a step, and adds a number to the signal of the tapped connection at its begin and over it, in the unit of
+    /// its input. Nothing is recorded. Returns the signal without it.
     ///
     /// # Errors
-    /// When a call fails, or no connection is tapped.
+    /// When a call fails, no connection is tapped, or an FMU requests the end of the simulation ([`Ended`]).
     pub fn step_adding(&mut self, added: f64) -> Result<f64> {
-        self.tap.as_mut().context("no connection is tapped")?.added = added;
-        self.step()?;
-        Ok(self.tap.as_ref().map_or(f64::NAN, |tap| tap.brought))
+        let At { member, position } = self.tap.context("no connection is tapped")?;
+        self.coupling.members[member].inputs.wires[position].added = added;
+        if let Some(ended) = self.coupling.settle(self.time())? {
+            bail!(ended);
+        }
+        let (time, size) = self.next_step();
+        let ended = self.coupling.step(time, size)?;
+        self.steps_done += 1;
+        match ended {
+            Some(ended) => bail!(ended),
+            None => Ok(self.coupling.members[member].inputs.wires[position].brought),
+        }
     }
 
     /// What is recorded so far.
@@ -313,77 +280,94 @@ impl<'a> Master<'a> {
     /// The current communication point (s).
     #[must_use]
     pub fn time(&self) -> f64 {
-        self.origin + f64::from(self.steps_done) * self.scenario.step
+        self.point(self.steps_done)
+    }
+
+    /// The steps to the last communication point of the scenario.
+    fn steps(&self) -> u32 {
+        self.scenario.steps + u32::from(self.rest.is_some())
+    }
+
+    /// The time of a communication point (s): the start, multiples of the step, and the stop, unless the FMUs do not
+    /// reach it. Those past it count from there.
+    fn point(&self, number: u32) -> f64 {
+        let Scenario { start_time, stop_time, step, rest, .. } = *self.scenario;
+        let is_reached = rest == 0.0 || self.rest.is_some();
+        match number.checked_sub(self.steps()).filter(|_| is_reached) {
+            Some(past) => stop_time + f64::from(past) * step,
+            None => start_time + f64::from(number) * step,
+        }
+    }
+
+    /// From where the next step goes, and its size (s). In doubles their sum does not exceed the stop time, beyond which
+    /// an FMU that knows it may refuse to step.
+    fn next_step(&self) -> (f64, f64) {
+        let Scenario { stop_time, step, .. } = *self.scenario;
+        let (mut time, mut size) = (self.time(), step);
+        if self.steps_done + 1 == self.steps() {
+            size = self.rest.unwrap_or(step);
+            if time + size > stop_time + rounding(stop_time) {
+                size = stop_time - time;
+            }
+            // The size stays, as an FMU may have only one.
+            while time + size > stop_time {
+                time = time.next_down();
+            }
+        }
+        (time, size)
     }
 
     /// Initializes all instances at the scenario's start.
     ///
     /// Instances without a run-in are initialized together; then those with a run-in, with the outputs of the others.
-    /// The values at the start are recorded.
+    /// The values at the start are recorded. The FMUs get no stop time, so that steps may go past it.
     ///
     /// # Errors
-    /// When a value does not fit its variable, or a call fails.
+    /// When a value does not fit its variable, a call fails, or an FMU requests the end of the simulation ([`Ended`]).
     pub fn initialize(&mut self) -> Result<()> {
-        let start_time = self.scenario.start_time;
-        let (late, prompt): (Vec<_>, Vec<_>) =
-            (0..self.members.len()).partition(|&index| self.members[index].member.run_in.is_some());
-        for &index in &prompt {
-            self.members[index].begin(start_time, start_time, &[])?;
-        }
-        for _ in 0..INITIAL_EXCHANGES.max(prompt.len()) {
-            for &target in &prompt {
-                self.take(target, |source| prompt.contains(&source), false)?;
-            }
-        }
-        for &index in &prompt {
-            self.members[index].instance.exit_initialization()?;
-        }
-        for index in late {
-            let Some(run_in) = &self.members[index].member.run_in else { continue };
-            self.members[index].begin(start_time - run_in.duration, start_time, &run_in.during)?;
-            self.take(index, |source| prompt.contains(&source), false)?;
-            let instance = &mut self.members[index].instance;
-            instance.exit_initialization()?;
-            let begin = start_time - run_in.duration;
-            let step = self.scenario.step;
-            for step_index in 0..run_in.steps {
-                instance.step(begin + f64::from(step_index) * step, step)?;
-            }
-            assign(instance, &run_in.after)?;
-        }
-        self.record_at(start_time)
+        self.begin(None)
+    }
+
+    fn begin(&mut self, stop_time: Option<f64>) -> Result<()> {
+        self.coupling.initialize(self.scenario.start_time, stop_time)?;
+        self.settle()
     }
 
     /// Makes a communication step and records its end, even past the scenario's end.
     ///
     /// # Errors
-    /// When a call fails.
+    /// When a call fails, or an FMU requests the end of the simulation ([`Ended`]). If it is alone, its values at that
+    /// time are recorded.
     pub fn step(&mut self) -> Result<()> {
-        self.step_by(self.scenario.step)?;
+        let (time, size) = self.next_step();
+        let ended = self.coupling.step(time, size)?;
+        if let Some(ended) = ended {
+            self.end(&ended)?;
+            bail!(ended);
+        }
         self.steps_done += 1;
-        self.record_at(self.time())
+        self.settle()
     }
 
-    fn step_by(&mut self, size: f64) -> Result<()> {
+    /// Sets the inputs and handles the events of the current communication point, and records it.
+    fn settle(&mut self) -> Result<()> {
         let time = self.time();
-        for coupled in &mut self.members {
-            coupled.drive(self.signals_held_at.unwrap_or(time))?;
+        for NoiseOn { at, source } in &mut self.noise {
+            self.coupling.members[at.member].inputs.wires[at.position].added = source.draw();
         }
-        match self.scenario.stepping {
-            Stepping::InTurn => {
-                for index in 0..self.members.len() {
-                    self.take(index, |_| true, true)?;
-                    self.members[index].instance.step(time, size)?;
-                }
-            }
-            Stepping::AtOnce => {
-                for index in 0..self.members.len() {
-                    self.take(index, |_| true, true)?;
-                }
-                for coupled in &mut self.members {
-                    coupled.instance.step(time, size)?;
-                }
-            }
+        if self.records_events && self.coupling.has_due_events(time) {
+            self.recorder.take_before(time, &self.coupling);
+        }
+        let ended = self.coupling.settle(time)?;
+        self.recorder.take(time, &mut self.coupling);
+        ended.map_or(Ok(()), |ended| Err(ended.into()))
+    }
+
+    /// Records the end that an FMU requests at the end of a step, or, alone, within it.
+    fn end(&mut self, ended: &Ended) -> Result<()> {
+        if self.recorder.last().is_none_or(|last| last < ended.time) {
+            self.coupling.connect_all(ended.time)?;
+            self.recorder.take(ended.time, &mut self.coupling);
         }
         Ok(())
     }
@@ -394,105 +378,153 @@ impl<'a> Master<'a> {
     /// # Errors
     /// When a call fails, or an FMU requests the end of the simulation ([`Ended`]).
     pub fn step_to_end(&mut self, mut progress: impl FnMut(u32, &mut Record)) -> Result<()> {
-        for index in 0..self.scenario.steps {
+        for index in 0..self.steps() {
             progress(index, &mut self.recorder.record);
             self.step()?;
-        }
-        if let Some(rest) = self.rest {
-            self.step_by(rest)?;
-            (self.origin, self.steps_done) = (self.scenario.stop_time, 0);
-            self.record_at(self.origin)?;
         }
         Ok(())
     }
 
-    /// Runs a scenario from its start to its end, or until an FMU requests the end. Calls `progress` as
-    /// [`Master::step_to_end`] does.
+    /// Runs a scenario from its start to its end, or until an FMU requests the end. The FMUs get the stop time. Calls
+    /// `progress` as [`Master::step_to_end`] does.
     ///
     /// # Errors
     /// Those of [`Master::initialize`] and [`Master::step`].
     pub fn run(mut self, progress: impl FnMut(u32, &mut Record)) -> Result<Run> {
-        self.initialize()?;
-        let mut ended = None;
-        if let Err(error) = self.step_to_end(progress) {
-            let end: Ended = error.downcast()?;
-            self.record_at(end.time)?;
-            ended = Some(end);
-        }
-        let warnings = self.members.iter_mut().flat_map(|coupled| {
+        let run = self.begin(Some(self.scenario.stop_time)).and_then(|()| self.step_to_end(progress));
+        let ended = run.map_or_else(|error| error.downcast().map(Some), |()| Ok(None))?;
+        let warnings = self.coupling.members.iter_mut().flat_map(|coupled| {
             let name = coupled.instance.name().to_owned();
             coupled.instance.take_warnings().into_iter().map(move |message| (name.clone(), message))
         });
         let warnings = warnings.collect();
         Ok(Run { record: self.recorder.record, warnings, ended })
     }
+}
 
-    fn record_at(&mut self, time: f64) -> Result<()> {
-        self.recorder.take(time, self.members.iter_mut().map(|coupled| &mut coupled.instance))
+/// What is read of a member, by name.
+#[derive(Default)]
+struct Wanted {
+    names: Vec<String>,
+    positions: HashMap<String, usize>,
+}
+
+impl Wanted {
+    /// The position of a variable among what is read.
+    fn position(&mut self, name: &str) -> usize {
+        *self.positions.entry(name.to_owned()).or_insert_with(|| {
+            self.names.push(name.to_owned());
+            self.names.len() - 1
+        })
     }
 
-    /// Sets an instance's inputs to the outputs of the others.
-    fn take(&mut self, target: usize, from: impl Fn(usize) -> bool, is_measured: bool) -> Result<()> {
-        for index in 0..self.members[target].wires.len() {
-            let source = self.members[target].wires[index].source;
-            if !from(source) {
-                continue;
-            }
-            if source == target {
-                let Coupled { instance, wires, .. } = &mut self.members[target];
-                wires[index].read(instance)?;
-            } else {
-                let [giver, taker] = self.members.get_disjoint_mut([source, target]).context("two FMUs")?;
-                taker.wires[index].read(&mut giver.instance)?;
-            }
-            let wires = &mut self.members[target].wires[index];
-            for (position, conversion) in &wires.conversions {
-                wires.values[*position] = conversion.apply(wires.values[*position]);
-            }
-            if is_measured {
-                for noise in
-                    self.noise.iter_mut().filter(|noise| noise.target == target && noise.wires == index)
-                {
-                    wires.values[noise.position] += noise.source.draw();
-                }
-            }
-            if let Some(tap) = self.tap.as_mut().filter(|tap| (tap.target, tap.wires) == (target, index)) {
-                tap.brought = wires.values[tap.position];
-                wires.values[tap.position] += tap.added;
-            }
-        }
-        // An FMU may be its own source: no output is read once an input is set.
-        let Coupled { instance, wires, .. } = &mut self.members[target];
-        let mut wires = wires.iter_mut().filter(|wires| from(wires.source));
-        wires.try_for_each(|wires| wires.write(instance))
+    fn reading(&mut self, member: usize, name: &str) -> Source {
+        Source::Reading { member, position: self.position(name) }
     }
 }
 
-impl Wires {
-    /// Reads the outputs.
-    fn read(&mut self, instance: &mut Instance) -> Result<()> {
-        instance.read(&mut self.outputs, &mut self.values)?;
-        for TextWire { output, number, is_new, .. } in &mut self.texts {
-            let mut now = [0.0];
-            instance.read(output, &mut now)?;
-            *is_new |= now[0].to_bits() != number.to_bits();
-            *number = now[0];
-        }
-        Ok(())
-    }
+/// What gives a member's inputs their values.
+struct Taken {
+    held: Vec<(String, Wire)>,
+    followed: Vec<Following>,
+    texts: Vec<TextWire>,
+}
 
-    /// Sets the inputs.
-    fn write(&mut self, instance: &mut Instance) -> Result<()> {
-        instance.write(&mut self.inputs, &self.values)?;
-        for TextWire { output, input, number, is_new } in &mut self.texts {
-            if mem::take(is_new)
-                && let Some(text) = output.text(*number)
-            {
-                instance.set(input, text)?;
+/// A continuous input in Model Exchange that follows a signal.
+struct Following {
+    input: String,
+    signal: Signal,
+    conversion: Function,
+}
+
+impl Taken {
+    /// Connections from other FMUs, except to inputs driven by the member's own signals; and signals. What is read of
+    /// other FMUs for it is added to what is wanted of them.
+    fn new(
+        scenario: &Scenario,
+        loaded: &[Arc<Fmu>],
+        links: &[Link],
+        index: usize,
+        wanted: &mut [Wanted],
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
+        let (member, fmu) = (&scenario.fmus[index], &loaded[index]);
+        let mut taken = Self { held: vec![], followed: vec![], texts: vec![] };
+        let is_replaced = |link: &Link| member.inputs.iter().any(|input| input.name == link.connection.input);
+        for link in links.iter().filter(|link| link.target == index && !is_replaced(link)) {
+            let Some(giver) = link.source else { continue };
+            let (output, input) = (&link.connection.output, &link.connection.input);
+            let reading = wanted[giver].position(output);
+            if fmu.variable(input)?.value_type() == ValueType::String {
+                taken.texts.push(TextWire::new((giver, reading), input.clone()));
+                continue;
+            }
+            let source = coupling::Source::Output { member: giver, reading };
+            let ends = format!("{} to {}", link.connection.from(), link.connection.to());
+            let wire = Wire::new(source, link.conversion.clone(), link.connection.threshold, ends);
+            taken.held.push((input.clone(), wire));
+        }
+        let mut inputs: Vec<(&str, &Input, Function, Option<f64>)> = vec![];
+        for input in &member.inputs {
+            if take_note(scenario, has_input(fmu, &input.name), input, notes)? {
+                inputs.push((&input.name, input, Function::IDENTITY, None));
             }
         }
-        Ok(())
+        for input in &scenario.inputs {
+            let driven = links.iter().filter(|link| link.target == index && link.is_from(&input.name));
+            for Link { connection, conversion, .. } in driven {
+                let name = connection.input.as_str();
+                if taken.held.iter().any(|(held, _)| held == name) {
+                    return Err(input.location.error(format!(
+                        "{} gets {name} from another FMU; a signal among its own inputs would replace it",
+                        member.name
+                    )));
+                }
+                if !inputs.iter().any(|(own, ..)| *own == name) {
+                    inputs.push((name, input, conversion.clone(), connection.threshold));
+                }
+            }
+        }
+        for (name, input, conversion, threshold) in inputs {
+            let variable = fmu.variable(name)?;
+            let signal = input.course.fit(variable, fmu.description(), conversion.linear());
+            let signal = input.location.locate(signal)?;
+            let ends = format!("{} to {}:{name}", input.name, member.name);
+            let input = name.to_owned();
+            if fmu.interface() == Interface::ModelExchange && !variable.is_discrete() {
+                taken.followed.push(Following { input, signal, conversion });
+            } else {
+                let wire = Wire::new(coupling::Source::Signal(signal), conversion, threshold, ends);
+                taken.held.push((input, wire));
+            }
+        }
+        Ok(taken)
     }
+
+    /// Where an input's recorded values come from, if it is connected.
+    fn source(&self, member: usize, name: &str) -> Option<Source> {
+        if let Some(position) = self.held.iter().position(|(input, _)| input == name) {
+            return Some(Source::Input { member, position });
+        }
+        if let Some(TextWire { source: (member, position), .. }) =
+            self.texts.iter().find(|wire| wire.input == name)
+        {
+            return Some(Source::Reading { member: *member, position: *position });
+        }
+        let followed = self.followed.iter().find(|followed| followed.input == name)?;
+        Some(Source::Signal(followed.signal.clone(), followed.conversion.clone()))
+    }
+}
+
+/// The inputs that get outputs: the place, the member's name and the input's.
+fn connected<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, &'a str)> {
+    coupling.members.iter().enumerate().flat_map(|(member, coupled)| {
+        let wires = coupled.inputs.wires.iter().zip(coupled.inputs.names()).enumerate();
+        let outputs = wires.filter(|(_, (wire, _))| matches!(wire.source, coupling::Source::Output { .. }));
+        outputs.map(move |(position, (_, name))| {
+            (At { member, position }, coupled.member.name.as_str(), name.as_str())
+        })
+    })
 }
 
 /// Whether an input is found. If FMUs of the scenario are replaced, a missing one is a note instead of an error.
@@ -528,82 +560,6 @@ fn has_input(fmu: &Fmu, name: &str) -> Result<()> {
     bail!("no FMU has an input {name}{}", like(name, fmu.names(Causality::Input)))
 }
 
-fn assign(instance: &mut Instance, values: &[Assignment]) -> Result<()> {
-    values.iter().try_for_each(|assignment| {
-        assignment.location.locate(instance.set(&assignment.name, assignment.value.clone()))
-    })
-}
-
-impl Coupled<'_> {
-    /// Sets start values and enters initialization mode, with the signals at the experiment's start.
-    fn begin(&mut self, start_time: f64, experiment_start: f64, also: &[Assignment]) -> Result<()> {
-        self.instance.set_up(start_time, None)?;
-        for (set, location) in &self.member.parameters {
-            location.locate(self.instance.set_parameters(set))?;
-        }
-        assign(&mut self.instance, &self.member.values)?;
-        assign(&mut self.instance, also)?;
-        self.drive(experiment_start)?;
-        self.instance.enter_initialization()?;
-        Ok(())
-    }
-
-    /// Sets the inputs driven by signals, if one changed.
-    fn drive(&mut self, time: f64) -> Result<()> {
-        let Driven { selection, signals, conversions, values } = &mut self.driven;
-        let mut is_changed = false;
-        for ((signal, conversion), value) in signals.iter().zip(conversions).zip(values.iter_mut()) {
-            let now = converted(signal.at(time), conversion);
-            is_changed |= now.to_bits() != value.to_bits();
-            *value = now;
-        }
-        if is_changed {
-            self.instance.write(selection, values)?;
-        }
-        Ok(())
-    }
-}
-
-/// A converted value, bit-identical without a conversion.
-fn converted(value: f64, conversion: &Function) -> f64 {
-    if *conversion == Function::IDENTITY { value } else { conversion.apply(value) }
-}
-
-/// The connections from other FMUs to an FMU, except to inputs driven by its own signals.
-fn wires(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], target: usize) -> Result<Vec<Wires>> {
-    let own = &scenario.fmus[target].inputs;
-    let is_replaced = |link: &&Link| own.iter().any(|input| input.name == link.connection.input);
-    let mut all = vec![];
-    for (source, fmu) in fmus.iter().enumerate() {
-        let between = links.iter().filter(|link| link.target == target && link.source == Some(source));
-        let between: Vec<_> = between.filter(|link| !is_replaced(link)).collect();
-        if !between.is_empty() {
-            let is_text = |link: &&Link| {
-                let input = fmus[target].description().variable(&link.connection.input);
-                input.is_some_and(|input| input.value_type() == ValueType::String)
-            };
-            let (texts, between): (Vec<_>, Vec<_>) = between.into_iter().partition(is_text);
-            let texts =
-                texts.into_iter().map(|Link { connection: Connection { output, input, .. }, .. }| {
-                    let output = fmu.select_with_texts([output.as_str()])?;
-                    Ok(TextWire { output, input: input.clone(), number: f64::NAN, is_new: false })
-                });
-            let conversions = between.iter().map(|link| link.conversion.clone()).enumerate();
-            all.push(Wires {
-                source,
-                outputs: fmu.select(between.iter().map(|link| link.connection.output.as_str()))?,
-                inputs: fmus[target].select(between.iter().map(|link| link.connection.input.as_str()))?,
-                values: vec![0.0; between.len()],
-                conversions: conversions
-                    .filter(|(_, conversion)| *conversion != Function::IDENTITY)
-                    .collect(),
-                texts: texts.collect::<Result<_>>()?,
-            });
-        }
-    }
-    Ok(all)
-}
-
 /// The last, shorter step of a scenario (s), if it has one and its FMUs can make it.
 fn rest(scenario: &Scenario, fmus: &[Arc<Fmu>], notes: &mut Vec<String>) -> Result<Option<f64>> {
     if scenario.rest == 0.0 {
@@ -627,23 +583,22 @@ fn rest(scenario: &Scenario, fmus: &[Arc<Fmu>], notes: &mut Vec<String>) -> Resu
 }
 
 /// The noise of a scenario, on every connection of the name.
-fn noise(scenario: &Scenario, members: &[Coupled<'_>]) -> Result<Vec<NoiseOn>> {
+fn noise(scenario: &Scenario, coupling: &Coupling<'_>) -> Result<Vec<NoiseOn>> {
     let mut all = vec![];
     for noise in &scenario.noise {
         let before = all.len();
-        for (target, coupled) in members.iter().enumerate() {
-            for (wires, known) in coupled.wires.iter().enumerate() {
-                if let Some(position) = known.inputs.names().iter().position(|name| *name == noise.name) {
-                    all.push(NoiseOn { target, wires, position, source: NoiseSource::new(noise)? });
-                }
+        for (at, _, name) in connected(coupling) {
+            if name == noise.name {
+                all.push(NoiseOn { at, source: NoiseSource::new(noise)? });
             }
         }
         if all.len() == before {
-            let names =
-                members.iter().flat_map(|coupled| &coupled.wires).flat_map(|wires| wires.inputs.names());
-            let like = like(&noise.name, names.map(String::as_str));
+            let like = like(&noise.name, connected(coupling).map(|(.., name)| name));
             return Err(noise.location.error(format!("no FMU gets {} from another{like}", noise.name)));
         }
     }
     Ok(all)
 }
+
+#[cfg(test)]
+mod tests;

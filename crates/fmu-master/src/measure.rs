@@ -70,17 +70,20 @@ pub struct Following {
 }
 
 impl Following {
-    /// Measures each step of a variable's reference, which end with the record.
+    /// Measures each step of a variable's reference, which end with the record. Those after its end are left out.
     ///
     /// # Errors
     /// When it has no such variable, or no rows at these times.
     pub fn new(record: &Record, name: &str, steps: &[(f64, f64)]) -> Result<Self> {
         let mut following = Self::default();
-        let end = record.time().last().copied().context("the record is empty")?;
-        let ends = steps.iter().skip(2).map(|step| step.0).chain([end]);
+        let last = record.time().last().copied().context("the record is empty")?;
+        let ends = steps.iter().skip(2).map(|step| step.0).chain([last]);
         for (pair, end) in steps.windows(2).zip(ends) {
             let [(_, before), (begin, after)] = *pair else { continue };
-            let values = between(record, name, begin, end)?;
+            if begin > last + ROUNDING {
+                break;
+            }
+            let values = between(record, name, begin, end.min(last))?;
             let overshoot = if after > before {
                 let overshoot = greatest(values.iter().copied()) - after;
                 following.up.push(overshoot);

@@ -44,6 +44,8 @@ pub struct Connection {
     pub input: String,
     /// From the output's value to the input's.
     pub conversion: Conversion,
+    /// From which converted value on a Boolean input is true.
+    pub threshold: Option<f64>,
     /// Where it is given.
     pub location: Location,
 }
@@ -137,7 +139,8 @@ impl Display for Connection {
                 let entries = entries.iter().map(|(from, to)| format!("[{from:?}, {to:?}]"));
                 writeln!(formatter, "table = [{}]", entries.collect::<Vec<_>>().join(", "))
             }
-        }
+        }?;
+        self.threshold.iter().try_for_each(|threshold| writeln!(formatter, "threshold = {threshold:?}"))
     }
 }
 
@@ -191,6 +194,7 @@ fn connection(node: &Node<'_>) -> Result<Connection> {
     });
     let offset = table.optional("offset").map(|node| node.number("a number"));
     let values = table.optional("table").map(|node| pairs(&node));
+    let threshold = table.optional("threshold").map(|node| node.number("a number")).transpose()?;
     let has_units = from_unit.is_some() || to_unit.is_some();
     let conversion = match (factor.transpose()?, offset.transpose()?, values.transpose()?) {
         (None, None, None) => Conversion::Units { from: from_unit, to: to_unit },
@@ -210,6 +214,7 @@ fn connection(node: &Node<'_>) -> Result<Connection> {
         target: target.to_owned(),
         input: input.to_owned(),
         conversion,
+        threshold,
         location: node.location().clone(),
     };
     table.finish()?;

@@ -8,6 +8,7 @@ pub mod archive;
 mod build_description;
 pub mod connection;
 mod declared;
+mod domain;
 mod fmu;
 mod identifier;
 pub mod library;
@@ -29,6 +30,7 @@ mod xml;
 
 pub use build_description::{BuildConfiguration, SourceFileSet, StaticLibrary};
 pub use declared::Declared;
+pub use domain::Domain;
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
 pub use identifier::refuse_no_identifier;

@@ -19,6 +19,7 @@ use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float
 use crate::archive;
 use crate::parameter_set::{self, Parameter, ParameterSet, Value};
 use crate::units;
+use crate::variable::ValueType;
 
 /// The namespace of system structures.
 const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureDescription";
@@ -90,13 +91,15 @@ pub struct Placement {
     pub upper_right: (f64, f64),
 }
 
-/// A Real connector of an element.
+/// A connector of an element.
 #[derive(Clone, Debug)]
 pub struct Connector {
     /// Unique within its parent.
     pub name: String,
     /// The direction, seen from outside the element.
     pub kind: Kind,
+    /// The type of its values: Real, Boolean or else Integer.
+    pub value_type: ValueType,
     /// The unit; empty if unknown.
     pub unit: String,
     /// The start value of a system's input.
@@ -302,7 +305,11 @@ impl SystemStructure {
                         self.units.iter().any(|unit| unit.name == connector.unit && unit.base.is_some());
                     let unit: Attributes =
                         is_defined.then(|| ("unit", connector.unit.clone())).into_iter().collect();
-                    empty(writer, "ssc:Real", unit)?;
+                    match connector.value_type {
+                        ValueType::Real => empty(writer, "ssc:Real", unit)?,
+                        ValueType::Boolean => empty(writer, "ssc:Boolean", vec![])?,
+                        _ => empty(writer, "ssc:Integer", vec![])?,
+                    }
                     let (x, y) = connector.place;
                     empty(writer, "ssd:ConnectorGeometry", vec![("x", float(x)), ("y", float(y))])
                 })

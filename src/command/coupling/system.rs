@@ -7,7 +7,7 @@
 use boost_interface::{Compatibility, Match, Port, Role};
 use fmu_package::{
     Connection, Connector, End, FmuVariable, Kind, Linear, System, SystemComponent, SystemPackage,
-    SystemStructure, Unit,
+    SystemStructure, Unit, ValueType,
 };
 
 use super::layout::{Counts, Layout, relative};
@@ -189,6 +189,7 @@ impl Builder {
         connectors.push(Connector {
             name: wire.variable.name.clone(),
             kind: wire.port.kind,
+            value_type: wire.variable.value_type(),
             unit: wire.variable.unit.clone(),
             start: None,
             place: relative(place, placement),
@@ -200,6 +201,7 @@ impl Builder {
         self.connectors.push(Connector {
             name: wire.port.name().to_owned(),
             kind: Kind::Input,
+            value_type: ValueType::Real,
             unit: wire.port.unit().name,
             start: wire.port.variable.start.parse().ok(),
             place: relative(place, self.layout.canvas()),
@@ -222,6 +224,7 @@ impl Builder {
         self.connectors.push(Connector {
             name: wire.port.name().to_owned(),
             kind: Kind::Output,
+            value_type: ValueType::Real,
             unit: wire.port.unit().name,
             start: None,
             place: relative(place, self.layout.canvas()),

@@ -46,8 +46,6 @@ def test_a_record_agrees_with_fmpy(fmu, model: str, tmp_path: Path) -> None:
         relative_tolerance=TOLERANCE,
         step_size=step,
         output_interval=step,
-        # As the command. Steps that go past communication points share what is left to a stop time equally.
-        set_stop_time=False,
     )
     found = read_csv(out)
     assert len(found) == len(expected) > 10

@@ -11,7 +11,9 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_io::terminal::complain;
 use fmu_io::writing;
-use fmu_master::scenario::{Assignment, Course, Input, Location, Measured, Member, Scenario, Signal};
+use fmu_master::scenario::{
+    Assignment, Course, Input, Location, Measured, Member, Scenario, Signal, Tolerance,
+};
 use fmu_master::system::{self, Times, Unpacked};
 use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
@@ -38,9 +40,10 @@ pub struct Experiment {
     /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = positive())]
     step: Option<f64>,
-    /// Relative tolerance of the FMUs' integrators [default: their own; 1e-6 in Model Exchange]
-    #[arg(long, value_name = "NUMBER", value_parser = positive())]
-    tolerance: Option<f64>,
+    /// Relative tolerance of the FMUs' integrators, or none [default: that of their DefaultExperiment; without one, 1e-6
+    /// in Model Exchange]
+    #[arg(long, value_name = "none|NUMBER", value_parser = tolerance)]
+    tolerance: Option<Tolerance>,
     /// How the FMUs run: co-simulation, or Model Exchange by the exporter's integrator [default: co-simulation where an
     /// FMU offers it]
     #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
@@ -96,7 +99,7 @@ impl Experiment {
 
     /// The scenario with the values of the command line.
     fn with_values(&self, mut scenario: Scenario, loaded: &mut LoadedFmus) -> Result<Scenario> {
-        scenario.tolerance = self.tolerance;
+        scenario.tolerance = self.tolerance.unwrap_or_default();
         let fmus = scenario.fmus.iter().map(|member| loaded.get(member)).collect::<Result<Vec<_>>>()?;
         let links = links(&scenario, &fmus)?;
         if let Some(path) = &self.input {
@@ -321,6 +324,14 @@ fn values_of_array(count: usize, text: &str) -> Result<Vec<String>> {
         [one] => Ok(vec![one.clone(); count]),
         several if several.len() == count => Ok(values),
         several => bail!("expected one value or {count}, found {}", several.len()),
+    }
+}
+
+/// Parses a tolerance.
+fn tolerance(text: &str) -> Result<Tolerance, String> {
+    match text {
+        "none" => Ok(Tolerance::Undefined),
+        number => positive()(number).map(Tolerance::Given).map_err(|expected| format!("{expected}, or none")),
     }
 }
 

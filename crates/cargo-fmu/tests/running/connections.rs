@@ -169,7 +169,7 @@ fn a_signal_for_inputs_in_different_units_needs_its_own() {
 #[test]
 fn a_name_that_a_replaced_fmu_does_not_have_is_not_recorded() {
     let bench = coupled();
-    let panels = "record = [\"drive\", \"level\", \"sum\"]\npanels = [[\"level\"], [\"sum\"]]\n\
+    let panels = "record = [\"drive\", \"alone:level\", \"sum\"]\npanels = [[\"alone:level\"], [\"sum\"]]\n\
                   measurement_noise.sum.standard_deviation = 1.0\n";
     let scenario = format!("{panels}{}", bench.read("scenario.toml"));
     bench.write("scenario.toml", &scenario.replace("other.fmu", "careless.fmu"));
@@ -181,7 +181,7 @@ fn a_name_that_a_replaced_fmu_does_not_have_is_not_recorded() {
     let output = bench.run(&[&simulate[..], &replaced].concat());
     let notes = String::from_utf8(output.stderr).unwrap();
     assert_eq!(notes, "note: scenario.toml, line 1, record[3]: no FMU has a variable sum\n");
-    assert!(bench.read("a.csv").starts_with("time,drive,level\n# s,%,Pa\n"), "{}", bench.read("a.csv"));
+    assert!(bench.read("a.csv").starts_with("time,drive,alone:level\n# s,%,Pa\n"), "{}", bench.read("a.csv"));
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod archives;
 mod careless;
 mod compiling;
 mod connections;
+mod ends;
 mod misbehaving;
 mod systems;
 

@@ -9,6 +9,7 @@ use fmu_export::display::Seconds;
 
 use super::c_boundary::{Handle, Vector};
 use super::fmu::Fmu;
+use super::followed::Followed;
 use super::messages::{self, CallFailed, Called, Ended, Message, Status};
 use super::selection::{Group, Selection};
 use super::watch::Watch;
@@ -20,8 +21,10 @@ pub struct Calls {
     pub handle: Rc<Handle>,
     /// Whether the FMU has directional derivatives that were not found wrong.
     pub has_directional_derivatives: bool,
-    /// The recorded variables, if there are any.
+    /// The variables that are read at communication points and events, if there are any.
     pub watch: Option<Watch>,
+    /// In Model Exchange, the inputs that follow functions of time, if there are any.
+    pub followed: Option<Followed>,
     warnings: Vec<Message>,
     /// Whether it was said that a step returned early though it may not.
     has_returned_early: bool,
@@ -38,6 +41,7 @@ impl Calls {
             handle: Rc::new(handle),
             has_directional_derivatives,
             watch: None,
+            followed: None,
             warnings: vec![],
             has_returned_early: false,
             not_numbers: BTreeSet::new(),
@@ -156,9 +160,25 @@ impl Calls {
         self.check(names, called)
     }
 
-    /// Sets time (s) and continuous states.
+    /// Sets the variables of a selection of this FMU to values that they take. The elements of arrays that are not
+    /// selected keep their values.
+    pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
+        // FMUs may refuse to be read once an input is set.
+        for group in selection.groups.iter_mut().filter(|group| group.has_other_elements()) {
+            self.read_group(group, &selection.names)?;
+        }
+        for group in &mut selection.groups {
+            group.gather(values);
+            let called = self.handle.set(group.number_type, &group.references, &group.values);
+            self.check(&selection.names, called)?;
+        }
+        Ok(())
+    }
+
+    /// Sets time (s), the inputs that follow it, and the continuous states.
     pub fn go_to(&mut self, time: f64, states: &[f64]) -> Result<()> {
         self.check(&[], self.handle.set_time(time))?;
+        self.follow(time)?;
         if states.is_empty() {
             return Ok(());
         }

@@ -25,6 +25,8 @@ pub struct EventMode {
     announced: Option<f64>,
     /// The time of the last event (s).
     last: f64,
+    /// Whether the last step has ended with an event.
+    has_event: bool,
     clocks: Vec<InputClock>,
 }
 
@@ -85,7 +87,13 @@ impl EventMode {
                 next: None,
             });
         }
-        Ok(Self { phase: Phase::Initialization, announced: None, last: f64::NEG_INFINITY, clocks })
+        Ok(Self {
+            phase: Phase::Initialization,
+            announced: None,
+            last: f64::NEG_INFINITY,
+            has_event: false,
+            clocks,
+        })
     }
 
     /// Reads when periodic clocks tick; called in Initialization Mode, at its time (s).
@@ -104,6 +112,16 @@ impl EventMode {
         Ok(())
     }
 
+    /// The time of the last event (s).
+    pub fn last(&self) -> f64 {
+        self.last
+    }
+
+    /// After the initialization, from which the instance comes in Event Mode.
+    pub fn begin(&mut self) {
+        self.phase = Phase::EventMode;
+    }
+
     /// Whether the instance is in Event Mode: inputs may have changed.
     pub fn is_entered(&self) -> bool {
         self.phase == Phase::EventMode
@@ -115,9 +133,19 @@ impl EventMode {
         clocks.chain(self.announced).min_by(f64::total_cmp)
     }
 
-    /// The time of the last event (s).
-    pub fn last(&self) -> f64 {
-        self.last
+    /// Whether there are events until a time (s), or changed inputs.
+    pub fn is_due(&self, until: f64) -> bool {
+        self.is_entered() || self.has_due(until)
+    }
+
+    /// Whether there are events until a time (s).
+    pub fn has_due(&self, until: f64) -> bool {
+        self.has_event || self.next().is_some_and(|due| due <= until)
+    }
+
+    /// The time of the events at a communication point (s), which are until a time (s).
+    pub fn time_at(&self, point: f64, until: f64) -> f64 {
+        self.next().filter(|due| point < *due && *due <= until).unwrap_or(point)
     }
 
     /// Enters Event Mode after initialization.
@@ -132,14 +160,16 @@ impl EventMode {
     }
 
     /// Handles the events at a time (s), including clocks that are due up to `late` (s) after it, and leaves Event
-    /// Mode. In an instance that was in Event Mode before, only inputs have changed, or it has just been initialized.
-    pub fn handle(&mut self, calls: &mut Calls, time: f64, late: f64) -> Result<()> {
-        let is_watched = self.phase == Phase::BetweenEvents;
+    /// Mode; if they are watched, the variables are read before and after. In an instance that was in Event Mode before,
+    /// only inputs have changed, or it has just been initialized.
+    pub fn handle(&mut self, calls: &mut Calls, (time, late): (f64, f64), is_watched: bool) -> Result<()> {
         if is_watched {
             calls.watch_event(time, false)?;
         }
         self.enter(calls)?;
         self.last = time;
+        self.has_event = false;
+        calls.begin_stretch(time)?;
         for _ in 0..MOST_ITERATIONS {
             for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
                 let called = calls.handle.tick(clock.reference);
@@ -183,12 +213,12 @@ impl EventMode {
         );
     }
 
-    /// Steps an FMU for co-simulation from a time (s) by a size (s), and handles its events.
+    /// Steps an FMU for co-simulation from a time (s) by a size (s), and handles its events before the end.
     pub fn co_simulate(&mut self, calls: &mut Calls, start: f64, size: f64) -> Result<()> {
         let end = start + size;
         let mut time = start;
         if self.is_entered() {
-            self.handle(calls, time, 0.0)?;
+            self.handle(calls, (time, 0.0), false)?;
         }
         let late = rounding(end);
         let mut returns = 0;
@@ -205,8 +235,9 @@ impl EventMode {
                 );
             }
             time = reached;
-            if calls.handle.has_event() || self.next().is_some_and(|due| due <= time + late) {
-                self.handle(calls, time, late)?;
+            self.has_event = calls.handle.has_event();
+            if time < end && self.has_due(time + late) {
+                self.handle(calls, (time, late), true)?;
             }
         }
         Ok(())

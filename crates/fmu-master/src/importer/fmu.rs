@@ -32,6 +32,8 @@ pub struct Fmu {
     description: FmuDescription,
     /// The conversions from the FMU's values, by name.
     pub(super) conversions: BTreeMap<String, Linear>,
+    /// From which values on Booleans are true, by name.
+    pub(super) thresholds: BTreeMap<String, f64>,
     /// Of Model Exchange.
     pub(super) states: Arc<[State]>,
     /// Where the Jacobian of the states has elements, by `ModelStructure`.
@@ -124,17 +126,20 @@ impl Fmu {
             pattern: Arc::new(pattern),
             needs_event_mode,
             conversions: BTreeMap::new(),
+            thresholds: BTreeMap::new(),
             functions: Arc::new(functions),
         })
     }
 
     /// The FMU with another description, whose names and units replace its own from here on. `conversions` lead from
-    /// the FMU's values to those of the names. Both share the loaded library.
+    /// the FMU's values to those of the names, and `thresholds` are the numbers from which Booleans are true. Both FMUs
+    /// share the loaded library.
     #[must_use]
     pub fn translated(
         &self,
         description: FmuDescription,
         mut conversions: BTreeMap<String, Linear>,
+        thresholds: BTreeMap<String, f64>,
     ) -> Arc<Self> {
         conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
         Arc::new(Self {
@@ -145,6 +150,7 @@ impl Fmu {
             needs_event_mode: self.needs_event_mode,
             description,
             conversions,
+            thresholds,
             functions: Arc::clone(&self.functions),
         })
     }
@@ -165,6 +171,14 @@ impl Fmu {
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
         self.description.has_capability(self.interface, flag)
+    }
+
+    /// The tolerance of its default experiment, if it has one.
+    #[must_use]
+    pub fn default_tolerance(&self) -> Option<f64> {
+        let defaults = &self.description.default_experiment;
+        let (_, text) = defaults.iter().find(|(name, _)| name == "tolerance")?;
+        text.trim().parse().ok().filter(|tolerance: &f64| *tolerance > 0.0 && tolerance.is_finite())
     }
 
     /// Refuses an FMU that cannot be instantiated [with early return](Self::instantiate_with_early_return).

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
+use fmu_export::time::rounding;
 use fmu_package::{FmuVariable, ParameterSet, Value};
 
 use super::Interface;
@@ -163,6 +164,13 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn exit_initialization(&mut self) -> Result<()> {
+        self.leave_initialization()?;
+        let time = self.calls.handle.time.get().unwrap_or(0.0);
+        self.finish_event(time, time)
+    }
+
+    /// Ends the initialization. An FMU with Event Mode is in it then.
+    pub(crate) fn leave_initialization(&mut self) -> Result<()> {
         let Self { calls, events, integration, .. } = self;
         let time = calls.handle.time.get().unwrap_or(0.0);
         if let Some(events) = &mut *events {
@@ -170,14 +178,13 @@ impl Instance {
         }
         let called = calls.handle.exit_initialization_mode();
         calls.check(&[], called)?;
-        match (&mut *events, calls.fmu.interface()) {
-            (Some(events), Interface::ModelExchange) => {
-                *integration = Some(Integration::begin(calls, events, time)?);
-                Ok(())
+        if let Some(events) = events {
+            events.begin();
+            if calls.fmu.interface() == Interface::ModelExchange {
+                *integration = Some(Integration::new(calls, time)?);
             }
-            (Some(events), _) => events.handle(calls, time, 0.0),
-            (None, _) => Ok(()),
         }
+        Ok(())
     }
 
     /// Initializes an experiment with the values set so far: [`set_up`](Self::set_up),
@@ -198,6 +205,20 @@ impl Instance {
     /// [`Ended`](super::Ended) when the FMU requests the end of the simulation; its values are then those at the end.
     /// Otherwise when a call fails; after a discarded step, [`CallFailed::last_successful_time`] is the time reached.
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
+        self.advance(time, size)?;
+        let end = time + size;
+        let until = end + rounding(end);
+        if !self.is_due(until) {
+            return Ok(());
+        }
+        self.calls.watch_event(end, false)?;
+        self.begin_event(end, until)?;
+        self.finish_event(end, until)?;
+        self.calls.watch_event(end, true)
+    }
+
+    /// Steps as [`Instance::step`] does, but leaves events at the end of the step to the communication point there.
+    pub(crate) fn advance(&mut self, time: f64, size: f64) -> Result<()> {
         let Self { calls, events, integration, .. } = self;
         match (events, integration) {
             (Some(events), Some(integration)) => integration.step(calls, events, time, size),
@@ -210,6 +231,50 @@ impl Instance {
                 }
                 Ok(())
             }
+        }
+    }
+
+    /// Whether it has something to do at a communication point in Event Mode: there are events until a time (s), or
+    /// changed inputs.
+    pub(crate) fn is_due(&self, until: f64) -> bool {
+        self.events.as_ref().is_some_and(|events| events.is_due(until))
+    }
+
+    /// Whether an input that follows a course jumps until a time (s).
+    pub(crate) fn jumps_until(&self, until: f64) -> bool {
+        self.calls.next_jump().is_some_and(|jump| jump <= until)
+    }
+
+    /// Whether it has events until a time (s) other than changes of inputs.
+    pub(crate) fn has_due_events(&self, until: f64) -> bool {
+        self.events.as_ref().is_some_and(|events| events.has_due(until))
+    }
+
+    /// Brings an FMU with Event Mode to a communication point (s), whose events are until a time (s), and enters it. Its
+    /// inputs can be set then.
+    pub(crate) fn begin_event(&mut self, point: f64, until: f64) -> Result<()> {
+        let Self { calls, events, integration, .. } = self;
+        let Some(events) = events.as_mut().filter(|events| !events.is_entered()) else { return Ok(()) };
+        let time = events.time_at(point, until);
+        if let Some(integration) = integration {
+            integration.go_to(calls, time)?;
+        }
+        events.enter(calls)?;
+        calls.begin_stretch(time)
+    }
+
+    /// Handles the events at a communication point (s), until a time (s), and leaves Event Mode.
+    pub(crate) fn finish_event(&mut self, point: f64, until: f64) -> Result<()> {
+        let Self { calls, events, integration, .. } = self;
+        let Some(events) = events else { return Ok(()) };
+        let time = events.time_at(point, until);
+        let late = until - time;
+        match integration {
+            Some(integration) => {
+                let is_sharp = events.has_due(until);
+                integration.handle(calls, events, (time, late), is_sharp, false)
+            }
+            None => events.handle(calls, (time, late), false),
         }
     }
 
@@ -241,34 +306,32 @@ impl Instance {
         self.calls.read(selection, values)
     }
 
-    /// Sets variables, one value for each name of the selection. An Integer becomes the nearest whole number, a Boolean
-    /// true from 0.5 on. Elements of an array that are not selected stay.
+    /// Sets variables, one value for each name of the selection. A Float32 is rounded; an Integer takes whole numbers of
+    /// its range, an Enumeration those of its items, a Boolean 0 and 1. Elements of an array that are not selected stay.
     ///
     /// # Errors
-    /// When the selection is of another FMU, or a call fails.
+    /// When the selection is of another FMU, a variable does not take its value, or a call fails.
     ///
     /// # Panics
     /// When there are fewer values than names.
     pub fn write(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
         self.refuse_other(selection)?;
-        self.prepare_to_set()?;
-        self.calls.warn_of_no_numbers(&selection.names, values);
-        self.write_groups(selection, values)
+        let fitted = selection.fitted(values)?;
+        let written = self.write_fitted(selection, &fitted);
+        selection.give_back(fitted);
+        written
     }
 
-    /// The same between events, for continuous inputs.
-    pub(super) fn write_groups(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
+    /// Sets variables to values that they take.
+    pub(crate) fn write_fitted(&mut self, selection: &mut Selection, values: &[f64]) -> Result<()> {
+        self.prepare_to_set()?;
+        self.calls.warn_of_no_numbers(&selection.names, values);
+        let Some(arrays) = &mut self.arrays else { return self.calls.write(selection, values) };
         for group in &mut selection.groups {
             // Elements not selected keep their values, which are those of the description or set before.
-            match &self.arrays {
-                _ if group.arrays.is_empty() => {}
-                Some(arrays) => group.begin_with(arrays, &self.calls.fmu),
-                None => self.calls.read_group(group, &selection.names)?,
-            }
+            group.begin_with(arrays, &self.calls.fmu);
             group.gather(values);
-            if let Some(arrays) = &mut self.arrays {
-                arrays.extend(group.values_of_arrays());
-            }
+            arrays.extend(group.values_of_arrays());
             let called = self.calls.handle.set(group.number_type, &group.references, &group.values);
             self.calls.check(&selection.names, called)?;
         }
@@ -374,6 +437,9 @@ impl Instance {
         self.events.clone_from(&saved.events);
         self.integration.clone_from(&saved.integration);
         self.arrays.clone_from(&saved.arrays);
+        if let Some(followed) = &mut self.calls.followed {
+            followed.forget();
+        }
         Ok(())
     }
 }

@@ -171,8 +171,8 @@ fn elements(places: &Range<usize>, number: usize) -> Option<Range<usize>> {
 }
 
 impl Integration {
-    /// Starts after the initialization, at its time (s), with the initial event.
-    pub fn begin(calls: &mut Calls, events: &mut EventMode, time: f64) -> Result<Self> {
+    /// Starts after the initialization, at its time (s). The initial event follows.
+    pub fn new(calls: &mut Calls, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
         let mut derivatives: Vec<_> = calls.fmu.states.iter().map(|state| state.derivative).collect();
@@ -180,7 +180,7 @@ impl Integration {
         derivatives.dedup();
         states.dedup();
         let listed = pattern_by_element(calls)?.map_or_else(|| Arc::clone(&calls.fmu.pattern), Arc::new);
-        let mut begun = Self {
+        Ok(Self {
             integrator: Integrator::new(size),
             events: Events::new(indicators),
             look: f64::INFINITY,
@@ -199,15 +199,25 @@ impl Integration {
                 pattern: listed,
                 doubted: None,
             },
-        };
-        begun.handle(calls, events, time, true)?;
-        Ok(begun)
+        })
     }
 
-    /// Handles an event at a time (s). If `is_sharp`, the solution may bend there and the integrator restarts; otherwise
-    /// only inputs changed.
-    fn handle(&mut self, calls: &mut Calls, events: &mut EventMode, time: f64, is_sharp: bool) -> Result<()> {
-        events.handle(calls, time, 0.0)?;
+    /// Brings the FMU to a time (s), at the present states.
+    pub fn go_to(&self, calls: &mut Calls, time: f64) -> Result<()> {
+        calls.go_to(time, &self.states)
+    }
+
+    /// Handles an event as [`EventMode::handle`] does. If `is_sharp`, the solution may bend there and the integrator
+    /// restarts; otherwise only inputs changed.
+    pub fn handle(
+        &mut self,
+        calls: &mut Calls,
+        events: &mut EventMode,
+        (time, late): (f64, f64),
+        is_sharp: bool,
+        is_watched: bool,
+    ) -> Result<()> {
+        events.handle(calls, (time, late), is_watched)?;
         self.time = time;
         let before = &mut self.equations.direction;
         before.copy_from_slice(&self.states);
@@ -229,13 +239,14 @@ impl Integration {
         let end = start + size;
         let relative = calls.handle.tolerance.get().unwrap_or(DEFAULT_TOLERANCE);
         if events.is_entered() {
-            self.handle(calls, events, self.time, false)?;
+            self.handle(calls, events, (self.time, 0.0), false, false)?;
         }
         // The last event may have been handled a little late.
         let place = (self.time - start).max(0.0);
         let mut evolution =
             Evolution { integration: self, calls, event_mode: events, start, size, place, relative };
-        EventLoop::new((start, size, End::of(start, size)), false, MOST_TRIALS)
+        // Events at the end belong to the communication point there.
+        EventLoop::new((start, size, End::of(start, size)), true, MOST_TRIALS)
             .go_on::<false, _>(&mut evolution, Stops::NONE)?;
         calls.handle.time.set(Some(end));
         Ok(())
@@ -259,7 +270,7 @@ impl Hybrid for Evolution<'_> {
     type Error = Error;
 
     fn next_event(&self) -> Option<f64> {
-        self.event_mode.next()
+        self.event_mode.next().into_iter().chain(self.calls.next_jump()).min_by(f64::total_cmp)
     }
 
     fn last_event(&self) -> f64 {
@@ -315,7 +326,9 @@ impl Hybrid for Evolution<'_> {
             time = due;
             calls.go_to(time, &integration.states)?;
         }
-        integration.handle(calls, event_mode, time, true)?;
+        // A jump of an input is no event.
+        let is_watched = due.is_none() || event_mode.has_due(time);
+        integration.handle(calls, event_mode, (time, 0.0), true, is_watched)?;
         Ok(true)
     }
 

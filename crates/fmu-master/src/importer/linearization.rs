@@ -170,7 +170,7 @@ impl Instance {
             for (end, result) in ends.iter().zip(&mut results) {
                 values[index] = *end;
                 self.calls.go_to(time, &values[..states])?;
-                self.write_groups(inputs, &values[states..])?;
+                self.calls.write(inputs, &values[states..])?;
                 self.observe(of, result, states)?;
             }
             values[index] = value;
@@ -179,7 +179,7 @@ impl Instance {
             columns.push(below.iter().zip(&above).map(|(below, above)| (above - below) / distance).collect());
         }
         self.calls.go_to(time, &values[..states])?;
-        self.write_groups(inputs, &values[states..])?;
+        self.calls.write(inputs, &values[states..])?;
         Ok(columns)
     }
 }

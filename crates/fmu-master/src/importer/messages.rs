@@ -197,6 +197,14 @@ pub struct Ended {
     pub time: f64,
 }
 
+impl Ended {
+    /// Who ended, and when.
+    #[must_use]
+    pub fn in_brief(&self) -> String {
+        format!("{}: ended at {} s", self.instance, Seconds(self.time))
+    }
+}
+
 impl fmt::Display for Ended {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

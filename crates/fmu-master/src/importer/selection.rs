@@ -1,12 +1,13 @@
 //! Variables resolved by their names, to be read and written together.
 
 use std::collections::BTreeMap;
+use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_package::{Element, FmuVariable, Linear, ValueType};
+use fmu_package::{Domain, Element, FmuVariable, Linear, ValueType};
 
 use super::c_boundary::{Functions, NumberType};
 use super::fmu::{Fmu, reference};
@@ -33,7 +34,14 @@ impl Fmu {
 
     fn select_of<'a>(&self, names: impl IntoIterator<Item = &'a str>, has_texts: bool) -> Result<Selection> {
         let functions = Arc::clone(&self.functions);
-        let mut selection = Selection { names: vec![], groups: vec![], texts: vec![], functions };
+        let mut selection = Selection {
+            names: vec![],
+            groups: vec![],
+            texts: vec![],
+            limits: vec![],
+            fitted: vec![],
+            functions,
+        };
         for name in names {
             let variable = self.variable(name)?;
             let (reference, position) = (reference(variable)?, selection.names.len());
@@ -56,8 +64,15 @@ impl Fmu {
             });
             let conversion = self.conversions.get(name).map(|to_seen| (*to_seen, to_seen.inverse()));
             groups[group].push(reference, variable.element, position, conversion);
+            let domain = match self.thresholds.get(name) {
+                Some(threshold) => Domain::with_threshold(variable, *threshold).map_err(Error::msg)?,
+                None => Domain::of(variable, self.description()),
+            };
+            selection.limit(position, domain, conversion);
             selection.names.push(name.to_owned());
         }
+        selection.fitted = vec![0.0; selection.names.len()];
+        selection.groups.iter_mut().for_each(Group::finish);
         Ok(selection)
     }
 }
@@ -69,8 +84,29 @@ pub struct Selection {
     pub(super) names: Vec<String>,
     pub(super) groups: Vec<Group>,
     pub(super) texts: Vec<Texts>,
+    /// The variables that do not take every number.
+    limits: Vec<Limit>,
+    /// Room for what the variables take.
+    fitted: Vec<f64>,
     /// Those of its FMU.
     pub(super) functions: Arc<Functions>,
+}
+
+/// A variable that does not take every number.
+struct Limit {
+    /// Its index among the selection's.
+    position: usize,
+    domain: Domain,
+    /// From the FMU's value, and to it.
+    conversion: Option<(Linear, Linear)>,
+}
+
+/// A value that its variable does not take.
+pub struct Misfit {
+    /// The variable's index among the selection's.
+    pub position: usize,
+    /// Why not.
+    pub reason: String,
 }
 
 /// Those of a type.
@@ -84,6 +120,8 @@ pub struct Group {
     slots: Vec<Slot>,
     /// The arrays among the references, each with the places of its values.
     pub arrays: BTreeMap<ValueReference, Range<usize>>,
+    /// Whether not all of their elements are selected.
+    has_other_elements: bool,
 }
 
 /// A variable whose values are texts.
@@ -132,7 +170,15 @@ struct Slot {
 impl Group {
     fn new(functions: &Functions, number_type: NumberType, values: Numbers) -> Self {
         let function = functions.name(number_type);
-        Self { number_type, function, references: vec![], values, slots: vec![], arrays: BTreeMap::new() }
+        Self {
+            number_type,
+            function,
+            references: vec![],
+            values,
+            slots: vec![],
+            arrays: BTreeMap::new(),
+            has_other_elements: false,
+        }
     }
 
     fn push(
@@ -156,19 +202,24 @@ impl Group {
         self.slots.push(Slot { value, position, conversion });
     }
 
-    /// Takes the values to set. A Boolean is true from 0.5.
+    /// Looks for elements that are not selected.
+    fn finish(&mut self) {
+        let mut is_selected = vec![false; self.values.len()];
+        self.slots.iter().for_each(|slot| is_selected[slot.value] = true);
+        self.has_other_elements = is_selected.contains(&false);
+    }
+
+    /// Takes the values to set, which their variables take.
     pub fn gather(&mut self, values: &[f64]) {
         for Slot { value, position, conversion } in &self.slots {
             let given = values[*position];
-            self.values.set(
-                *value,
-                match conversion {
-                    Some((_, to_own)) => to_own.apply(given),
-                    None if self.function == BOOLEAN => f64::from(given >= 0.5),
-                    None => given,
-                },
-            );
+            self.values.set(*value, conversion.map_or(given, |(_, to_own)| to_own.apply(given)));
         }
+    }
+
+    /// Whether there are arrays of which not all elements are selected.
+    pub fn has_other_elements(&self) -> bool {
+        self.has_other_elements
     }
 
     /// Gives its arrays the values that they were set to, or else those that their FMU starts with.
@@ -233,14 +284,53 @@ impl Selection {
         &self.names
     }
 
-    /// The text of the only variable, by its number.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a whole number from 0
-    pub(crate) fn text(&self, number: f64) -> Option<&str> {
-        self.texts.first()?.known.get(number as usize).map(String::as_str)
+    /// The texts of a variable that have occurred, by its index.
+    pub(crate) fn texts_of(&self, position: usize) -> &[String] {
+        let texts = self.texts.iter().find(|texts| texts.position == position);
+        texts.map_or(&[], |texts| &texts.known)
     }
 
-    /// The texts that have occurred, each with the index of its variable.
-    pub(super) fn texts(&self) -> impl Iterator<Item = (usize, &[String])> {
-        self.texts.iter().map(|texts| (texts.position, texts.known.as_slice()))
+    /// Restricts what a variable takes, from now on.
+    pub(crate) fn limit(&mut self, position: usize, domain: Domain, conversion: Option<(Linear, Linear)>) {
+        self.limits.retain(|limit| limit.position != position);
+        if domain != Domain::Real {
+            self.limits.push(Limit { position, domain, conversion });
+        }
+    }
+
+    /// Replaces each value by the one that its variable takes for it.
+    ///
+    /// # Errors
+    /// The first that its variable does not take.
+    pub(crate) fn fit(&self, values: &mut [f64]) -> Result<(), Misfit> {
+        for Limit { position, domain, conversion } in &self.limits {
+            let (position, value) = (*position, &mut values[*position]);
+            let own = conversion.map_or(*value, |(_, to_own)| to_own.apply(*value));
+            let taken = domain.take(own).map_err(|reason| Misfit { position, reason })?;
+            if taken.to_bits() != own.to_bits() {
+                *value = conversion.map_or(taken, |(to_seen, _)| to_seen.apply(taken));
+            }
+        }
+        Ok(())
+    }
+
+    /// The values that the variables take for others, in the selection's own room.
+    ///
+    /// # Errors
+    /// When a variable takes none; the message names it.
+    pub(super) fn fitted(&mut self, values: &[f64]) -> Result<Vec<f64>> {
+        let mut fitted = mem::take(&mut self.fitted);
+        let count = fitted.len();
+        fitted.copy_from_slice(&values[..count]);
+        if let Err(Misfit { position, reason }) = self.fit(&mut fitted) {
+            self.fitted = fitted;
+            bail!("{}: {reason}", self.names[position]);
+        }
+        Ok(fitted)
+    }
+
+    /// Takes its own room back.
+    pub(super) fn give_back(&mut self, fitted: Vec<f64>) {
+        self.fitted = fitted;
     }
 }

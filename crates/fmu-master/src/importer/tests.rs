@@ -13,13 +13,10 @@ use anyhow::Result;
 use fmu_package::{FmuDescription, Linear, Value};
 use fmu_record::Record;
 
-use self::careless::DESCRIPTION;
 use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
-use crate::scenario::Scenario;
+use crate::careless::{self, DESCRIPTION};
+use crate::scenario::{Scenario, Tolerance};
 use crate::{LoadedFmus, Master};
-
-#[path = "../../tests/careless/mod.rs"]
-mod careless;
 
 fn import(description: &str) -> Result<Arc<Fmu>> {
     let folder = tempfile::tempdir()?;
@@ -74,7 +71,7 @@ fn a_translated_fmu_has_other_names_and_values() {
     // pressure = 2 level + 1
     let conversions = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
     let description = FmuDescription::parse(&description).unwrap();
-    let seen = own.translated(description, conversions);
+    let seen = own.translated(description, conversions, [].into());
     let mut instance = started(&seen).unwrap();
     let mut selections =
         [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];
@@ -673,7 +670,7 @@ fn record_of_balls(record: &str, has_events: bool) -> Record {
         "#
     );
     let mut scenario = Scenario::parse("balls.toml", &text, folder.path(), folder.path()).unwrap();
-    scenario.tolerance = Some(1e-10);
+    scenario.tolerance = Tolerance::Given(1e-10);
     let mut loaded = LoadedFmus::default();
     let mut master = Master::new(&scenario, &mut loaded).unwrap();
     if has_events {

@@ -1,8 +1,8 @@
-//! The variables of an instance that are recorded.
+//! The variables of an instance that connections and the record need.
 
 use super::selection::Selection;
 
-/// The recorded variables.
+/// Variables that are read together.
 pub struct Watch {
     pub selection: Selection,
     pub values: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Reading the recorded variables of an instance: at communication points, and before and after events.
+//! Reading what connections and the record need of an instance: at communication points, and before and after events.
 
 use anyhow::Result;
 use fmu_package::{FmuVariable, ValueType};
@@ -44,15 +44,20 @@ impl Instance {
         }
     }
 
-    /// The watched variables.
+    /// Reads the watched variables.
     pub(crate) fn read_watched(&mut self) -> Result<&[f64]> {
         self.calls.read_watched()?;
-        Ok(self.calls.watch.as_ref().map_or(&[], |watch| &watch.values))
+        Ok(self.watched())
     }
 
-    /// The texts among the watched variables that have occurred, each with the index of its variable.
-    pub(crate) fn watched_texts(&self) -> impl Iterator<Item = (usize, &[String])> {
-        self.calls.watch.iter().flat_map(|watch| watch.selection.texts())
+    /// The watched variables as they were last read.
+    pub(crate) fn watched(&self) -> &[f64] {
+        self.calls.watch.as_ref().map_or(&[], |watch| &watch.values)
+    }
+
+    /// The texts of a watched variable that have occurred, by its index.
+    pub(crate) fn watched_texts(&self, position: usize) -> &[String] {
+        self.calls.watch.as_ref().map_or(&[], |watch| watch.selection.texts_of(position))
     }
 
     /// What was read at events since the last call of this function.

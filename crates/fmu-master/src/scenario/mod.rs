@@ -47,6 +47,7 @@ use toml::de::DeValue;
 use crate::importer::Interface;
 
 pub use self::course::{Course, Measured};
+pub(crate) use self::signal::ROUNDING;
 pub use self::signal::Signal;
 pub use fmu_io::document::Location;
 
@@ -63,8 +64,8 @@ pub struct Scenario {
     pub start_time: f64,
     /// When it ends (s).
     pub stop_time: f64,
-    /// The relative tolerance of the FMUs' integrators; theirs if none is given.
-    pub tolerance: Option<f64>,
+    /// The relative tolerance that the FMUs get.
+    pub tolerance: Tolerance,
     /// The number of whole communication steps.
     pub steps: u32,
     /// What remains after them (s): a last step of this size, unless it is 0.
@@ -89,6 +90,18 @@ pub struct Scenario {
     pub panels: Option<Vec<Vec<Recorded>>>,
     /// All files read, and those of the FMUs.
     pub files: Vec<PathBuf>,
+}
+
+/// The relative tolerance that FMUs get for their integrators.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Tolerance {
+    /// That of their default experiments; none where there is none.
+    #[default]
+    OfFmu,
+    /// None.
+    Undefined,
+    /// The same for all.
+    Given(f64),
 }
 
 /// The order in a communication step.

@@ -7,7 +7,7 @@ use fmu_io::document::{Node, TomlTable};
 use fmu_io::terminal::number as shown;
 
 /// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
-const ROUNDING: f64 = 1e-9;
+pub(crate) const ROUNDING: f64 = 1e-9;
 
 /// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one. Two points of
 /// one time are a jump.
@@ -61,6 +61,28 @@ impl Signal {
                 mean + amplitude * (TAU * (frequency * time + phase / 360.0)).sin()
             }
         }
+    }
+
+    /// The value at a time (s), before a jump there.
+    pub(crate) fn before(&self, time: f64) -> f64 {
+        let (Self::Steps(points) | Self::Lines(points)) = self else { return self.at(time) };
+        let after = points.partition_point(|&(instant, _)| instant < time);
+        let first = points[after.saturating_sub(1)];
+        match (self, points.get(after)) {
+            (Self::Lines(_), Some(&(t1, y1))) if after > 0 => {
+                (y1 - first.1) / (t1 - first.0) * (time - first.0) + first.1
+            }
+            _ => first.1,
+        }
+    }
+
+    /// The times at which it jumps (s), in their order.
+    pub(crate) fn jumps(&self) -> Vec<f64> {
+        let is_jump = |pair: &&[(f64, f64)]| match self {
+            Self::Lines(_) => pair[0].0 >= pair[1].0,
+            _ => pair[0].1.to_bits() != pair[1].1.to_bits(),
+        };
+        self.points().windows(2).filter(is_jump).map(|pair| pair[1].0).collect()
     }
 
     /// The points at which it jumps or bends, each a time (s) and a value; empty for constants and sines.
@@ -165,6 +187,19 @@ mod tests {
         // Of the last times, one is slightly below 2 s, like a sum of steps.
         let values = [1.0, 1.5, 2.0, 3.0, 2.0 - 4e-16].map(|time| signal.at(time));
         assert_eq!(values.map(f64::to_bits), [2.0_f64, 2.5, 8.0, 9.0, 8.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn jumps_have_a_value_before_them() {
+        let steps = Signal::Steps(vec![(0.0, 1.0), (1.0, 1.0), (2.0, 5.0)]);
+        assert_eq!(steps.jumps(), [2.0]);
+        assert_eq!([1.0, 2.0, 3.0].map(|time| steps.before(time)), [1.0, 1.0, 5.0]);
+        let lines = Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0), (2.0, 8.0), (4.0, 10.0)]);
+        assert_eq!(lines.jumps(), [2.0]);
+        assert_eq!(
+            [-1.0, 0.0, 1.0, 2.0, 3.0, 5.0].map(|time| lines.before(time)),
+            [1.0, 1.0, 2.0, 3.0, 9.0, 10.0]
+        );
     }
 
     #[test]

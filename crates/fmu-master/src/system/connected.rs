@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::iter;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{
-    Causality, ConnectionDescription, End, FmuDescription, FmuVariable, Function, Kind, Linear, Parameter,
-    ParameterSet, Transformation, Unit, Value, ValueType,
+    Causality, ConnectionDescription, Domain, End, FmuDescription, FmuVariable, Function, Kind, Linear,
+    Parameter, ParameterSet, Transformation, Unit, Value, ValueType,
 };
 use fmu_terms::like;
 
@@ -121,7 +121,8 @@ impl Connected {
             if let (Some(value), Some(variable)) = (&value, variable)
                 && (!is_input || matches!(value, Value::String(_)))
             {
-                let value = of_variable(value.clone(), &origin.function, variable);
+                let value = of_variable(value.clone(), &origin.function, variable, description)
+                    .with_context(|| format!("{} to {}", from.name, to.name))?;
                 let parameter = Parameter { name: input, description: String::new(), value };
                 self.parameters.entry(taker).or_default().push(parameter);
                 continue;
@@ -139,6 +140,7 @@ impl Connected {
                 target: member.name.clone(),
                 input,
                 conversion: Conversion::Function(origin.function.clone()),
+                threshold: None,
                 location: edge.location.clone(),
             });
         }
@@ -230,7 +232,7 @@ fn origin<'a>(
                 unit = taker.unit.as_ref();
             }
             let wanted = if taker.items.is_empty() { &last.ports[1].items } else { &taker.items };
-            let transformation = edge.transformation.function(items, wanted).map_err(anyhow::Error::msg)?;
+            let transformation = edge.transformation.function(items, wanted).map_err(Error::msg)?;
             if transformation != Function::IDENTITY {
                 unit = taker.unit.as_ref();
             }
@@ -266,13 +268,22 @@ fn value(start: &Start, origin: &Origin<'_>, variable: &FmuVariable, fmu: &FmuDe
 
 /// The value of a variable, from that of the connector.
 #[expect(clippy::cast_possible_truncation, reason = "the numbers of integers and items are whole")]
-fn of_variable(value: Value, function: &Function, variable: &FmuVariable) -> Value {
-    let Some(number) = value.number().map(|number| function.apply(number)) else { return value };
-    match variable.value_type() {
-        ValueType::Boolean => Value::Boolean(number != 0.0),
-        ValueType::Integer | ValueType::Enumeration => Value::Integer(number as i32),
-        _ => Value::Real(number, None),
-    }
+fn of_variable(
+    value: Value,
+    function: &Function,
+    variable: &FmuVariable,
+    fmu: &FmuDescription,
+) -> Result<Value> {
+    let Some(number) = value.number().map(|number| function.apply(number)) else { return Ok(value) };
+    let taken = Domain::of(variable, fmu).take(number).map_err(Error::msg)?;
+    Ok(match variable.value_type() {
+        ValueType::Boolean => Value::Boolean(taken != 0.0),
+        ValueType::Integer | ValueType::Enumeration if f64::from(taken as i32) == taken => {
+            Value::Integer(taken as i32)
+        }
+        // Others do not fit the parameter.
+        _ => Value::Real(taken, None),
+    })
 }
 
 impl Elements {

@@ -60,7 +60,7 @@ fmi3Status fmi3EnterInitializationMode(void *component, bool a, double b, double
     (void)a, (void)b;
     /* The experiment of the tests. */
     ((instance *)component)->level = start;
-    return has_stop && stop != 2 ? 3 : 0;
+    return has_stop && stop == 3 ? 3 : 0;
 }
 
 fmi3Status fmi3ExitInitializationMode(void *component) { return component == NULL ? 3 : 0; }

@@ -124,7 +124,12 @@ impl Measure {
     pub fn of(&self, record: &Record, scenario: &Scenario) -> Result<f64> {
         match &self.kind {
             &Kind::Statistic { statistic, from, to } => {
-                let values = between(record, &self.variable, from, to)?;
+                // A run may have ended before, as its FMU requested.
+                let last = record.time().last().copied().context("the record is empty")?;
+                if from > last {
+                    return Ok(f64::NAN);
+                }
+                let values = between(record, &self.variable, from, to.min(last))?;
                 let all = values.iter().copied();
                 Ok(match statistic {
                     Statistic::Final => values[values.len() - 1],

@@ -26,7 +26,7 @@ use self::measures::Measure;
 use self::outcome::Outcome;
 use crate::run::journal::{Settings, digest};
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
-use fmu_master::{LoadedFmus, Master, column_of};
+use fmu_master::{Ended, LoadedFmus, Master, column_of};
 use fmu_record::{Column, TableFormat};
 
 /// The journal in the folder of the results.
@@ -243,6 +243,7 @@ impl Study {
             }
         };
         outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
+        outcome.warnings.extend(finished.ended.as_ref().map(Ended::in_brief));
         let sampled = finished.record.without_events();
         outcome.measures = self
             .measures

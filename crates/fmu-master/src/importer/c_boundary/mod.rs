@@ -62,6 +62,8 @@ pub struct Handle {
     steps: Cell<bool>,
     /// Whether a step may return early.
     pub(super) may_return_early: bool,
+    /// The saved states that live: none is a promise that nothing goes back before the present point.
+    saved_states: Cell<usize>,
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
     callbacks: Arc<CallbackFunctions>,
@@ -164,6 +166,7 @@ impl Handle {
             last_step: Cell::default(),
             steps: Cell::new(false),
             may_return_early,
+            saved_states: Cell::new(0),
             is_dead: Cell::new(false),
             callbacks,
             _texts: texts,
@@ -246,19 +249,24 @@ impl Handle {
         called
     }
 
-    /// Steps. A state that was saved may be restored after it.
+    /// Whether no state before the present point is restored (FMI 2.0.5, section 4.2.2: noSetFMUStatePriorToCurrentPoint).
+    fn goes_on(&self) -> bool {
+        self.saved_states.get() == 0
+    }
+
+    /// Steps.
     pub fn do_step(&self, time: f64, size: f64) -> Called {
         let (mut flags, mut reached) = ([0_u8; 3], f64::NAN);
         let [event, terminates, early] = &mut flags;
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
         let called = self.call("DoStep", |component| unsafe {
             match (&self.functions.step2, &self.functions.step3) {
-                (Some(of), _) => (of.do_step)(component, time, size, FALSE),
+                (Some(of), _) => (of.do_step)(component, time, size, self.goes_on().into()),
                 (_, Some(of)) => (of.do_step)(
                     component,
                     time,
                     size,
-                    fmi3::FALSE,
+                    self.goes_on().into(),
                     event,
                     terminates,
                     early,
@@ -454,16 +462,19 @@ impl Handle {
         })
     }
 
-    /// Completes a step of the integrator, from which no earlier state is restored. Returns whether an event follows,
-    /// and whether the FMU requests termination.
+    /// Completes a step of the integrator. Returns whether an event follows, and whether the FMU requests termination.
     pub fn completed_integrator_step(&self) -> (Called, [bool; 2]) {
         let (mut words, mut bytes) = ([FALSE; 2], [0_u8; 2]);
         let ([event, ends], [event3, ends3]) = (&mut words, &mut bytes);
         // SAFETY: the component is alive, the places to write to are ours; a C `bool` is a byte.
         let called = self.call("CompletedIntegratorStep", |component| unsafe {
             match (&self.functions.exchange2, &self.functions.exchange3) {
-                (Some(of), _) => (of.completed_integrator_step)(component, TRUE, event, ends),
-                (_, Some(of)) => (of.completed_integrator_step)(component, fmi3::TRUE, event3, ends3),
+                (Some(of), _) => {
+                    (of.completed_integrator_step)(component, self.goes_on().into(), event, ends)
+                }
+                (_, Some(of)) => {
+                    (of.completed_integrator_step)(component, self.goes_on().into(), event3, ends3)
+                }
                 _ => MISUSED,
             }
         });
@@ -614,6 +625,9 @@ impl Handle {
         let called = self.call_of_type(["Get", self.functions.state()], |component| unsafe {
             get(component, &raw mut state)
         });
+        if called.status.succeeded() {
+            self.saved_states.update(|count| count + 1);
+        }
         Some((called, state, self.steps.get()))
     }
 
@@ -629,6 +643,7 @@ impl Handle {
     }
 
     pub fn free_state(&self, mut state: FmuState) {
+        self.saved_states.update(|count| count.saturating_sub(1));
         if let Some(states) = &self.functions.states {
             // SAFETY: the component is alive, and the state is one that it gave and that is not freed.
             self.call_of_type(["Free", self.functions.state()], |component| unsafe {
