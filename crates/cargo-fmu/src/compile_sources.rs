@@ -1,9 +1,9 @@
-//! `compile`: adds to an FMU a library for this platform, compiled from its C or C++ sources.
+//! `compile`: adds to an FMU, or to those of a system, a library for this platform, compiled from its C or C++ sources.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ffi::{OsStr, OsString};
 use std::fs;
-use std::io::{BufReader, ErrorKind};
+use std::io::{Cursor, ErrorKind, Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
 use std::thread;
@@ -13,12 +13,14 @@ use cc::Tool;
 use clap::Args;
 use fmu_io::reading::{self, LARGEST_CONTENT};
 use fmu_io::temporary::Folder;
-use fmu_io::terminal::print;
+use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
+use fmu_package::library::{Linkage, missing_in_words};
 use fmu_package::{
     BuildConfiguration, FmuDescription, MODEL_DESCRIPTION, Merged, Part, Platform, PlatformList,
-    SourceFileSet, StaticLibrary, archive,
+    SourceFileSet, StaticLibrary, archive, functions,
 };
+use fmu_terms::{Interface, Version, Word as _};
 
 use super::target::host_triple;
 use super::threads::each;
@@ -36,69 +38,126 @@ const HEADERS: [(&str, &str); 6] = [
     ("fmi3PlatformTypes.h", include_str!("../headers/fmi3PlatformTypes.h")),
 ];
 
-/// Functions of a shared library have no prefix.
+/// Functions of a shared library have no prefix, by the headers of FMI 2.0.4 and 3.0 on.
 const WITHOUT_PREFIX: [&str; 2] = ["-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"];
 
 /// The languages that compilers have an option for.
 const LANGUAGES: [&str; 13] =
     ["C89", "C90", "C99", "C11", "C17", "C23", "C++98", "C++11", "C++14", "C++17", "C++20", "C++23", "C++26"];
 
-/// Compile an FMU's C sources for this platform, into a new FMU
+/// Compile the C sources of an FMU, or of those of a system, for this platform, into a new file
 ///
 /// Takes the compilers of this machine, or those of the environment variables CC and CXX, and the FMU's own definitions,
-/// compiler options and libraries.
+/// compiler options and libraries. In a system, FMUs that have a library for this platform stay as they are.
 #[derive(Args, Debug)]
 pub struct Compile {
-    /// An FMU with sources
-    #[arg(value_name = "FILE.fmu")]
-    fmu: PathBuf,
-    /// The file to write [default: beside the FMU, with the platform in its name]
-    #[arg(long, short, value_name = "FILE.fmu")]
+    /// An FMU with sources, or a package with such FMUs
+    #[arg(value_name = "FILE.fmu|SYSTEM.ssp")]
+    file: PathBuf,
+    /// The file to write [default: beside the other, with the platform in its name]
+    #[arg(long, short, value_name = "FILE.fmu|SYSTEM.ssp")]
     out: Option<PathBuf>,
 }
 
 impl Compile {
-    /// Writes the FMU with its new library, and lists its libraries.
+    /// Writes the FMU with its new library, and lists its libraries; or the package with its FMUs.
     ///
     /// # Errors
-    /// When the FMU cannot be read or has no sources, they cannot be compiled, or the file cannot be written.
+    /// When the file cannot be read or has no sources, they cannot be compiled, or the file cannot be written.
     pub fn run(&self) -> Result<()> {
         let Some(platform) = Platform::host() else { bail!("FMI does not support this platform") };
-        let fmu = &self.fmu;
-        let beside = || fmu.with_extension(format!("{}.fmu", platform.folder()));
+        // `simulate` names an FMU in a package by both paths.
+        let package = self.file.ancestors().find(|path| is_package(path) && path.is_file());
+        let file = package.unwrap_or(&self.file);
+        let ending = file.extension().unwrap_or_default().to_string_lossy();
+        let beside = || file.with_extension(format!("{}.{ending}", platform.folder()));
         let out = self.out.clone().unwrap_or_else(beside);
-        writing::refuse_overlap(std::slice::from_ref(&out), std::slice::from_ref(fmu))?;
-        let compiled = compiled(fmu, platform).with_context(|| format!("cannot compile {}", fmu.display()));
-        let (part, runs) = compiled?;
-        let parts = [part];
-        let merged = Merged::new(&parts, &runs)?;
-        writing::write(&out, |writer| merged.write(writer))?;
-        Ok(print(&format!("{}\n{}", out.display(), merged.platforms))?)
+        writing::refuse_overlap(std::slice::from_ref(&out), &[file.to_owned()])?;
+        let content = reading::bytes(file)?;
+        let compiled = match package {
+            Some(_) => package_of_compiled(content, platform).map(|content| (content, String::new())),
+            None => compiled(&file.display().to_string(), content, platform),
+        };
+        let (content, listed) = compiled.with_context(|| format!("cannot compile {}", file.display()))?;
+        writing::write(&out, |writer| writer.write_all(&content))?;
+        Ok(print(&format!("{}\n{listed}", out.display()))?)
     }
 }
 
-/// An FMU with the libraries of its sources, and where its other libraries were run.
-fn compiled(fmu: &Path, platform: Platform) -> Result<(Part, BTreeMap<Platform, String>)> {
-    let mut archive = archive::open(BufReader::new(reading::open(fmu)?))?;
-    let description = FmuDescription::parse(&archive::read_text(&mut archive, MODEL_DESCRIPTION)?)
-        .with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))?;
+fn is_package(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssp"))
+}
+
+/// A package in which the FMUs without a library for a platform are compiled.
+fn package_of_compiled(content: Vec<u8>, platform: Platform) -> Result<Vec<u8>> {
+    let mut count = 0;
+    let package = compile_within(content, platform, &mut count)?;
+    ensure!(count > 0, "none of its FMUs lacks a library for this platform and lists C sources");
+    Ok(package)
+}
+
+/// Compiles the FMUs of a package, and of those in it, and counts them.
+fn compile_within(content: Vec<u8>, platform: Platform, count: &mut usize) -> Result<Vec<u8>> {
+    let mut archive = archive::open(Cursor::new(content))?;
+    let mut files = archive::read_files(&mut archive, &mut LARGEST_CONTENT.clone())?;
+    for (path, content) in &mut files {
+        let within = || format!("its {path}");
+        if is_package(Path::new(path)) {
+            *content = compile_within(std::mem::take(content), platform, count).with_context(within)?;
+        } else if path.to_lowercase().ends_with(".fmu")
+            && needs_library(content, platform).with_context(within)?
+        {
+            (*content, _) = compiled(path, std::mem::take(content), platform).with_context(within)?;
+            *count += 1;
+        }
+    }
+    let entries: Vec<_> = files.iter().map(|(path, content)| (path.clone(), content.as_slice())).collect();
+    let mut package = vec![];
+    archive::write(&mut package, &entries)?;
+    Ok(package)
+}
+
+/// Whether an FMU has no library for a platform, but lists sources.
+fn needs_library(fmu: &[u8], platform: Platform) -> Result<bool> {
+    let mut archive = archive::open(Cursor::new(fmu))?;
+    let description = description(&mut archive)?;
+    let files = archive::read_files(&mut archive, &mut LARGEST_CONTENT.clone())?;
+    let has_library = identifiers(&description)
+        .iter()
+        .any(|identifier| files.contains_key(&platform.library_path(identifier, description.is_fmi3())));
+    Ok(!has_library && !BuildConfiguration::of(&description, &files)?.is_empty())
+}
+
+fn description(archive: &mut archive::Archive<impl Read + Seek>) -> Result<FmuDescription> {
+    let text = archive::read_text(archive, MODEL_DESCRIPTION)?;
+    FmuDescription::parse(&text).with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))
+}
+
+/// The identifiers of its libraries.
+fn identifiers(description: &FmuDescription) -> BTreeSet<&str> {
+    let interfaces = description.interfaces.iter();
+    interfaces.filter_map(|(interface, _)| description.identifier(*interface)).collect()
+}
+
+/// An FMU with the libraries of its sources, and the list of its libraries. The name is for messages.
+fn compiled(name: &str, content: Vec<u8>, platform: Platform) -> Result<(Vec<u8>, String)> {
+    let mut archive = archive::open(Cursor::new(content))?;
+    let description = description(&mut archive)?;
     let mut files = archive::read_files(&mut archive, &mut LARGEST_CONTENT.clone())?;
     let configurations = BuildConfiguration::of(&description, &files)?;
-    let identifiers: BTreeSet<_> = description
-        .interfaces
-        .iter()
-        .filter_map(|(interface, _)| description.identifier(*interface))
-        .collect();
     let is_needed = |path: &str| path.starts_with("sources/") || path.starts_with("binaries/");
     let folder = Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?;
-    let sources = Sources::new(&folder, &platform.folder_for_host(description.is_fmi3()), &files)?;
+    let host = platform.folder_for_host(description.is_fmi3());
+    let sources = Sources::new(&folder, &host, version(&description), &files)?;
     let mut libraries = vec![];
-    for identifier in identifiers {
+    for identifier in identifiers(&description) {
         let own: Vec<_> =
             configurations.iter().filter(|known| known.model_identifier == identifier).collect();
         if !own.is_empty() {
             let path = platform.library_path(identifier, description.is_fmi3());
             let library = sources.compile(sources.choose(&own, &platform.folder_for_host(true))?, &path)?;
+            inspect(&library, identifier, &description)
+                .with_context(|| format!("its sources make {path}"))?;
             libraries.push((path, library));
         }
     }
@@ -109,7 +168,39 @@ fn compiled(fmu: &Path, platform: Platform) -> Result<(Part, BTreeMap<Platform, 
     let runs = PlatformList::read_runs(&String::from_utf8_lossy(&list)).into_iter();
     let runs = runs.filter_map(|(folder, run)| Some((folder.parse().ok()?, run)));
     let runs = runs.filter(|(other, _)| *other != platform).collect();
-    Ok((Part { name: fmu.display().to_string(), files }, runs))
+    let parts = [Part { name: name.to_owned(), files }];
+    let merged = Merged::new(&parts, &runs)?;
+    let mut fmu = vec![];
+    merged.write(&mut fmu)?;
+    Ok((fmu, merged.platforms.to_string()))
+}
+
+/// Refuses a library that makes no instances; complains about other functions that it does not export.
+fn inspect(library: &[u8], identifier: &str, description: &FmuDescription) -> Result<()> {
+    let interfaces = description.interfaces.iter().map(|(interface, _)| *interface);
+    let interfaces: Vec<_> =
+        interfaces.filter(|interface| description.identifier(*interface) == Some(identifier)).collect();
+    for linkage in Linkage::read(library)? {
+        let missing = linkage.missing_functions(version(description), &interfaces);
+        let makes_instances = |function: &&&str| {
+            let of_fmi3 = function.strip_prefix("fmi3Instantiate").and_then(Interface::of);
+            **function == "fmi2Instantiate"
+                || of_fmi3.is_some_and(|interface| interfaces.contains(&interface))
+        };
+        if let Some(function) = missing.iter().find(makes_instances) {
+            let prefixed = linkage.exports.iter().find(|name| name.ends_with(function));
+            let prefixed = prefixed.map_or(String::new(), |name| format!("; it exports {name}"));
+            bail!("{}{prefixed}", missing_in_words(&missing));
+        }
+        if !missing.is_empty() {
+            complain(&format!("warning: {identifier}: {}", missing_in_words(&missing)));
+        }
+    }
+    Ok(())
+}
+
+fn version(description: &FmuDescription) -> Version {
+    if description.is_fmi3() { Version::Three } else { Version::Two }
 }
 
 /// The extracted sources of an FMU.
@@ -118,18 +209,24 @@ struct Sources<'a> {
     /// The folder of this platform's libraries.
     binaries: String,
     files: &'a BTreeMap<String, Vec<u8>>,
+    version: Version,
     compiler: Tool,
 }
 
 impl<'a> Sources<'a> {
-    fn new(folder: &'a Folder, platform: &str, files: &'a BTreeMap<String, Vec<u8>>) -> Result<Self> {
+    fn new(
+        folder: &'a Folder,
+        platform: &str,
+        version: Version,
+        files: &'a BTreeMap<String, Vec<u8>>,
+    ) -> Result<Self> {
         let headers = folder.path().join("headers");
         fs::create_dir(&headers)?;
         for (name, text) in HEADERS {
             fs::write(headers.join(name), text)?;
         }
         let binaries = format!("binaries/{platform}");
-        Ok(Self { folder: folder.path(), binaries, files, compiler: compiler(false)? })
+        Ok(Self { folder: folder.path(), binaries, files, version, compiler: compiler(false)? })
     }
 
     /// The configuration for this platform, if there is one, and for this kind of compiler.
@@ -159,7 +256,7 @@ impl<'a> Sources<'a> {
         let (mut objects, mut commands) = (vec![], VecDeque::new());
         for set in &configuration.source_file_sets {
             let compiler = compiler(is_cpp(set))?;
-            let options = self.options(set)?;
+            let options = [self.without_prefix(&configuration.model_identifier), self.options(set)?].concat();
             for file in &set.source_files {
                 let object = folder.join(format!("{}.o", objects.len()));
                 let mut command = compiler.to_command();
@@ -204,6 +301,13 @@ impl<'a> Sources<'a> {
         Ok(self.folder.join(path))
     }
 
+    /// Definitions that take the prefix off each function. Headers before those of [`WITHOUT_PREFIX`] prepend the model
+    /// identifier and `_` (FMI 2.0, section 2.1.1), which the sources of a shared library should not ask for.
+    fn without_prefix(&self, identifier: &str) -> Vec<String> {
+        let prefixed = functions(self.version).map(|name| format!("-D{identifier}_{name}={name}"));
+        WITHOUT_PREFIX.map(str::to_owned).into_iter().chain(prefixed).collect()
+    }
+
     /// What the files of a set are compiled with.
     fn options(&self, set: &SourceFileSet) -> Result<Vec<String>> {
         let include = |folder: PathBuf| format!("-I{}", folder.display());
@@ -215,7 +319,6 @@ impl<'a> Sources<'a> {
             ensure!(is_inside, "its include directory '{directory}' is not below sources");
             options.push(include(self.folder.join("sources").join(directory)));
         }
-        options.extend(WITHOUT_PREFIX.map(str::to_owned));
         options.extend(set.definitions.iter().map(|(name, value)| match value {
             Some(value) => format!("-D{name}={value}"),
             None => format!("-D{name}"),

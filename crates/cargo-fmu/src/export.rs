@@ -78,8 +78,9 @@ pub struct Export {
 impl Export {
     /// A trial of what is in the current folder, beside the FMUs that `export` writes.
     #[cfg(feature = "simulate")]
-    pub(crate) fn trial(interface: Option<Interface>) -> Self {
+    pub(crate) fn trial(interface: Option<Interface>, version: Option<Version>) -> Self {
         Self {
+            versions: version.into_iter().collect(),
             interfaces: interface.map(Interfaces::from),
             profile: Some(Profile::trial()),
             folder: Some("fmu-trial"),

@@ -242,6 +242,7 @@ impl<'a> Flat<'a> {
                 real_type: declaration.real_type,
                 unit: unit.clone(),
                 display_unit: declaration.display_unit.clone(),
+                relative_quantity: declaration.relative_quantity,
                 aliases: aliases(declaration, part, &subscripts),
                 min: fixed.or(declaration.min),
                 max: fixed.or(declaration.max),

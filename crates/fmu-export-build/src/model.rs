@@ -160,6 +160,7 @@ pub(crate) struct Scalar {
     pub(crate) real_type: Option<usize>,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
+    pub(crate) relative_quantity: bool,
     pub(crate) aliases: Vec<Alias>,
     pub(crate) min: Option<f64>,
     pub(crate) max: Option<f64>,

@@ -41,6 +41,12 @@ impl Location {
         Self { source: text.into(), place: None }
     }
 
+    /// Whether it is an argument of this text.
+    #[must_use]
+    pub fn is_argument(&self, text: &str) -> bool {
+        self.place.is_none() && *self.source == *text
+    }
+
     /// The line in the file, from 1 on; none for an argument.
     #[must_use]
     pub fn line(&self) -> Option<usize> {

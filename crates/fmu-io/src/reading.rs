@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use sha2::{Digest as _, Sha256};
+
 /// The largest text in bytes; descriptions of the largest models have some 50 MB.
 pub const LARGEST_TEXT: u64 = 64 << 20;
 /// The largest archive, packed or unpacked, or other binary file in bytes.
@@ -51,6 +53,14 @@ pub fn text_as<T>(path: &Path, decode: impl FnOnce(Vec<u8>) -> io::Result<T>) ->
 pub fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     let read = File::open(path).and_then(|file| up_to(LARGEST_CONTENT, file));
     read.map_err(|error| cannot_read(path, &error))
+}
+
+/// The SHA-256 of a binary file, in hexadecimal digits.
+///
+/// # Errors
+/// When it cannot be read or is too large; the message names the file.
+pub fn digest(path: &Path) -> io::Result<String> {
+    Ok(Sha256::digest(bytes(path)?).iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
 }
 
 /// Reads everything.

@@ -44,7 +44,10 @@ impl LoadedFmus {
         if let Some(fmu) = self.0.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = member.location.locate(Fmu::open_with(&member.file, member.interface))?;
+        let fmu = Fmu::open_with(&member.file, member.interface);
+        // The message names the file.
+        let is_located = member.location.is_argument(&member.file.to_string_lossy());
+        let fmu = if is_located { fmu } else { member.location.locate(fmu) }?;
         self.0.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
@@ -395,6 +398,7 @@ impl<'a> Master<'a> {
         let ended = run.map_or_else(|error| error.downcast().map(Some), |()| Ok(None))?;
         let warnings = self.coupling.members.iter_mut().flat_map(|coupled| {
             let name = coupled.instance.name().to_owned();
+            coupled.instance.terminate();
             coupled.instance.take_warnings().into_iter().map(move |message| (name.clone(), message))
         });
         let warnings = warnings.collect();

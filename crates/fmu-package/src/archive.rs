@@ -20,6 +20,9 @@ use crate::validation::report::Report;
 use crate::validation::rules::Severity;
 use crate::xml;
 
+/// An opened archive.
+pub type Archive<R> = ZipArchive<R>;
+
 /// The bytes that are written at a time, for few calls of the system.
 const UNPACKED: usize = 1 << 16;
 
@@ -55,8 +58,13 @@ fn read_text_up_to<R: Read + Seek>(
     path: &str,
 ) -> io::Result<String> {
     let index = archive.file_names().position(|name| name.is_ok_and(|name| normalized(&name) == path));
-    let entry = index.and_then(|index| archive.by_index(index).ok());
-    let entry = entry.ok_or_else(|| broken(format!("it contains no {path}")))?;
+    let Some(index) = index else {
+        let mut names = archive.file_names().filter_map(Result::ok);
+        let other = names.find(|name| normalized(name).eq_ignore_ascii_case(path));
+        let other = other.map_or(String::new(), |name| format!(", but {name}: case matters"));
+        return Err(broken(format!("it contains no {path}{other}")));
+    };
+    let entry = archive.by_index(index).map_err(plain)?;
     content(entry, largest)
         .and_then(xml::decode)
         .map(|(text, _)| text)
@@ -144,7 +152,10 @@ fn plain(error: ZipError) -> io::Error {
 
 /// Writes an archive of paths and contents, with fixed order, times and permissions of entries. Entries that [`open`]
 /// would reject are errors.
-pub(crate) fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
+///
+/// # Errors
+/// When an entry would be rejected, or writing fails.
+pub fn write(mut writer: impl Write, entries: &[(String, &[u8])]) -> io::Result<()> {
     let archive = zipped(entries)?;
     open(Cursor::new(&archive))?;
     writer.write_all(&archive)

@@ -64,6 +64,13 @@ pub enum Conversion {
     Function(Function),
 }
 
+/// Why an FMU cannot have a name: a colon ends it in `FMU:variable`.
+#[must_use]
+pub fn refused_name(fmu: &str) -> Option<String> {
+    fmu.contains(':')
+        .then(|| format!("the name {fmu} has a colon, which ends an FMU's name, as in FMU:variable"))
+}
+
 impl Conversion {
     /// By the declared units.
     pub const DECLARED: Self = Self::Units { from: None, to: None };

@@ -8,11 +8,13 @@ use std::fs;
 use std::io;
 
 use fmu_io::reading::broken;
+use fmu_terms::{Interface, Version};
 use object::read::NameOrOrdinal;
 use object::read::elf::{ElfFile, FileHeader, ProgramHeader};
 use object::read::macho::{FatArch, MachHeader, MachOFatFile32, MachOFatFile64, MachOFile};
 use object::{Endianness, File, FileKind, Object, ObjectKind, ObjectSegment, ReadCache, ReadRef, elf, macho};
 
+use crate::functions::exported_functions;
 use crate::platform::{Architecture, Format, Platform};
 
 /// A library's platform.
@@ -132,6 +134,12 @@ impl Linkage {
         slices.into_iter().map(|slice| Self::read_slice(slice).map_err(unreadable)).collect()
     }
 
+    /// The functions of a version that it does not export for the interfaces of its model identifier.
+    #[must_use]
+    pub fn missing_functions(&self, version: Version, interfaces: &[Interface]) -> Vec<&'static str> {
+        exported_functions(version, interfaces).filter(|name| !self.exports.contains(*name)).collect()
+    }
+
     fn read_slice(bytes: &[u8]) -> object::Result<Self> {
         let file = File::parse(bytes)?;
         let mut linkage = Self::default();
@@ -162,6 +170,15 @@ impl Linkage {
         };
         Ok(linkage)
     }
+}
+
+/// [Missing functions](Linkage::missing_functions) as a message.
+#[must_use]
+pub fn missing_in_words(missing: &[&str]) -> String {
+    const MOST_NAMED: usize = 5;
+    let shown = missing[..missing.len().min(MOST_NAMED)].join(", ");
+    let more = if missing.len() > MOST_NAMED { " \u{2026}" } else { "" };
+    format!("it does not export {} functions: {shown}{more}", missing.len())
 }
 
 fn refused_for<Elf>(file: &ElfFile<'_, Elf>) -> object::Result<Option<&'static str>>

@@ -322,6 +322,16 @@ impl FmuDescription {
         self.variables.named(name)
     }
 
+    /// The elements of an array, in the order of their indices; none if there is no array of this name.
+    #[must_use]
+    pub fn array(&self, name: &str) -> Vec<&FmuVariable> {
+        let mut elements: Vec<_> =
+            self.variables.iter().filter(|variable| variable.array() == Some(name)).collect();
+        // The order in which FMI 2.0 lists them is free.
+        elements.sort_by_key(|variable| variable.place_in_array().map(|(_, indices)| indices));
+        elements
+    }
+
     /// The variables of a causality.
     pub fn of_causality(&self, causality: Causality) -> impl Iterator<Item = &FmuVariable> {
         self.variables.iter().filter(move |variable| variable.causality == causality)
@@ -453,6 +463,59 @@ mod tests {
         let large = r#"<Dimension start="4000000000"/>"#;
         for dimensions in [large.to_owned(), large.repeat(3)] {
             assert_eq!(refusal(&dimensions), "its arrays have more than 2000000 elements");
+        }
+    }
+
+    /// By their names, in any order.
+    #[test]
+    fn elements_of_fmi_2_are_an_array() {
+        let names = ["b[2,1]", "b[1, 10]", "b[1,2]", "a[1]", "b[x]", "b", "b[1].c[3]", "b[]", "c[-1]"];
+        let variables = names.map(|name| format!("<ScalarVariable name=\"{name}\"><Real/></ScalarVariable>"));
+        let xml = format!(
+            "<fmiModelDescription><ModelVariables>{}</ModelVariables></fmiModelDescription>",
+            variables.concat()
+        );
+        let description = FmuDescription::parse(&xml).unwrap();
+        for (array, elements) in [
+            ("b", &["b[1,2]", "b[1, 10]", "b[2,1]"][..]),
+            ("a", &["a[1]"]),
+            ("b[1].c", &["b[1].c[3]"]),
+            ("c", &[]),
+        ] {
+            let found: Vec<_> = description.array(array).into_iter().map(|variable| &variable.name).collect();
+            assert_eq!(found, elements, "{array}");
+        }
+    }
+
+    /// FMI 2.0.5, section 2.2.7; FMI 3.0.2, section 2.4.7.
+    #[test]
+    fn what_is_not_declared_has_the_default() {
+        let of = |variable: &str| {
+            let xml = format!(
+                "<fmiModelDescription><ModelVariables>{variable}</ModelVariables></fmiModelDescription>"
+            );
+            let description = FmuDescription::parse(&xml).unwrap();
+            let FmuVariable { causality, variability, initial, .. } = &description.variables[0];
+            [causality.text(), variability.text(), initial.text()].map(str::to_owned)
+        };
+        for (variable, expected) in [
+            ("<ScalarVariable><Real/></ScalarVariable>", ["local", "continuous", "calculated"]),
+            (
+                "<ScalarVariable causality=\"output\" variability=\"constant\"><Real/></ScalarVariable>",
+                ["output", "constant", "exact"],
+            ),
+            (
+                "<ScalarVariable causality=\"parameter\" variability=\"fixed\"><Real/></ScalarVariable>",
+                ["parameter", "fixed", "exact"],
+            ),
+            ("<ScalarVariable causality=\"input\"><Real/></ScalarVariable>", ["input", "continuous", ""]),
+            ("<Float64/>", ["local", "continuous", "calculated"]),
+            ("<Int32 causality=\"output\"/>", ["output", "discrete", "calculated"]),
+            ("<Float64 causality=\"parameter\"/>", ["parameter", "fixed", "exact"]),
+            ("<UInt64 causality=\"structuralParameter\"/>", ["structuralParameter", "fixed", "exact"]),
+            ("<Float64 causality=\"input\"/>", ["input", "continuous", "exact"]),
+        ] {
+            assert_eq!(of(variable), expected, "{variable}");
         }
     }
 

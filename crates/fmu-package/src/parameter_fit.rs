@@ -275,7 +275,7 @@ mod tests {
         );
         assert_eq!(
             pressure(1.0, "psy").unwrap_err(),
-            "the value 1 psy of pressure cannot be used: the unit 'psy' is not known"
+            "the value 1 psy of pressure cannot be used: the unit 'psy' is not known; did you mean 'psi'?"
         );
         assert_eq!(
             pressure(201.0, "kPa").unwrap_err(),

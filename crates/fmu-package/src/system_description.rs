@@ -1,6 +1,7 @@
 //! Reads the structure of a system from any tool, in SSP 1.0 and 2.0 (SSP, section 5): its elements, which are FMUs,
 //! systems and references to signal dictionaries, with their connections and parameters.
 
+use std::collections::BTreeMap;
 use std::io;
 
 use fmu_terms::{Interface, Unit, Word};
@@ -26,6 +27,8 @@ pub struct SystemDescription {
     pub step_size: Option<f64>,
     /// The root system.
     pub system: ElementDescription,
+    /// Notes on what is ignored, as the schema of SSP does not have it.
+    pub notes: Vec<String>,
 }
 
 /// A system, or an element of one.
@@ -157,6 +160,7 @@ impl SystemDescription {
             stop_time: None,
             step_size: None,
             system: ElementDescription::read(system, &definitions)?,
+            notes: unknown_attributes(root),
         };
         for experiment in named(root, "DefaultExperiment") {
             read.start_time = number(experiment, "startTime")?;
@@ -171,6 +175,50 @@ impl SystemDescription {
         }
         Ok(read)
     }
+}
+
+/// The attributes of each element here in SSP 1.0 and 2.0, besides `id` and `description`, which all have.
+const ATTRIBUTES: [(&str, &[&str]); 6] = [
+    ("System", &["name"]),
+    ("Component", &["name", "type", "source", "implementation"]),
+    ("SignalDictionaryReference", &["name", "dictionary"]),
+    ("Connector", &["name", "kind"]),
+    (
+        "Connection",
+        &[
+            "startElement",
+            "startConnector",
+            "endElement",
+            "endConnector",
+            "suppressUnitConversion",
+            "startIndices",
+            "endIndices",
+        ],
+    ),
+    ("ParameterBinding", &["type", "source", "sourceBase", "prefix"]),
+];
+
+/// A note for each kind of attribute that the schema forbids, with the line of the first.
+fn unknown_attributes(root: Element<'_>) -> Vec<String> {
+    let own = root.tag_name().namespace();
+    let mut notes = BTreeMap::new();
+    for element in root.descendants().filter(|element| element.tag_name().namespace() == own) {
+        let name = element.tag_name().name();
+        let Some((_, known)) = ATTRIBUTES.iter().find(|(known, _)| *known == name) else { continue };
+        let unknown = element.attributes().filter(|attribute| {
+            attribute.namespace().is_none()
+                && !["id", "description"].contains(&attribute.name())
+                && !known.contains(&attribute.name())
+        });
+        for attribute in unknown {
+            let line = element.document().text_pos_at(element.range().start).row;
+            notes.entry((name, attribute.name())).or_insert(line);
+        }
+    }
+    let note = |((element, attribute), line): ((&str, &str), u32)| {
+        format!("line {line}: a {element} of SSP has no attribute {attribute}, which is ignored")
+    };
+    notes.into_iter().map(note).collect()
 }
 
 impl ElementDescription {
@@ -390,8 +438,9 @@ mod tests {
 
     #[test]
     fn a_structure_is_read() {
-        let SystemDescription { system, start_time, stop_time, step_size } =
+        let SystemDescription { system, start_time, stop_time, step_size, notes } =
             SystemDescription::parse(STRUCTURE).unwrap();
+        assert_eq!(notes, [] as [&str; 0]);
         assert_eq!([start_time, stop_time, step_size], [Some(1.0), Some(5.0), Some(0.25)]);
         assert_eq!(system.name, "Loop");
         let [input, mode] = &system.connectors[..] else { panic!("{system:?}") };

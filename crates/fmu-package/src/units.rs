@@ -48,7 +48,8 @@ pub fn is_known_unit(name: &str, declared: &[Unit]) -> bool {
 }
 
 /// The conversion between two units, each with those declared beside it. A unit that is not defined there is one
-/// of the other's, or of the [table](UnitTable).
+/// of the other's, or of the [table](UnitTable). Where the dimensions differ, `1/min`, `min-1`, `rev/min` and `rpm` are an
+/// angular velocity beside a unit with rad, and a frequency beside one without.
 ///
 /// # Errors
 /// When a unit is not known, or does not convert.
@@ -59,7 +60,15 @@ pub fn unit_conversion(from: (&str, &[Unit]), to: (&str, &[Unit])) -> Result<Lin
     };
     let refusal = || format!("the unit {} does not convert to {}", from.0, to.0);
     match (base(from.0, [from.1, to.1]), base(to.0, [to.1, from.1])) {
-        (Ok(Some(own)), Ok(Some(other))) => own.to(&other).ok_or_else(refusal),
+        (Ok(Some(own)), Ok(Some(other))) => {
+            let meanings = |name: &str, declared| {
+                let of_revolutions = BaseUnit::of_revolutions(name).into_iter().flatten();
+                std::iter::once(declared).chain(of_revolutions).collect::<Vec<_>>()
+            };
+            let [own, other] = [(from.0, own), (to.0, other)].map(|(name, base)| meanings(name, base));
+            let mut pairs = own.iter().flat_map(|own| other.iter().map(move |other| own.to(other)));
+            pairs.find_map(|conversion| conversion).ok_or_else(refusal)
+        }
         // Equal names count as equal units.
         _ if from.0 == to.0 => Ok(Linear::IDENTITY),
         (Err(reason), _) | (_, Err(reason)) => Err(reason),
@@ -81,4 +90,48 @@ pub(crate) fn write(writer: &mut XmlWriter, list: &'static str, units: &[Unit]) 
             })
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// Whatever an FMU declares beside them.
+    #[test]
+    fn revolutions_per_minute_are_what_the_other_unit_measures() {
+        let declared = |name: &str, exponents, factor| Unit {
+            name: name.to_owned(),
+            base: Some(BaseUnit { exponents, factor, offset: 0.0 }),
+            display_units: vec![],
+        };
+        // As Dymola and others declare them.
+        let frequency = declared("1/min", [0, 0, -1, 0, 0, 0, 0, 0], 1.0 / 60.0);
+        let angular = declared("rpm", [0, 0, -1, 0, 0, 0, 0, 1], TAU / 60.0);
+        for units in [&[][..], std::slice::from_ref(&frequency), &[frequency.clone(), angular]] {
+            for name in ["1/min", "min-1", "min⁻¹", "rev/min", "rpm"] {
+                for (other, factor) in [
+                    ("rad/s", TAU / 60.0),
+                    ("deg/s", 6.0),
+                    ("rpm", 1.0),
+                    ("1/s", 1.0 / 60.0),
+                    ("Hz", 1.0 / 60.0),
+                ] {
+                    for (from, to, factor) in [(name, other, factor), (other, name, factor.recip())] {
+                        let found = unit_conversion((from, units), (to, &[])).unwrap();
+                        assert!(
+                            (found.factor / factor - 1.0).abs() < 4.0 * f64::EPSILON,
+                            "{from} {to}: {found:?}"
+                        );
+                        assert_eq!(found.offset.to_bits(), 0.0_f64.to_bits());
+                    }
+                }
+            }
+        }
+        for (from, to) in [("1/s", "rad/s"), ("1/min", "K"), ("Hz", "deg/s")] {
+            let refusal = unit_conversion((from, &[]), (to, &[])).unwrap_err();
+            assert_eq!(refusal, format!("the unit {from} does not convert to {to}"));
+        }
+    }
 }

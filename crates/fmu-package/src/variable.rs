@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::io;
 
 use fmu_io::reading::broken;
-use fmu_terms::{Causality, DataType, Initial, IntervalVariability, Variability, Version};
+use fmu_terms::{Causality, DataType, Initial, IntervalVariability, Variability, Version, Word};
 
 use crate::declared::Declared;
 use crate::xml::{self, boolean, children, named, number, text};
 
-/// A variable as declared; undeclared fields are empty, or have the default of the FMI version.
+/// A variable as declared. What is not declared has the default of the FMI version, or is empty where there is none.
 #[derive(Clone, Debug, Default)]
 pub struct FmuVariable {
     /// Unique in the FMU.
@@ -122,10 +122,68 @@ impl<'d> VariableElement<'d> {
         self.typed.tag_name().name()
     }
 
+    /// `causality`, or its default.
+    pub fn causality(&self) -> Declared<Causality> {
+        self.word("causality").unwrap_or(Causality::Local.into())
+    }
+
+    /// `variability`, or its default.
+    pub fn variability(&self) -> Declared<Variability> {
+        let default = match (self.version, self.causality().meaning()) {
+            (
+                Version::Three,
+                Some(Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter),
+            ) => Variability::Fixed,
+            (Version::Three, _) if !self.data_type().meaning().is_some_and(DataType::is_float) => {
+                Variability::Discrete
+            }
+            _ => Variability::Continuous,
+        };
+        self.word("variability").unwrap_or(default.into())
+    }
+
+    /// `initial`, or its default; empty where the variable has none.
+    pub fn initial(&self) -> Declared<Initial> {
+        let default = || {
+            let (causality, variability) = (self.causality().meaning()?, self.variability().meaning()?);
+            initials(self.version, causality, variability)?.first().copied().map(Declared::from)
+        };
+        self.word("initial").or_else(default).unwrap_or_default()
+    }
+
+    /// The word that an attribute of the variable is, if there is one.
+    fn word<W: Word>(&self, name: &str) -> Option<Declared<W>> {
+        self.element.attribute(name).map(|text| Declared::word(Some(text)))
+    }
+
     /// An attribute of the variable, or of its declared type.
     pub fn inherited(&self, name: &str) -> Option<&'d str> {
         self.typed.attribute(name).or_else(|| self.declared?.attribute(name))
     }
+}
+
+/// The values allowed for `initial` with a combination of causality and variability, the default first (FMI 2.0.5,
+/// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none if the combination is not allowed.
+pub(crate) fn initials(
+    version: Version,
+    causality: Causality,
+    variability: Variability,
+) -> Option<&'static [Initial]> {
+    use Causality::{CalculatedParameter, Independent, Input, Local, Output, Parameter, StructuralParameter};
+    use Initial::{Approx, Calculated, Exact};
+    use Variability::{Constant, Continuous, Discrete, Fixed, Tunable};
+    Some(match (causality, variability) {
+        (Parameter, Fixed | Tunable) | (Output | Local, Constant) => &[Exact],
+        (CalculatedParameter | Local, Fixed | Tunable) => &[Calculated, Approx],
+        (Output | Local, Discrete | Continuous) => &[Calculated, Exact, Approx],
+        (StructuralParameter, Fixed | Tunable) | (Input, Discrete | Continuous)
+            if version == Version::Three =>
+        {
+            &[Exact]
+        }
+        (Input, Discrete | Continuous) | (Independent, Continuous) => &[],
+        _ => return None,
+    })
 }
 
 impl FmuVariable {
@@ -147,9 +205,9 @@ impl FmuVariable {
             value_reference: Declared::number(element.attribute("valueReference")),
             data_type: declaration.data_type(),
             declared_type: text(typed, "declaredType"),
-            causality: Declared::word(element.attribute("causality")),
-            variability: Declared::word(element.attribute("variability")),
-            initial: Declared::word(element.attribute("initial")),
+            causality: declaration.causality(),
+            variability: declaration.variability(),
+            initial: declaration.initial(),
             derivative: Declared::number(typed.attribute("derivative")),
             interval_variability: Declared::word(typed.attribute("intervalVariability")),
             unit: inherited("unit"),
@@ -186,11 +244,18 @@ impl FmuVariable {
         }
     }
 
-    /// The name of the array of which it is an element.
+    /// The name of the array of which it is an element: in FMI 2.0 by its name, which ends with indices (FMI 2.0.5, section
+    /// 2.2.9).
     #[must_use]
     pub fn array(&self) -> Option<&str> {
-        let (array, _) = self.name.rsplit_once('[')?;
-        self.element.map(|_| array)
+        self.place_in_array().map(|(array, _)| array)
+    }
+
+    /// The name of its array, and its indices there.
+    pub(crate) fn place_in_array(&self) -> Option<(&str, Vec<u64>)> {
+        let (array, indices) = self.name.strip_suffix(']')?.rsplit_once('[')?;
+        let indices: Result<_, _> = indices.split(',').map(|index| index.trim().parse()).collect();
+        Some((array, indices.ok()?))
     }
 
     /// The elements of this array with the given sizes, whose product is `size`.
@@ -235,7 +300,8 @@ impl FmuVariable {
         let is_set_by_default =
             matches!(self.causality.meaning(), Some(Causality::Input | Causality::Parameter));
         self.variability != Variability::Constant
-            && self.causality != Causality::Independent
+            // Structural parameters are set in Configuration Mode only.
+            && !matches!(self.causality.meaning(), Some(Causality::Independent | Causality::StructuralParameter))
             && (is_set_by_default || matches!(self.initial.meaning(), Some(Initial::Exact | Initial::Approx)))
     }
 }

@@ -1,7 +1,8 @@
 //! CSV: numbers as texts that read back as the same doubles, units in a row below the header.
 //!
 //! The row of units begins with `#`, a comment to many readers: `numpy.genfromtxt` skips it, as does pandas with
-//! `comment="#"`; FMPy does not.
+//! `comment="#"`; FMPy does not. Files of others may have semicolons and decimal commas, as spreadsheets write them in
+//! many languages.
 
 use std::io::{self, Write};
 
@@ -14,8 +15,27 @@ use crate::table::{Column, Table};
 /// What begins a comment.
 const COMMENT: char = '#';
 
+/// What separates the cells of a file: the first comma or semicolon of its header. Beside semicolons, a comma is a decimal
+/// point.
+fn separator(text: &str) -> char {
+    let header = text.lines().find(|line| !is_skipped(line)).unwrap_or_default();
+    let mut is_quoted = false;
+    let mut characters = header.chars();
+    let found = characters.find(|character| {
+        is_quoted ^= *character == '"';
+        !is_quoted && [',', ';'].contains(character)
+    });
+    found.unwrap_or(',')
+}
+
+fn builder(separator: char) -> ReaderBuilder {
+    let mut builder = ReaderBuilder::new();
+    builder.trim(Trim::All).delimiter(separator as u8);
+    builder
+}
+
 fn reader(text: &str) -> csv::Reader<&[u8]> {
-    ReaderBuilder::new().trim(Trim::All).comment(Some(COMMENT as u8)).from_reader(text.as_bytes())
+    builder(separator(text)).comment(Some(COMMENT as u8)).from_reader(text.as_bytes())
 }
 
 /// The names and units in the header of a file; a missing unit is empty. Units are in a commented row below the names,
@@ -41,7 +61,7 @@ fn is_skipped(line: &&str) -> bool {
 /// The comment directly below the header, as a row.
 fn units(text: &str) -> Option<StringRecord> {
     let row = text.lines().skip_while(is_skipped).nth(1)?.strip_prefix(COMMENT)?;
-    let mut reader = ReaderBuilder::new().trim(Trim::All).has_headers(false).from_reader(row.as_bytes());
+    let mut reader = builder(separator(text)).has_headers(false).from_reader(row.as_bytes());
     reader.records().next()?.ok()
 }
 
@@ -64,10 +84,15 @@ pub(crate) fn read(text: &str) -> Result<(Vec<DataColumn>, Vec<u64>)> {
     let text = text.trim_start_matches('\u{feff}');
     let columns = headings(text)?.into_iter().map(|heading| DataColumn::from(Column::from(heading)));
     let (mut columns, mut lines): (Vec<_>, _) = (columns.collect(), vec![]);
+    let has_decimal_commas = separator(text) == ';';
     for row in reader(text).records() {
         let row = row?;
         lines.push(row.position().map_or(0, |position| line(text, position)));
-        columns.iter_mut().zip(&row).for_each(|(column, text)| column.push(text));
+        for (column, text) in columns.iter_mut().zip(&row) {
+            let point = text.replace(',', ".");
+            let is_number = has_decimal_commas && point.parse::<f64>().is_ok();
+            column.push(if is_number { &point } else { text });
+        }
     }
     Ok((columns, lines))
 }

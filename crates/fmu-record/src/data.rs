@@ -177,6 +177,27 @@ mod tests {
         assert!(refusal.ends_with("the unit 'sec' is not known; its symbol is 's'"), "{refusal}");
     }
 
+    /// As spreadsheets write them: the first separator of the header decides.
+    #[test]
+    fn semicolons_come_with_decimal_commas() {
+        for text in [
+            "t (ms);a [2,7];b (Pa);note\n0;1,5;-2e3;x, y\n500;-0,25;1;1,5,0\n",
+            "# by hand, 1;2\n\"t\";\"a [2,7]\";b;note\n# ms;;Pa;\n0; 1,5 ;-2e3;\"x, y\"\n500;-0,25;1.0;1,5,0\n",
+            "t,\"a [2,7]\",b;c,note\n#ms,,Pa,\n0,1.5,-2e3,\"x, y\"\n500,-0.25,1,\"1,5,0\"\n",
+        ] {
+            let data = read(text).unwrap();
+            assert_eq!(data.time(), [0.0, 0.5], "{text}");
+            let [a, b, note] = data.columns() else { panic!("{text}") };
+            assert_eq!((a.name(), b.unit()), ("a [2,7]", "Pa"), "{text}");
+            assert_eq!(data.values(a, as_number, "").unwrap(), [1.5, -0.25], "{text}");
+            assert_eq!(note.cell(1), Cell::Word("1,5,0"), "{text}");
+        }
+        // A thousand is written without a point.
+        let data = read("t;a\n0;1\n1;1.000,5\n").unwrap();
+        let refusal = data.values(&data.columns()[0], as_number, "a number").unwrap_err().to_string();
+        assert_eq!(refusal, "line 3, a: expected a number, found \"1.000,5\"");
+    }
+
     #[test]
     fn a_cell_means_what_its_reader_takes() {
         let data = read(

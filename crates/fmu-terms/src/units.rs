@@ -4,11 +4,16 @@ mod notation;
 mod symbols;
 mod table;
 
+use std::f64::consts::TAU;
+
 pub use self::notation::{per_second, spelled};
 pub use self::table::UnitTable;
 
 /// The SI base units and rad, in the order of [`BaseUnit::exponents`].
 pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+
+/// The names of revolutions per minute.
+const REVOLUTIONS_PER_MINUTE: [&str; 4] = ["rpm", "rev/min", "1/min", "min-1"];
 
 /// A unit with its definition in SI units, if known.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +70,22 @@ impl BaseUnit {
     /// Its exponents other than 0, with the base units' names.
     pub fn powers(&self) -> impl Iterator<Item = (&'static str, i32)> + use<> {
         BASE_UNITS.into_iter().zip(self.exponents).filter(|(_, exponent)| *exponent != 0)
+    }
+
+    /// The two meanings of a name of revolutions per minute: an angular velocity, 2π/60 rad/s, and a frequency, 1/60 per
+    /// s; none for other names.
+    #[must_use]
+    pub fn of_revolutions(name: &str) -> Option<[Self; 2]> {
+        let name = spelled(name);
+        let is_known = REVOLUTIONS_PER_MINUTE.contains(&name.as_str());
+        let exponents = |rad| [0, 0, -1, 0, 0, 0, 0, rad];
+        is_known.then(|| {
+            [(1, TAU / 60.0), (0, 60_f64.recip())].map(|(rad, factor)| Self {
+                exponents: exponents(rad),
+                factor,
+                offset: 0.0,
+            })
+        })
     }
 
     /// The conversion to another unit; none if the dimensions differ.

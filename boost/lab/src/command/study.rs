@@ -9,9 +9,10 @@ use crate::study::draw::Cases;
 use crate::study::{Study, StudyReport, csv, outside};
 use anyhow::Result;
 use boost_interface::Role;
-use cargo_fmu::run::journal::{Journal, Settings, digest};
+use cargo_fmu::run::journal::{Identity, Journal};
 use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use clap::Args;
+use fmu_io::reading::digest;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 use fmu_package::connection;
@@ -61,13 +62,13 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<bool> {
     let inputs = [&arguments.plant, &arguments.controller].into_iter().chain(&arguments.connections);
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
-    let (study, _) = arguments.study()?;
+    let study = arguments.study()?;
     for note in &study.cases.notes {
         complain(&format!("note: {note}"));
     }
-    let (workers, settings) = Workers::open(program, &arguments.workers)?;
+    let (workers, identity) = Workers::open(program, &arguments.workers)?;
     super::make_folder(out)?;
-    let journal = Journal::open(&out.join(JOURNAL), &settings)?;
+    let journal = Journal::open(&out.join(JOURNAL), &identity)?;
     let finished = journal.finished().len();
     if finished > 0 {
         print(&format!("{finished} of {} cases are in the journal\n", study.cases.len()))?;
@@ -97,32 +98,52 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<bool> {
 
 /// Works for [`run`] in another process.
 pub fn work(arguments: &Arguments) -> Result<()> {
-    workers::work(|| arguments.study(), |study, number| Ok(study.run_one(number)))
+    let prepare = || Ok((arguments.study()?, arguments.identity()?));
+    workers::work(prepare, |study, number| Ok(study.run_one(number)), |_, outcome| Ok(outcome))
 }
 
 impl Arguments {
-    /// The study, and everything its results depend on.
-    fn study(&self) -> Result<(Study, Settings)> {
+    fn study(&self) -> Result<Study> {
         let connections = connection::read_all(&self.connections)?;
         let plant = open(&self.plant, Role::Plant, &connections)?;
         let controller = open(&self.controller, Role::Controller, &connections)?;
         let sets = super::plants(&self.parameters)?;
-
-        let mut settings = Settings::new();
-        for (name, file) in [("plant", &self.plant), ("controller", &self.controller)] {
-            settings.insert(format!("SHA-256 of the {name}'s file"), digest(file)?);
-        }
-        settings.insert("connections".into(), connection::in_line(&connections));
-        for (index, set) in sets.iter().enumerate() {
-            settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
-        }
-        settings.insert("cases".into(), self.cases.to_string());
-        settings.insert("seed".into(), self.seed.to_string());
-        settings.insert("strategies".into(), format!("{:?}, {:?}", self.strategy, self.beside));
-
         let rig = Rig::new(plant, controller, self.seed)?;
         let cases = Cases::draw(rig.plant.description(), &sets, self.cases as usize, self.seed)?;
         let strategies = [self.strategy.clone()].into_iter().chain(self.beside.clone().map(Some));
-        Ok((Study { rig, cases, strategies: strategies.collect() }, settings))
+        Ok(Study { rig, cases, strategies: strategies.collect() })
+    }
+
+    /// Everything that the results depend on. Taken apart without `..`, so that a new argument does not compile until it is
+    /// decided.
+    fn identity(&self) -> Result<Identity> {
+        let Self {
+            plant,
+            controller,
+            connections,
+            parameters,
+            strategy,
+            beside,
+            cases,
+            seed,
+            workers: _,
+            out: _,
+        } = self;
+        let sets = super::plants(parameters)?;
+        let sets = sets
+            .iter()
+            .enumerate()
+            .map(|(index, set)| (format!("parameter set {}", index + 1), format!("{set:?}")));
+        let others = [
+            ("boost-lab's version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("SHA-256 of the plant's file", digest(plant)?),
+            ("SHA-256 of the controller's file", digest(controller)?),
+            ("connections", connection::in_line(&connection::read_all(connections)?)),
+            ("strategy", format!("{strategy:?}")),
+            ("strategy beside it", format!("{beside:?}")),
+            ("cases", cases.to_string()),
+            ("seed", seed.to_string()),
+        ];
+        Ok(sets.chain(others.map(|(name, value)| (name.to_owned(), value))).collect())
     }
 }

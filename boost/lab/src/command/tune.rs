@@ -9,9 +9,10 @@ use crate::study::case::Rig;
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
 use boost_interface::Role;
+use cargo_fmu::run;
 use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
-use cargo_fmu::run::{self, journal::digest};
 use clap::Args;
+use fmu_io::reading::digest;
 use fmu_io::terminal::{complain, print};
 use fmu_package::connection;
 
@@ -65,9 +66,9 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     let inputs: Vec<_> = inputs.chain(&arguments.parameters).cloned().collect();
     super::refuse_overlap(out, &outputs, &inputs)?;
     let task = arguments.task()?;
-    let (workers, settings) = Workers::open(program, &arguments.workers)?;
+    let (workers, identity) = Workers::open(program, &arguments.workers)?;
     super::make_folder(out)?;
-    let journal = TuningJournal::open(&out.join(JOURNAL), &settings)?;
+    let journal = TuningJournal::open(&out.join(JOURNAL), &identity)?;
     let finished = journal.finished();
     let sweeps = finished.iter().filter(|part| matches!(part, TuningPart::Sweep(_))).count();
     let points = finished.len() - sweeps;
@@ -106,10 +107,10 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
 pub fn work(arguments: &Arguments) -> Result<()> {
     let prepare = || {
         let task = arguments.task()?;
-        let settings = task.settings(digest(&arguments.plant)?);
-        Ok((task, settings))
+        let identity = task.identity(digest(&arguments.plant)?);
+        Ok((task, identity))
     };
-    workers::work(prepare, Task::work)
+    workers::work(prepare, Task::work, |_, part| Ok(part))
 }
 
 impl Arguments {

@@ -28,7 +28,7 @@ use fmu_package::connection::{self, Connection};
 use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
-use cargo_fmu::run::journal::Settings;
+use cargo_fmu::run::journal::Identity;
 use cargo_fmu::run::workers::Workers;
 use fmu_master::Fmu;
 use fmu_master::measure::{greatest, least};
@@ -157,24 +157,20 @@ impl Task {
         if parameters.is_empty() { "its start values".to_owned() } else { parameters.join(", ") }
     }
 
-    /// Everything the experiments depend on; `digest` is the plant file's.
-    pub fn settings(&self, digest: String) -> Settings {
-        let schedule = &self.schedule;
-        let mut settings: Settings = [
+    /// Everything that the experiments depend on; `digest` is that of the plant's file. Taken apart without `..`, so that a
+    /// new field does not compile until it is decided.
+    pub fn identity(&self, digest: String) -> Identity {
+        let Self { plant: _, connections, plant_parameters, schedule, procedure } = self;
+        let units: Vec<_> = plant_parameters.iter().map(|set| &set.units).collect();
+        let own = [
             ("boost-lab's version", env!("CARGO_PKG_VERSION").to_owned()),
             ("SHA-256 of the plant's file", digest),
             ("the plant's parameters", self.plant_parameters_written()),
-            ("the engine speeds", format!("{:?}", schedule.engine_speeds)),
-            ("the boost references", format!("{:?}", schedule.boost_references)),
-            ("the nominal voltage", format!("{:?}", schedule.nominal_voltage)),
-            ("the sample time", format!("{:?}", schedule.sample_time)),
-            ("the procedure", format!("{:?}", self.procedure)),
-            ("the allocation", format!("{:?}", schedule.allocation)),
-        ]
-        .map(|(name, value)| (name.to_owned(), value))
-        .into();
-        settings.insert("the connections".to_owned(), connection::in_line(&self.connections));
-        settings
+            ("the units of the plant's parameters", format!("{units:?}")),
+            ("the procedure", format!("{procedure:?}")),
+            ("the connections", connection::in_line(connections)),
+        ];
+        own.into_iter().chain(schedule.identity()).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
     /// The longest simulated time of a tuning (s).

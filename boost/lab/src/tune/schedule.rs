@@ -157,6 +157,33 @@ impl Allocation {
 }
 
 impl Schedule {
+    /// What the experiments depend on.
+    pub(super) fn identity(&self) -> [(&'static str, String); 6] {
+        let Self {
+            strategy,
+            engine_speeds,
+            boost_references,
+            nominal_voltage,
+            sample_time,
+            allocation,
+            // These make a schedule of what the experiments give.
+            lambda: _,
+            source_of_lambda: _,
+            reference_lambda: _,
+            ranges: _,
+            controller: _,
+            description: _,
+        } = self;
+        [
+            ("the strategy", format!("{strategy:?}")),
+            ("the engine speeds", format!("{engine_speeds:?}")),
+            ("the boost references", format!("{boost_references:?}")),
+            ("the nominal voltage", format!("{nominal_voltage:?}")),
+            ("the sample time", format!("{sample_time:?}")),
+            ("the allocation", format!("{allocation:?}")),
+        ]
+    }
+
     pub fn built_in(strategy: Strategy) -> Result<Self> {
         Self::read(INTERFACE.description(Role::Controller), strategy)
     }

@@ -4,13 +4,14 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{FmuArguments, inputs, name_and_value, positive};
+use super::{FmuArguments, finite, inputs, name_and_value, positive};
 use crate::Export;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fmu_io::terminal::complain;
 use fmu_io::writing;
+use fmu_master::process::contained;
 use fmu_master::scenario::{
     Assignment, Course, Input, Location, Measured, Member, Scenario, Signal, Tolerance,
 };
@@ -18,7 +19,7 @@ use fmu_master::system::{self, Times, Unpacked};
 use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
 use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
 use fmu_record::Data;
-use fmu_terms::{Causality, like};
+use fmu_terms::{Causality, Version, like};
 
 /// What runs, and with which values.
 #[derive(Args, Debug)]
@@ -37,6 +38,9 @@ pub struct Experiment {
     /// Parameter set, for the FMU that has its parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
+    /// Override the start time (s)
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = finite())]
+    start_time: Option<f64>,
     /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = positive())]
     step: Option<f64>,
@@ -44,6 +48,9 @@ pub struct Experiment {
     /// in Model Exchange]
     #[arg(long, value_name = "none|NUMBER", value_parser = tolerance)]
     tolerance: Option<Tolerance>,
+    /// FMI version of the trial export of this folder's model
+    #[arg(long, value_name = "2|3", hide_possible_values = true, value_parser = version())]
+    fmi: Option<Version>,
     /// How the FMUs run: co-simulation, or Model Exchange by the exporter's integrator [default: co-simulation where an
     /// FMU offers it]
     #[arg(long, value_name = "cs|me", hide_possible_values = true, value_parser = interface())]
@@ -68,10 +75,17 @@ impl Experiment {
     /// # Errors
     /// When there is none.
     pub fn subject(&self) -> Result<PathBuf> {
-        self.subject.clone().map_or_else(|| model_of_this_folder(self.interface), Ok)
+        match (&self.subject, self.fmi) {
+            (Some(subject), Some(version)) => {
+                bail!("--fmi {version}: only for the model of this folder, not for {}", subject.display())
+            }
+            (Some(subject), None) => Ok(subject.clone()),
+            (None, version) => model_of_this_folder(self.interface, version),
+        }
     }
 
-    /// Runs a function with the subject's scenario and FMUs. `outputs` are the files that it writes.
+    /// Runs a function with the subject's scenario and FMUs. `outputs` are the files that are written when it has returned:
+    /// the FMUs are then unloaded, so that none can fail any more, and what they have changed of the process is undone.
     ///
     /// # Errors
     /// When the scenario cannot be read, a value does not fit, an output would overwrite an input, or the function fails.
@@ -91,7 +105,7 @@ impl Experiment {
             let scenario = self.with_values(scenario, &mut loaded)?;
             run(scenario, &mut loaded)
         };
-        with_values().map_err(|error| match unpacked {
+        contained(with_values).0.map_err(|error| match unpacked {
             Some(unpacked) => unpacked.named(&error),
             None => error,
         })
@@ -129,8 +143,8 @@ impl Experiment {
 
     /// What to run, and the temporary folders of a system's FMUs, which must outlive the run.
     fn scenario(&self, subject: &Path, end: End) -> Result<(Scenario, Option<Unpacked>)> {
-        let Self { fmus, step, .. } = self;
-        let times = Times { start: None, stop: end.time, step: *step };
+        let Self { fmus, step, start_time, .. } = self;
+        let times = Times { start: *start_time, stop: end.time, step: *step };
         let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
         let (mut scenario, unpacked) = match ending.to_str() {
             Some("fmu") => {
@@ -149,9 +163,15 @@ impl Experiment {
                     bail!("--step is for a system or a single FMU; {} sets its own", subject.display());
                 }
                 let mut scenario = Scenario::read(subject, &fmus.folder)?;
-                if let Some(time) = end.time {
-                    let location = Location::argument(&format!("--{} {time}", end.option));
-                    location.locate(scenario.end_at(time))?;
+                let given =
+                    [start_time.map(|time| ("start-time", time)), end.time.map(|time| (end.option, time))];
+                let given: Vec<_> =
+                    given.iter().flatten().map(|(option, time)| format!("--{option} {time}")).collect();
+                if !given.is_empty() {
+                    let start = start_time.unwrap_or(scenario.start_time);
+                    let stop = end.time.unwrap_or(scenario.stop_time);
+                    let location = Location::argument(&given.join(" "));
+                    location.locate(scenario.run_between(start, stop))?;
                 }
                 fmus.give(&mut scenario)?;
                 (scenario, None)
@@ -169,9 +189,14 @@ fn interface() -> impl TypedValueParser<Value = Interface> {
     PossibleValuesParser::new(["cs", "me"]).try_map(|text| text.parse::<Interface>())
 }
 
+/// The values of `--fmi`.
+fn version() -> impl TypedValueParser<Value = Version> {
+    PossibleValuesParser::new(["2", "3"]).try_map(|text| text.parse::<Version>())
+}
+
 /// The FMU of the model in this folder, which is exported for a trial, with the interface by which it runs.
-fn model_of_this_folder(interface: Option<Interface>) -> Result<PathBuf> {
-    let plan = Export::trial(interface).plan()?;
+fn model_of_this_folder(interface: Option<Interface>, version: Option<Version>) -> Result<PathBuf> {
+    let plan = Export::trial(interface, version).plan()?;
     complain(
         "Trial export with cargo's profile dev, not optimized; for long runs: `cargo fmu export`, then simulate its FMU",
     );
@@ -296,11 +321,7 @@ fn set(
 fn elements(scenario: &Scenario, fmus: &[Arc<Fmu>], name: &str) -> Vec<String> {
     for (member, fmu) in scenario.fmus.iter().zip(fmus) {
         let own = name.strip_prefix(&format!("{}:", member.name)).unwrap_or(name);
-        let elements = fmu
-            .description()
-            .variables
-            .iter()
-            .filter(|variable| variable.is_settable() && variable.array() == Some(own));
+        let elements = fmu.description().array(own).into_iter().filter(|variable| variable.is_settable());
         let elements: Vec<_> =
             elements.map(|variable| format!("{}:{}", member.name, variable.name)).collect();
         if !elements.is_empty() {

@@ -1,7 +1,7 @@
 //! The journal of a long task: the parts that began and that are finished, line by line, from which an interrupted task
 //! resumes.
 //!
-//! The first line has the task's settings, each other line a part that begins or is finished, as JSON. A truncated last
+//! The first line has the task's identity, each other line a part that begins or is finished, as JSON. A truncated last
 //! line is ignored.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,33 +13,21 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use anyhow::{Context, Result, bail};
 use fmu_io::reading::{self, LARGEST_CONTENT, up_to};
 use fmu_io::temporary::{is_interrupted, leave_to_interruption, when_interrupted};
+pub use fmu_master::scenario::Identity;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::threads::locked;
 
-/// Everything the results depend on, by name.
-pub type Settings = BTreeMap<String, String>;
-
-/// The SHA-256 of a file that results depend on.
-///
-/// # Errors
-/// When a file cannot be read.
-pub fn digest(path: &Path) -> Result<String> {
-    Ok(Sha256::digest(reading::bytes(path)?)
-        .iter()
-        .fold(String::new(), |text, byte| text + &format!("{byte:02x}")))
-}
-
 /// The form of journals that this program writes.
-const FORM: u32 = 2;
+const FORM: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    /// None before parts were noted when they begin.
+    /// None before parts were noted when they begin; 2 when the identity lacked parts.
     form: Option<u32>,
-    settings: Settings,
+    #[serde(default)]
+    identity: Identity,
 }
 
 /// A line after the first.
@@ -79,10 +67,10 @@ impl<P: Part> Journal<P> {
     /// Opens or creates a journal.
     ///
     /// # Errors
-    /// When it cannot be read or written, belongs to other settings, is damaged, or another process uses it.
-    pub fn open(path: &Path, settings: &Settings) -> Result<Self> {
+    /// When it cannot be read or written, belongs to another identity, is damaged, or another process uses it.
+    pub fn open(path: &Path, identity: &Identity) -> Result<Self> {
         let journal =
-            Self::open_file(path, settings).with_context(|| format!("the journal {}", path.display()))?;
+            Self::open_file(path, identity).with_context(|| format!("the journal {}", path.display()))?;
         let state = Arc::downgrade(&journal.state);
         when_interrupted(move || {
             let Some(state) = state.upgrade() else { return };
@@ -94,7 +82,7 @@ impl<P: Part> Journal<P> {
         Ok(journal)
     }
 
-    fn open_file(path: &Path, settings: &Settings) -> Result<Self> {
+    fn open_file(path: &Path, identity: &Identity) -> Result<Self> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         match file.try_lock() {
             Ok(()) => {}
@@ -113,13 +101,13 @@ impl<P: Part> Journal<P> {
         let mut lines = text.lines().zip(1..);
         let header = lines.next();
         if let Some((line, _)) = header {
-            let header: Header = serde_json::from_str(line).context("line 1: expected the settings")?;
+            let header: Header = serde_json::from_str(line).context("line 1: expected the identity")?;
             if header.form != Some(FORM) {
                 bail!(
                     "another version of this program wrote it, in another form; choose another folder, or remove it"
                 );
             }
-            check(&header.settings, settings)?;
+            check(&header.identity, identity)?;
         }
         let (mut begun, mut finished) = (BTreeMap::<P::Key, usize>::new(), BTreeMap::new());
         for (line, number) in lines {
@@ -142,7 +130,7 @@ impl<P: Part> Journal<P> {
         file.seek(SeekFrom::End(0))?;
         let mut state = State { file, running: BTreeSet::new(), finished };
         if header.is_none() {
-            state.write(&Header { form: Some(FORM), settings: settings.clone() })?;
+            state.write(&Header { form: Some(FORM), identity: identity.clone() })?;
         }
         Ok(Self { path: path.to_owned(), state: Arc::new(Mutex::new(state)), begun })
     }
@@ -183,6 +171,11 @@ impl<P: Part> Journal<P> {
         let mut state = self.state();
         state.running.remove(key);
         self.writing(state.write(&Line::<_, P>::Interrupted(vec![key])))
+    }
+
+    /// Has a finished part done again, as a file of its results is gone.
+    pub fn forget(&self, key: &P::Key) {
+        self.state().finished.remove(key);
     }
 
     /// Notes that a part is finished.
@@ -230,7 +223,7 @@ impl<P: Part> State<P> {
 }
 
 /// Rejects other settings and names the first differences.
-fn check(old: &Settings, new: &Settings) -> Result<()> {
+fn check(old: &Identity, new: &Identity) -> Result<()> {
     const MOST_NAMED: usize = 3;
     let names = old.keys().chain(new.keys().filter(|name| !old.contains_key(*name)));
     let differing: Vec<_> = names.filter(|name| old.get(*name) != new.get(*name)).collect();
@@ -238,7 +231,7 @@ fn check(old: &Settings, new: &Settings) -> Result<()> {
         return Ok(());
     }
     let lines = differing.iter().take(MOST_NAMED).map(|name| {
-        let [was, is] = [old, new].map(|settings| settings.get(*name).map_or("not there", |value| value));
+        let [was, is] = [old, new].map(|identity| identity.get(*name).map_or("not there", |value| value));
         let [was, is] = around_difference(was, is);
         format!("\n  {name} was {was}, is {is}")
     });
@@ -270,7 +263,7 @@ mod tests {
 
     use super::*;
 
-    fn settings(voltage: &str) -> Settings {
+    fn identity(voltage: &str) -> Identity {
         [("plant", "BoostPlant"), ("voltage", voltage)]
             .map(|(name, value)| (name.into(), value.into()))
             .into()
@@ -293,7 +286,7 @@ mod tests {
     fn finished_results_are_read_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        let journal = Journal::open(&path, &settings("12")).unwrap();
+        let journal = Journal::open(&path, &identity("12")).unwrap();
         assert_eq!(journal.finished().len(), 0);
         journal.finish(results()).unwrap();
         drop(journal);
@@ -301,7 +294,7 @@ mod tests {
         // An interruption cut off the next line, in the second case within a character.
         for cut in [b"{\"finished\":[4.2,1".as_slice(), b"{\"finished\":[\"1 \xc2"] {
             fs::write(&path, [whole.as_bytes(), cut].concat()).unwrap();
-            let journal = Journal::open(&path, &settings("12")).unwrap();
+            let journal = Journal::open(&path, &identity("12")).unwrap();
             assert_eq!(journal.part(&3), Some(results()));
             journal.finish(vec![1.0]).unwrap();
             drop(journal);
@@ -313,10 +306,10 @@ mod tests {
     fn refusal(text: &str, voltage: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        drop(Journal::<Vec<f64>>::open(&path, &settings("12")).unwrap());
+        drop(Journal::<Vec<f64>>::open(&path, &identity("12")).unwrap());
         let text = fs::read_to_string(&path).unwrap() + text;
         fs::write(&path, &text).unwrap();
-        let error = Journal::<Vec<f64>>::open(&path, &settings(voltage)).err().unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &identity(voltage)).err().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), text);
         format!("{error:#}")
     }
@@ -332,8 +325,9 @@ mod tests {
     fn a_journal_of_the_former_form_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        fs::write(&path, "{\"settings\":{\"plant\":\"BoostPlant\",\"voltage\":\"12\"}}\n[1.0]\n").unwrap();
-        let error = Journal::<Vec<f64>>::open(&path, &settings("12")).err().unwrap();
+        fs::write(&path, "{\"form\":2,\"settings\":{\"plant\":\"BoostPlant\",\"voltage\":\"12\"}}\n[1.0]\n")
+            .unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &identity("12")).err().unwrap();
         assert!(
             format!("{error:#}").contains("wrote it, in another form; choose another folder"),
             "{error:#}"
@@ -350,8 +344,8 @@ mod tests {
     fn a_journal_is_locked_by_its_process() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        let _journal = Journal::<Vec<f64>>::open(&path, &settings("12")).unwrap();
-        let error = Journal::<Vec<f64>>::open(&path, &settings("12")).err().unwrap();
+        let _journal = Journal::<Vec<f64>>::open(&path, &identity("12")).unwrap();
+        let error = Journal::<Vec<f64>>::open(&path, &identity("12")).err().unwrap();
         assert!(format!("{error:#}").ends_with("another process uses it"), "{error:#}");
     }
 }

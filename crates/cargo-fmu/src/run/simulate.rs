@@ -11,7 +11,6 @@ use anyhow::{Error, Result, bail};
 use clap::Args;
 use fmu_io::terminal::{complain, number, print};
 use fmu_io::writing;
-use fmu_master::process::contained;
 use fmu_master::scenario::{self, Location, Scenario};
 use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Report, panels};
@@ -19,6 +18,9 @@ use fmu_record::{Record, TableFormat};
 
 /// Steps between updates of the progress bar.
 const STEPS_PER_LOOK: u32 = 256;
+
+/// The most FMUs that a message names.
+const MOST_NAMED: usize = 5;
 
 /// Run an FMU, a system or a scenario, or the model of this folder
 #[derive(Args, Debug)]
@@ -67,7 +69,7 @@ impl Simulate {
         let outputs: Vec<_> =
             out.iter().map(|(_, file)| file).chain(plot.iter().map(|(_, file)| file)).cloned().collect();
         let end = End { time: self.stop_time, option: "stop-time" };
-        self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
+        let (scenario, recorded) = self.experiment.run(&subject, end, &outputs, |mut scenario, loaded| {
             if let Some(Names(names)) = &self.record {
                 let location = Location::argument("--record");
                 let recorded =
@@ -78,26 +80,25 @@ impl Simulate {
             if self.event_mode {
                 Location::argument("--event-mode").locate(return_early(&mut scenario, loaded))?;
             }
-            let is_kept = out.is_some() || plot.is_some();
-            // Files are relative to the folder that FMUs may leave.
-            let (recorded, _) = contained(|| record(&scenario, loaded, [is_kept, !self.no_events]));
-            let Recorded { record, summary, sampling } = recorded?;
-            match &out {
-                Some((format, path)) => {
-                    let table = record.table();
-                    let table = if self.no_units { table.without_units() } else { table };
-                    writing::write(path, |writer| table.write(*format, writer))?;
-                    print(&format!("{}  {} rows{sampling}\n", path.display(), record.time().len()))?;
-                }
-                None => print(&format!("{name}: {summary}"))?,
+            let recorded = record(&scenario, loaded, [!outputs.is_empty(), !self.no_events])?;
+            Ok((scenario, recorded))
+        })?;
+        let Recorded { record, summary, sampling } = recorded;
+        match &out {
+            Some((format, path)) => {
+                let table = record.table();
+                let table = if self.no_units { table.without_units() } else { table };
+                writing::write(path, |writer| table.write(*format, writer))?;
+                print(&format!("{}  {} rows{sampling}\n", path.display(), record.time().len()))?;
             }
-            if let Some((format, path)) = &plot {
-                let title = scenario.title.as_deref().unwrap_or(&name);
-                let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
-                write_file(path, &format.drawn(&figure, title, &Report::default())?)?;
-            }
-            Ok(())
-        })
+            None => print(&format!("{name}: {summary}"))?,
+        }
+        if let Some((format, path)) = &plot {
+            let title = scenario.title.as_deref().unwrap_or(&name);
+            let figure = panels::draw(&record, title, scenario.panel_names().as_deref());
+            write_file(path, &format.drawn(&figure, title, &Report::default())?)?;
+        }
+        Ok(())
     }
 }
 
@@ -163,7 +164,10 @@ fn record(
         };
         let silent: Vec<_> = master.without_events().map(hint).collect();
         if !silent.is_empty() {
-            sampling = format!("; sampled: no events from {}", silent.join(", "));
+            let others = silent.len().saturating_sub(MOST_NAMED);
+            let others = if others > 0 { format!(" and {others} others") } else { String::new() };
+            let named = silent[..silent.len().min(MOST_NAMED)].join(", ");
+            sampling = format!("; sampled: no events from {named}{others}");
         }
     }
     for note in master.notes() {

@@ -2,15 +2,19 @@
 //!
 //! A worker is started with this process's own arguments, after a hidden subcommand, and prepares the same task from them.
 //! It takes jobs, a JSON line each, from its standard input, and answers by its standard output; its FMUs get neither.
-//! A process that ends without its answer has failed, whatever its status. The parent alone writes the journal and
-//! shows the progress.
+//! Job and answer have the same number. A process that ends without its answer has failed, whatever its status; so has a
+//! job whose answer is not one, as an FMU can write to any descriptor. The parent alone writes the journal and shows the
+//! progress.
+//!
+//! A worker goes on after a job in which its FMUs have [changed nothing](Changes) of the process. No process ends by way
+//! of the handlers that FMUs have registered: they could fail after a file is written.
 
 use std::collections::VecDeque;
 use std::env;
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::{self, File};
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead as _, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -18,14 +22,18 @@ use std::sync::{Arc, Mutex, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, anyhow, bail};
+use anyhow::{Context, Error, Result, anyhow, bail, ensure};
 use clap::Args;
 use fmu_io::temporary::{self, Folder};
 use fmu_io::terminal::number;
-use fmu_master::process::{Group, LastCall, contained, end_own_group, take_standard_streams, tell_last_call};
+use fmu_master::process::{
+    Changes, Group, LastCall, adopt, contained, end_at_once, end_children, end_forks, end_own_group,
+    take_standard_streams, tell_last_call,
+};
 use fmu_master::when_an_fmu_exits;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::journal::{Journal, Part};
 use super::number_in;
@@ -41,8 +49,12 @@ const ANSWER: &str = "answer";
 const LAST_CALL: &str = "last_call";
 /// A worker without a job ends within this time; it only unloads its FMUs.
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
-/// Between looks at a process that has closed its output and is about to end.
+/// A process whose output is closed ends within this time, unless an FMU has closed it.
+const ENDS_SOON: Duration = Duration::from_secs(1);
+/// Between looks at it.
 const LOOKS: Duration = Duration::from_millis(1);
+/// The most of a line that a message shows.
+const MOST_SHOWN: usize = 60;
 
 /// The program that works: this one, or that of a library's caller.
 #[derive(Clone, Debug)]
@@ -87,7 +99,14 @@ pub struct WorkerArguments {
     pub time_limit: f64,
 }
 
-/// An answer. The last line of a process that is ending by an FMU's wish is an error.
+/// A job or an answer. The opening of a worker answers number 0.
+#[derive(Serialize, Deserialize)]
+struct Numbered<T> {
+    number: u64,
+    content: T,
+}
+
+/// An answer. The last one of a process that is ending by an FMU's wish is an error.
 #[derive(Serialize, Deserialize)]
 enum Answer<T> {
     Done {
@@ -100,49 +119,80 @@ enum Answer<T> {
     Ends(String),
 }
 
+/// What comes from a worker.
+enum Output {
+    Line(Vec<u8>),
+    /// The process has ended; what it has left behind may keep the pipe open.
+    End,
+}
+
 /// Where a worker answers. FMUs that end the process answer there, too.
 #[derive(Clone)]
-struct Answers(Arc<Mutex<File>>);
+struct Answers(Arc<Mutex<Channel>>);
+
+struct Channel {
+    to: Target,
+    /// That of the present job.
+    number: u64,
+}
+
+enum Target {
+    Pipe(File),
+    /// A file that is opened for an answer, whatever descriptors FMUs close.
+    File(PathBuf),
+}
 
 impl Answers {
-    fn new(file: File) -> Self {
-        let answers = Self(Arc::new(Mutex::new(file)));
+    fn new(to: Target) -> Self {
+        let answers = Self(Arc::new(Mutex::new(Channel { to, number: 0 })));
         let last = answers.clone();
         when_an_fmu_exits(move |culprit| {
             // The parent notices a missing answer, and looks at no status.
-            let _ = last.send(&Answer::<()>::Ends(culprit.to_owned()));
+            let _ = last.send(Answer::<()>::Ends(culprit.to_owned()));
             1
         });
         answers
     }
 
-    fn send<T: Serialize>(&self, answer: &Answer<T>) -> Result<()> {
-        let text = serde_json::to_string(answer)? + "\n";
-        locked(&self.0).write_all(text.as_bytes()).context("cannot answer")
+    /// From now on, answers have this number.
+    fn begin(&self, number: u64) {
+        locked(&self.0).number = number;
     }
 
-    /// Does something with FMUs and answers with its result. Returns whether the process is as it was before.
-    fn answer<T: Serialize>(&self, act: impl FnOnce() -> Result<T>) -> Result<bool> {
-        let (result, is_changed) = contained(act);
-        self.send(&match result {
-            Ok(result) => Answer::Done { result, is_clean: !is_changed },
+    fn send<T: Serialize>(&self, content: Answer<T>) -> Result<()> {
+        let channel = &mut *locked(&self.0);
+        let text = serde_json::to_string(&Numbered { number: channel.number, content })? + "\n";
+        match &mut channel.to {
+            Target::Pipe(pipe) => pipe.write_all(text.as_bytes()),
+            // An FMU may have removed the folder.
+            Target::File(path) => {
+                path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, text))
+            }
+        }
+        .context("cannot answer")
+    }
+
+    fn send_result<T: Serialize>(&self, result: Result<T>, is_clean: bool) -> Result<()> {
+        self.send(match result {
+            Ok(result) => Answer::Done { result, is_clean },
             Err(error) => Answer::Failed(format!("{error:#}")),
-        })?;
-        Ok(!is_changed)
+        })
     }
 }
 
-/// Works: prepares a task, answers with what `prepare` returns beside it, and runs jobs. Ends when the parent ends.
+/// Works: prepares a task, answers with what `prepare` returns beside it, and does jobs: `run` calls FMUs, and `finish`
+/// writes files, when the process is again one to write files in. Ends when the parent ends.
 ///
 /// # Errors
 /// When the parent cannot be answered.
-pub fn work<T, O: Serialize, J: DeserializeOwned, R: Serialize>(
+pub fn work<T, O: Serialize, J: DeserializeOwned, F, R: Serialize>(
     prepare: impl FnOnce() -> Result<(T, O)>,
-    run: impl Fn(&T, J) -> Result<R>,
+    run: impl Fn(&T, J) -> Result<F>,
+    finish: impl Fn(&T, F) -> Result<R>,
 ) -> Result<()> {
     begin_work()?;
     let (input, output) = take_standard_streams()?;
-    let answers = Answers::new(output);
+    let answers = Answers::new(Target::Pipe(output));
     let (sender, jobs) = mpsc::channel();
     thread::spawn(move || {
         for job in BufReader::new(input).lines().map_while(Result::ok) {
@@ -152,17 +202,22 @@ pub fn work<T, O: Serialize, J: DeserializeOwned, R: Serialize>(
         end_own_group();
     });
     let mut task = None;
-    answers.answer(|| {
-        let (prepared, opening) = prepare()?;
+    let opening = prepare().map(|(prepared, opening)| {
         task = Some(prepared);
-        Ok(opening)
-    })?;
+        opening
+    });
+    answers.send_result(opening, true)?;
     let Some(task) = task else { return Ok(()) };
     for job in jobs {
-        let Some(job) = serde_json::from_str(&job)? else { break };
-        answers.answer(|| run(&task, job))?;
+        let Numbered { number, content } = serde_json::from_str(&job)?;
+        let Some(job) = content else { break };
+        answers.begin(number);
+        let (found, changes) = contained(|| run(&task, job));
+        ensure!(changes != Changes::Descriptors, "an FMU has closed descriptors of its process");
+        answers.send_result(found.and_then(|found| finish(&task, found)), changes == Changes::None)?;
     }
-    Ok(())
+    drop(task);
+    end_at_once(0)
 }
 
 /// Tells the parent which FMU is called, and returns the temporary folder that it gave this process.
@@ -171,18 +226,19 @@ fn begin_work() -> Result<PathBuf> {
     if !folder.file_name().is_some_and(|name| name.to_string_lossy().starts_with(PREFIX)) {
         bail!("only another process of this program starts a worker");
     }
+    end_forks();
     // Not every file system maps files; the reason of a failure is then without the FMU.
     let _ = tell_last_call(&folder.join(LAST_CALL));
     Ok(folder)
 }
 
-/// Works for a parent that [waits for a single answer](supervised).
+/// Works for a parent that [waits for a single answer](supervised). Does not return when the parent has it.
 ///
 /// # Errors
 /// When the parent cannot be answered.
 pub fn work_once(run: impl FnOnce() -> Result<()>) -> Result<()> {
     let folder = begin_work()?;
-    let answers = Answers::new(File::create(folder.join(ANSWER))?);
+    let answers = Answers::new(Target::File(folder.join(ANSWER)));
     // On Windows the job ends with the parent, and a folder cannot be opened.
     if let Ok(parents) = File::open(&folder) {
         thread::spawn(move || {
@@ -192,10 +248,12 @@ pub fn work_once(run: impl FnOnce() -> Result<()>) -> Result<()> {
             }
         });
     }
-    answers.answer(run).map(|_| ())
+    answers.send_result(run(), true)?;
+    io::stdout().flush()?;
+    end_at_once(0)
 }
 
-/// Runs a program that [works once](work_once), with this one's standard streams.
+/// Runs a program that [works once](work_once), with this one's standard streams. Ends what it has started.
 ///
 /// # Errors
 /// Its own, or that it ended without an answer.
@@ -203,12 +261,13 @@ pub fn supervised(program: &Program) -> Result<()> {
     let processes = Processes::new();
     let (group, folder) = processes.start(program, |_| ())?;
     let status = group.wait()?;
+    end_children();
     temporary::leave_to_interruption();
-    let answer = fs::read_to_string(folder.path().join(ANSWER)).unwrap_or_default();
-    match answer.lines().last().map(serde_json::from_str) {
-        Some(Ok(Answer::Done { result: (), .. })) => Ok(()),
-        Some(Ok(Answer::Failed(error) | Answer::Ends(error))) => bail!(error),
-        _ => bail!(ended(status, last_call(&folder))),
+    let answer = fs::read(folder.path().join(ANSWER)).unwrap_or_default();
+    match serde_json::from_slice(&answer) {
+        Ok(Numbered { content: Answer::Done { result: (), .. }, .. }) => Ok(()),
+        Ok(Numbered { content: Answer::Failed(error) | Answer::Ends(error), .. }) => bail!(error),
+        Err(_) => bail!(ended(status, last_call(&folder))),
     }
 }
 
@@ -232,8 +291,12 @@ fn ended(status: ExitStatus, last: Option<LastCall>) -> String {
 
 /// Why a job has no result.
 enum Lost {
-    /// Its worker ended.
+    /// The worker ended or failed.
     WithWorker(String),
+    /// Something else wrote an answer; with the last call to an FMU.
+    Garbled(String, Option<LastCall>),
+    /// The worker cannot answer any more; with the last call to an FMU.
+    Closed(Option<LastCall>),
     /// It took longer than the limit; with the last call to an FMU.
     InTime(Duration, Option<LastCall>),
 }
@@ -242,6 +305,14 @@ impl fmt::Display for Lost {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WithWorker(reason) => formatter.write_str(reason),
+            Self::Garbled(line, last) => {
+                let fmu = last.as_ref().map_or("an FMU", |last| &last.fmu);
+                write!(formatter, "{fmu}: the FMU wrote to a descriptor that is not its own: {line:?}")
+            }
+            Self::Closed(last) => {
+                let fmu = last.as_ref().map_or("an FMU", |last| &last.fmu);
+                write!(formatter, "{fmu}: the FMU closed descriptors that are not its own")
+            }
             Self::InTime(limit, last) => {
                 write!(formatter, "it took longer than the time limit, {} s", number(limit.as_secs_f64()))?;
                 match last {
@@ -260,11 +331,13 @@ struct Processes(Arc<Mutex<Vec<Weak<Group>>>>);
 
 impl Processes {
     fn new() -> Self {
+        adopt();
         let processes = Self(Arc::default());
         let living = Arc::downgrade(&processes.0);
         temporary::when_interrupted(move || {
             if let Some(living) = living.upgrade() {
                 locked(&living).iter().filter_map(Weak::upgrade).for_each(|group| group.end());
+                end_children();
             }
         });
         processes
@@ -301,20 +374,54 @@ pub struct Workers<'a> {
     processes: Processes,
     idle: Mutex<Vec<Worker>>,
     /// How each worker must begin.
-    opening: String,
+    opening: Value,
 }
 
 /// One of them.
 struct Worker {
     group: Arc<Group>,
     jobs: ChildStdin,
-    answers: Receiver<String>,
+    output: Receiver<Output>,
+    /// The number of the last job.
+    number: u64,
     folder: Folder,
+}
+
+impl Worker {
+    /// The answer to the last job that a line is, none if it is to an earlier one; none if it is no answer.
+    fn answer<R: DeserializeOwned>(&self, line: &[u8]) -> Option<Option<Answer<R>>> {
+        let Numbered::<IgnoredAny> { number, .. } = serde_json::from_slice(line).ok()?;
+        if number < self.number {
+            return Some(None);
+        }
+        let answer: Numbered<_> = serde_json::from_slice(line).ok()?;
+        (number == self.number).then_some(Some(answer.content))
+    }
+
+    /// Asks for a job, or the end.
+    fn ask<J: Serialize>(&mut self, content: Option<J>) -> Result<()> {
+        self.number += 1;
+        let line = serde_json::to_string(&Numbered { number: self.number, content })? + "\n";
+        // A worker that is gone does not answer either.
+        let _ = self.jobs.write_all(line.as_bytes());
+        Ok(())
+    }
 }
 
 impl Drop for Worker {
     fn drop(&mut self) {
         self.group.end();
+    }
+}
+
+/// How a process ended, if it does within a time.
+fn status_within(limit: Duration, group: &Group) -> Option<ExitStatus> {
+    let begin = Instant::now();
+    loop {
+        match group.status() {
+            Ok(None) if begin.elapsed() < limit => thread::sleep(LOOKS),
+            status => break status.ok().flatten(),
+        }
     }
 }
 
@@ -333,61 +440,75 @@ impl<'a> Workers<'a> {
             limit,
             processes: Processes::new(),
             idle: Mutex::default(),
-            opening: String::new(),
+            opening: Value::Null,
         };
         let (worker, opening) = workers.start()?.map_err(|lost| anyhow!("cannot load the FMUs: {lost}"))?;
-        let opened = match serde_json::from_str(&opening)? {
+        workers.opening = match opening {
             Answer::Done { result, .. } => result,
             Answer::Failed(error) | Answer::Ends(error) => bail!(error),
         };
-        workers.opening = opening;
+        let opened = serde_json::from_value(workers.opening.clone()).context("a worker's opening")?;
         locked(&workers.idle).push(worker);
         Ok((workers, opened))
     }
 
     /// Starts a worker; returns also how it opened.
-    fn start(&self) -> Result<Result<(Worker, String), Lost>> {
+    fn start(&self) -> Result<Result<(Worker, Answer<Value>), Lost>> {
         let (group, folder) = self.processes.start(self.program, |command| {
             command.stdin(Stdio::piped()).stdout(Stdio::piped());
         })?;
         let (jobs, output) = group.child(|child| (child.stdin.take(), child.stdout.take()));
         let (jobs, output) = jobs.zip(output).context("no pipes")?;
-        let (sender, answers) = mpsc::channel();
+        let (sender, received) = mpsc::channel();
+        let (ending, ended) = (Arc::clone(&group), sender.clone());
         thread::spawn(move || {
-            for answer in BufReader::new(output).lines().map_while(Result::ok) {
-                if sender.send(answer).is_err() {
+            // It also ends what the process has left behind.
+            let _ = ending.wait();
+            let _ = ended.send(Output::End);
+        });
+        thread::spawn(move || {
+            for line in BufReader::new(output).split(b'\n').map_while(Result::ok) {
+                if sender.send(Output::Line(line)).is_err() {
                     break;
                 }
             }
         });
-        let mut worker = Worker { group, jobs, answers, folder };
+        let mut worker = Worker { group, jobs, output: received, number: 0, folder };
         Ok(self.await_answer(&mut worker).map(|opening| (worker, opening)))
     }
 
-    /// The next answer; else why there is none.
-    fn await_answer(&self, worker: &mut Worker) -> Result<String, Lost> {
-        let begin = Instant::now();
-        let answer = worker.answers.recv_timeout(self.limit);
-        // Its output is closed just before it ends.
-        let status = || loop {
-            match worker.group.status() {
-                Ok(None) if begin.elapsed() < self.limit => thread::sleep(LOOKS),
-                status => break status.ok().flatten(),
+    /// The answer to the last job; else why there is none.
+    fn await_answer<R: DeserializeOwned>(&self, worker: &mut Worker) -> Result<Answer<R>, Lost> {
+        let mut deadline = Instant::now() + self.limit;
+        let mut has_ended = false;
+        let lost = loop {
+            match worker.output.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+                Ok(Output::Line(line)) => match worker.answer(&line) {
+                    Some(Some(answer)) => return Ok(answer),
+                    // A second answer to an earlier job, of a process that an FMU has forked.
+                    Some(None) => {}
+                    None => {
+                        let shown = String::from_utf8_lossy(&line).chars().take(MOST_SHOWN).collect();
+                        break Lost::Garbled(shown, last_call(&worker.folder));
+                    }
+                },
+                // Its last answer may still come.
+                Ok(Output::End) => (has_ended, deadline) = (true, Instant::now() + ENDS_SOON),
+                Err(RecvTimeoutError::Timeout) if !has_ended => {
+                    break Lost::InTime(self.limit, last_call(&worker.folder));
+                }
+                Err(_) => {
+                    break match status_within(ENDS_SOON, &worker.group) {
+                        Some(status) => Lost::WithWorker(ended(status, last_call(&worker.folder))),
+                        None => Lost::Closed(last_call(&worker.folder)),
+                    };
+                }
             }
-        };
-        let status = match answer {
-            Ok(answer) => return Ok(answer),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => status(),
         };
         worker.group.end();
         // An interruption ends workers, too.
         temporary::leave_to_interruption();
-        let last = last_call(&worker.folder);
-        Err(match status {
-            Some(status) => Lost::WithWorker(ended(status, last)),
-            None => Lost::InTime(self.limit, last),
-        })
+        Err(lost)
     }
 
     /// Has a job done.
@@ -396,7 +517,7 @@ impl<'a> Workers<'a> {
         if let Some(worker) = used {
             let result = self.run_in(worker, job)?;
             // Otherwise the cause may be what an earlier job left, such as a thread.
-            if !matches!(result, Err(Lost::WithWorker(_))) {
+            if matches!(result, Ok(_) | Err(Lost::InTime(..))) {
                 return Ok(result);
             }
         }
@@ -404,10 +525,8 @@ impl<'a> Workers<'a> {
             Ok(started) => started,
             Err(lost) => return Ok(Err(lost)),
         };
-        if opening == self.opening {
-            return self.run_in(worker, job);
-        }
-        match serde_json::from_str::<Answer<serde_json::Value>>(&opening)? {
+        match opening {
+            Answer::Done { result, .. } if result == self.opening => self.run_in(worker, job),
             Answer::Done { .. } => bail!("the task's files have changed while it ran"),
             Answer::Failed(error) | Answer::Ends(error) => Ok(Err(Lost::WithWorker(error))),
         }
@@ -418,31 +537,25 @@ impl<'a> Workers<'a> {
         mut worker: Worker,
         job: &J,
     ) -> Result<Result<R, Lost>> {
-        let line = serde_json::to_string(job)? + "\n";
-        // A worker that is gone does not answer either.
-        let _ = worker.jobs.write_all(line.as_bytes());
-        let answer = match self.await_answer(&mut worker) {
-            Ok(answer) => answer,
-            Err(lost) => return Ok(Err(lost)),
-        };
-        match serde_json::from_str(&answer).context("a worker's answer")? {
-            Answer::Done { result, is_clean } => {
+        worker.ask(Some(job))?;
+        Ok(match self.await_answer(&mut worker) {
+            Ok(Answer::Done { result, is_clean }) => {
                 if is_clean {
                     locked(&self.idle).push(worker);
                 } else {
                     Self::dismiss(worker);
                 }
-                Ok(Ok(result))
+                Ok(result)
             }
-            Answer::Failed(error) => bail!(error),
-            Answer::Ends(reason) => Ok(Err(Lost::WithWorker(reason))),
-        }
+            Ok(Answer::Failed(error) | Answer::Ends(error)) => Err(Lost::WithWorker(error)),
+            Err(lost) => Err(lost),
+        })
     }
 
     /// Lets a worker unload its FMUs and end.
     fn dismiss(mut worker: Worker) {
-        if worker.jobs.write_all(b"null\n").is_ok() {
-            let _ = worker.answers.recv_timeout(ENDS_WITHIN);
+        if worker.ask(None::<()>).is_ok() {
+            let _ = status_within(ENDS_WITHIN, &worker.group);
         }
     }
 
@@ -487,5 +600,6 @@ impl<'a> Workers<'a> {
 impl Drop for Workers<'_> {
     fn drop(&mut self) {
         locked(&self.idle).drain(..).for_each(Self::dismiss);
+        end_children();
     }
 }

@@ -148,6 +148,73 @@ fn source_files_of_fmi_2_are_compiled() {
     assert!(refusal.contains("the input new.fmu would be lost"), "{refusal}");
 }
 
+/// An FMU of FMI 2.0 with sources: `careless.c` after the header `names.h`.
+fn careless_sources(bench: &Bench, name: &str, names: &str) {
+    let listed = "<CoSimulation modelIdentifier=\"careless\" canGetAndSetFMUstate=\"true\"><SourceFiles>\
+                  <File name=\"careless.c\"/></SourceFiles></CoSimulation>";
+    let (before, after) = DESCRIPTION.split_once("<CoSimulation").unwrap();
+    let description = format!("{before}{listed}{}", after.split_once("/>").unwrap().1);
+    let source = include_str!("../../../fmu-master/tests/careless/careless.c");
+    let source = format!("#include \"names.h\"\n{source}");
+    let files = [
+        ("modelDescription.xml", description.as_bytes()),
+        ("sources/names.h", names.as_bytes()),
+        ("sources/careless.c", source.as_bytes()),
+    ];
+    write_archive(&bench.path(name), &files);
+}
+
+/// What the headers of FMI 2.0 before those of 2022 do: they prepend a prefix to the name of each function.
+fn prefixed(prefix: &str) -> String {
+    let names = fmu_package::functions(fmu_terms::Version::Two);
+    let names: String = names.map(|name| format!("#define {name} FULL({name})\n")).collect();
+    format!(
+        "#define PASTE(a, b) a##b\n#define PASTED(a, b) PASTE(a, b)\n#define FULL(name) PASTED({prefix}, name)\n{names}"
+    )
+}
+
+#[test]
+fn the_prefix_of_older_headers_is_taken_off() {
+    let bench = Bench::new();
+    careless_sources(&bench, "c.fmu", &prefixed("careless_"));
+    bench.succeeds(&["compile", "c.fmu", "--out", "new.fmu"]);
+    bench.succeeds(&["simulate", "new.fmu", "--set", "input=0.3", "--out", "found.csv"]);
+    bench.succeeds(&["simulate", "careless.fmu", "--set", "input=0.3", "--out", "expected.csv"]);
+    assert_eq!(bench.read("found.csv"), bench.read("expected.csv"));
+    // What the standard does not have is not a library of FMI.
+    careless_sources(&bench, "c.fmu", &prefixed("own_"));
+    let refusal = bench.refusal(&["compile", "c.fmu", "--out", "other.fmu"]);
+    assert!(
+        refusal.contains("fmi2Instantiate") && refusal.contains("it exports own_fmi2Instantiate"),
+        "{refusal}"
+    );
+    assert!(!bench.path("other.fmu").exists());
+}
+
+/// By the command that `simulate` prints.
+#[test]
+fn the_fmus_of_a_system_are_compiled_within_it() {
+    let bench = Bench::new();
+    careless_sources(&bench, "c.fmu", "");
+    fs::copy(bench.path("careless.fmu"), bench.path("binary.fmu")).unwrap();
+    fs::rename(bench.path("c.fmu"), bench.path("careless.fmu")).unwrap();
+    super::write_system(&bench, "", "");
+    let refusal = bench.refusal(&["simulate", "chain.ssp", "--step", "0.125"]);
+    let hint = refusal.split('`').nth(1).unwrap().strip_prefix("cargo fmu ").unwrap().to_owned();
+    assert_eq!(hint, "compile chain.ssp/resources/careless.fmu");
+    bench.succeeds(&[&hint.split(' ').collect::<Vec<_>>()[..], &["--out", "new.ssp"]].concat());
+    bench.succeeds(&["simulate", "new.ssp", "--step", "0.125", "--out", "found.csv"]);
+    fs::rename(bench.path("binary.fmu"), bench.path("careless.fmu")).unwrap();
+    super::write_system(&bench, "", "");
+    bench.succeeds(&["simulate", "chain.ssp", "--step", "0.125", "--out", "expected.csv"]);
+    assert_eq!(bench.read("found.csv"), bench.read("expected.csv"));
+    let refusal = bench.refusal(&["compile", "chain.ssp"]);
+    let reason =
+        "cannot compile chain.ssp: none of its FMUs lacks a library for this platform and lists C sources\n";
+    assert!(refusal.ends_with(reason), "{refusal}");
+    assert!(bench.names(".").iter().all(|name| !name.contains("linux64")), "{:?}", bench.names("."));
+}
+
 #[test]
 fn what_cannot_be_compiled_is_refused_with_the_reason() {
     let bench = Bench::new();

@@ -20,6 +20,7 @@ mod compiling;
 mod connections;
 mod ends;
 mod misbehaving;
+mod resuming;
 mod systems;
 
 /// The valid part of the study.
@@ -931,4 +932,130 @@ fn an_interruption_leaves_no_extracted_fmu() {
         assert_eq!(extracted(), 0, "{signal}");
     }
     assert!(!bench.path("scenario.csv").exists());
+}
+
+/// The rows of a record without names and units.
+fn rows(record: &str) -> Vec<&str> {
+    record
+        .lines()
+        .filter(|line| line.starts_with(|first: char| first.is_ascii_digit() || first == '-'))
+        .collect()
+}
+
+#[test]
+fn a_run_starts_when_the_command_line_says() {
+    let bench = Bench::new();
+    for subject in [&["careless.fmu", "--step", "0.125"][..], &["scenario.toml"]] {
+        let simulate = [&["simulate"], subject, &["--stop-time", "1", "--out", "record.csv"]].concat();
+        for (start, first, last) in [("0.5", "0.5,0.0", "1.0,0.5"), ("-1", "-1.0,0.0", "1.0,2.0")] {
+            bench.succeeds(&[&simulate[..], &["--start-time", start]].concat());
+            let record = bench.read("record.csv");
+            let rows = rows(&record);
+            assert_eq!((rows[0], rows[rows.len() - 1]), (first, last), "{subject:?}");
+        }
+    }
+    for (options, reason) in [
+        (
+            &["scenario.toml", "--start-time", "2"][..],
+            "--start-time 2: expected a time after start_time, 2 s",
+        ),
+        (
+            &["scenario.toml", "--start-time", "2", "--stop-time", "1.5"],
+            "--start-time 2 --stop-time 1.5: expected a time after start_time, 2 s",
+        ),
+        (
+            &["careless.fmu", "--start-time", "2", "--stop-time", "1"],
+            "the stop time, 1 s, is not after the start time, 2 s",
+        ),
+        (&["careless.fmu", "--start-time", "inf"], "expected a finite number"),
+    ] {
+        let message = bench.refusal(&[&["simulate"], options].concat());
+        assert!(message.contains(reason), "{message}");
+    }
+}
+
+/// With what to do about it.
+#[test]
+fn what_an_fmu_does_wrong_is_named_once() {
+    let bench = Bench::new();
+    let description =
+        DESCRIPTION.replace("<ModelVariables>", "<DefaultExperiment stopTime=\"0\"/><ModelVariables>");
+    careless::write(&bench.path("careless.fmu"), &description, library());
+    let message = bench.refusal(&["simulate", "careless.fmu"]);
+    let reason =
+        "the stop time, 0 s, is not after the start time, 0 s; --stop-time and --start-time give others\n";
+    assert!(message.ends_with(reason), "{message}");
+    bench.succeeds(&["simulate", "careless.fmu", "--stop-time", "1"]);
+
+    write_archive(&bench.path("case.fmu"), &[("ModelDescription.xml", DESCRIPTION.as_bytes())]);
+    let message = bench.refusal(&["simulate", "case.fmu"]);
+    let reason = "it contains no modelDescription.xml, but ModelDescription.xml: case matters\n";
+    assert!(message.ends_with(reason), "{message}");
+
+    write_archive(&bench.path("empty.fmu"), &[("modelDescription.xml", DESCRIPTION.as_bytes())]);
+    let message = bench.refusal(&["simulate", "empty.fmu"]);
+    assert!(message.contains("\nerror: cannot import empty.fmu: it has no binaries/"), "{message}");
+}
+
+/// Its elements are told by their names, in the order of their indices.
+#[test]
+fn an_array_of_fmi_2_is_recorded_and_set_as_a_whole() {
+    let bench = Bench::new();
+    let output = |name: &str| {
+        format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"0\" causality=\"output\"><Real unit=\"Pa\"/></ScalarVariable>"
+        )
+    };
+    let description = DESCRIPTION
+        .replace(&output("level"), &["Body.r_0[1]", "Body.r_0[2]", "Body.v"].map(output).concat())
+        .replace("name=\"input\"", "name=\"u[1]\"");
+    careless::write(&bench.path("careless.fmu"), &description, library());
+    let simulate =
+        ["simulate", "careless.fmu", "--step", "0.5", "--record", "Body.r_0", "--out", "record.csv"];
+    bench.succeeds(&[&simulate[..], &["--set", "u=3"]].concat());
+    let record = bench.read("record.csv");
+    assert!(record.starts_with("time,Body.r_0[1],Body.r_0[2]\n"), "{record}");
+    assert!(record.ends_with("\n1.0,3.0,3.0\n"), "{record}");
+}
+
+/// Those of a range, which are numbers.
+#[test]
+fn a_grid_has_values_for_an_integer() {
+    let bench = Bench::new();
+    let count = "<ScalarVariable name=\"count\" valueReference=\"2\" causality=\"parameter\" variability=\"tunable\"><Integer start=\"0\"/></ScalarVariable>";
+    let description = DESCRIPTION.replace("</ModelVariables>", &format!("{count}</ModelVariables>"));
+    careless::write(&bench.path("careless.fmu"), &description, library());
+    let study = |points: u32| {
+        format!(
+            "scenario = \"scenario.toml\"\n[grid]\n\"alone:count\" = {{ from = -2, to = 0, points = {points} }}\n\
+             [measures]\nlast = {{ final = \"level\" }}\n"
+        )
+    };
+    bench.write("study.toml", &study(3));
+    bench.run(&["sweep", "study.toml", "--out", "out"]);
+    let results = bench.read("out/results.csv");
+    let counts: Vec<_> = rows(&results).iter().map(|row| row.split(',').nth(1).unwrap().to_owned()).collect();
+    assert_eq!(counts, ["-2", "-1", "0"]);
+    bench.write("study.toml", &study(4));
+    let message = bench.refusal(&["sweep", "study.toml"]);
+    assert!(message.contains("alone:count"), "{message}");
+}
+
+#[test]
+fn a_long_list_of_fmus_is_cut() {
+    let bench = Bench::new();
+    let others = |last: u32| {
+        let others =
+            (2..=last).map(|index| format!("[[fmu]]\nname = \"f{index}\"\nfile = \"careless.fmu\"\n"));
+        format!(
+            "inputs.input = 1\n{}",
+            others.collect::<String>().replace(".fmu\"\n", ".fmu\"\ninputs.input = 1\n")
+        )
+    };
+    for (last, named) in [(5, "alone, f2, f3, f4, f5\n"), (9, "alone, f2, f3, f4, f5 and 4 others\n")] {
+        bench.scenario(0.25, &others(last));
+        let output = bench.run(&["simulate", "scenario.toml", "--record", "alone:level", "--out", "out.csv"]);
+        let printed = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(printed, format!("out.csv  3 rows; sampled: no events from {named}"));
+    }
 }

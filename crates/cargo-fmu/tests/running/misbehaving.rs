@@ -139,37 +139,82 @@ fn a_run_that_hangs_is_a_row() {
     assert!(message.contains("expected a time from 0.001 to 1e9 s"), "{message}");
 }
 
-/// Each run counts the instances that its process has made, beginning with that of the first look at the FMUs.
+/// Each run counts the instances that its process has made, beginning with that of the first look at the FMUs. A process in
+/// which an FMU has changed anything does no second run.
 #[cfg(target_os = "linux")]
 #[test]
 fn what_an_fmu_changes_ends_with_its_run() {
-    let misdeeds = [
-        "none",
-        "none",
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let changes = [
         "round_up",
-        "none",
         "trap",
-        "none",
         "handle",
-        "none",
         "leave_folder",
-        "none",
-        "print",
-        "none",
         "close_output",
-        "none",
+        "mask_modes",
+        "set_locale",
+        "set_environment",
+        "limit",
+        "block_signals",
+        "leak",
+        "alarm",
+        "leave_child",
+        "leave_session",
     ];
-    let instances = [2, 3, 4, 2, 3, 2, 3, 2, 3, 2, 3, 4, 5, 6];
+    // In the first process, then in one after each change.
+    let mut misdeeds = vec!["none", "none", "print"];
+    let mut instances = vec![2, 3, 4];
+    let mut next = 5;
+    for change in changes {
+        misdeeds.extend([change, "none"]);
+        instances.extend([next, 2]);
+        next = 3;
+    }
     let bench = study_of(&misdeeds);
-    bench.succeeds(&["sweep", "study.toml", "--out", "out", "--workers", "1"]);
-    assert_eq!(column(&bench, "instances"), instances.map(|count| format!("{count}.0")));
-    assert_eq!(column(&bench, "third"), vec![(1.0 / 3.0_f64).to_string(); 14]);
+    let mut command = bench.command(&["sweep", "study.toml", "--out", "out", "--workers", "1"]);
+    let output = command.env("CHILD", bench.path("children")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    refuse_living(&bench.read("children"), 2);
+    assert_eq!(
+        column(&bench, "instances"),
+        instances.iter().map(|count| format!("{count}.0")).collect::<Vec<_>>()
+    );
+    assert_eq!(column(&bench, "third"), vec![(1.0 / 3.0_f64).to_string(); misdeeds.len()]);
     // But for the number of instances, the records are the same.
     let record = |run: usize| {
-        let text = bench.read(&format!("out/records/{run}.csv"));
-        text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect::<Vec<_>>()
+        let name = format!("out/records/{run}.csv");
+        let mode = fs::metadata(bench.path(&name)).unwrap().permissions().mode();
+        let text = bench.read(&name);
+        (mode, text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect::<Vec<_>>())
     };
     assert!((1..misdeeds.len()).all(|run| record(run) == record(0)));
+}
+
+/// The processes of these numbers, a line each, have ended and are reaped.
+#[cfg(target_os = "linux")]
+fn refuse_living(numbers: &str, count: usize) {
+    assert_eq!(numbers.lines().count(), count);
+    for number in numbers.lines() {
+        assert!(!Path::new("/proc").join(number).exists(), "{number}");
+    }
+}
+
+/// What an FMU does to the channel to its worker is the failure of its own run, and the others are kept.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_fmu_disturbs_only_its_own_run() {
+    let bench = study_of(&["none", "fork", "write_anywhere", "none", "close_any", "fork", "none"]);
+    for workers in ["1", "2"] {
+        let output = bench.run(&["sweep", "study.toml", "--out", "out", "--workers", workers]);
+        let printed = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{printed}");
+        let written = "run 2: alone: the FMU wrote to a descriptor that is not its own: \"xx{";
+        assert!(printed.contains(written), "{printed}");
+        assert_eq!(bench.names("out/records"), ["0.csv", "1.csv", "3.csv", "5.csv", "6.csv"]);
+        assert!(bench.read("out/report.html").contains("7 runs, of which 2 failed"));
+        fs::remove_dir_all(bench.path("out")).unwrap();
+    }
 }
 
 /// Neither does it overwrite what FMUs of others print, nor lose its own file.
@@ -199,6 +244,58 @@ fn a_simulation_has_its_file_or_an_error() {
         assert!(!bench.path("out.csv").exists());
         let linearize = ["linearize", "scenario.toml", "--fmus", ".", "--interface", "cs", "--at", "0.5"];
         assert_eq!(refused_with_temporary_folder(&bench, &linearize, "none"), message);
+    }
+}
+
+/// Nor its children.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_simulation_leaves_no_process_behind() {
+    let bench = misbehaving(2, "none");
+    let simulate = ["simulate", "scenario.toml", "--record", "y", "--out", "out.csv"];
+    bench.succeeds(&simulate);
+    let record = bench.read("out.csv");
+    for (misdeed, children) in [("leave_child", 1), ("leave_session", 1), ("fork", 0)] {
+        bench.write("children", "");
+        bench.scenario(0.25, &format!("values = {{ misdeed = \"{misdeed}\" }}"));
+        let output = bench.command(&simulate).env("CHILD", bench.path("children")).output().unwrap();
+        assert!(output.status.success(), "{misdeed}: {}", String::from_utf8_lossy(&output.stderr));
+        let printed = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(printed, "out.csv  3 rows; sampled: no events from alone\n", "{misdeed}");
+        assert_eq!(bench.read("out.csv"), record, "{misdeed}");
+        refuse_living(&bench.read("children"), children);
+    }
+}
+
+/// FMUs are unloaded before a file is written, and no handler of theirs runs after.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_fmu_fails_before_a_file_is_written_or_not_at_all() {
+    let bench = misbehaving(2, "none");
+    let simulate = ["simulate", "scenario.toml", "--out", "out.csv", "--plot", "out.svg"];
+    bench.scenario(0.25, "values = { misdeed = \"abort_in_unload\" }");
+    let message = bench.refusal(&simulate);
+    assert!(message.starts_with("error: the process ended after fmi2FreeInstance"), "{message}");
+    assert!(!bench.path("out.csv").exists() && !bench.path("out.svg").exists());
+    bench.scenario(0.25, "values = { misdeed = \"abort_at_exit\" }");
+    assert_eq!(bench.succeeds(&simulate), "");
+    assert!(bench.path("out.csv").exists() && bench.path("out.svg").exists());
+}
+
+/// The results are there.
+#[test]
+fn a_failing_end_of_a_run_is_a_warning() {
+    for (version, function) in [(2, "fmi2Terminate"), (3, "fmi3Terminate")] {
+        let bench = misbehaving(version, "fail_in_terminate");
+        let status = &function[..4];
+        let warning = format!("alone at 0.25 s: {function} gave {status}Error");
+        let printed = bench.succeeds(&["simulate", "scenario.toml", "--out", "out.csv"]);
+        assert_eq!(printed, format!("warning: {warning}\n"));
+        assert!(bench.path("out.csv").exists());
+        let study = "scenario = \"scenario.toml\"\n[grid]\n\"alone:from\" = [0.0]\n[measures]\nlast = { final = \"y\" }\n";
+        bench.write("study.toml", study);
+        bench.succeeds(&["sweep", "study.toml", "--out", "out"]);
+        assert!(bench.read("out/results.csv").ends_with(&format!(",,{warning}\n")));
     }
 }
 

@@ -436,3 +436,90 @@ fn what_a_system_has_wrong_is_named() {
         );
     }
 }
+
+/// As the source of a component names one.
+#[test]
+fn another_structure_of_a_package_runs() {
+    let bench = bench();
+    let variant = |value: &str| {
+        let connector = connectors(&[("u", "input", "<C:Real/>")]);
+        let set = bound("", &[("u", &format!("<V:Real value=\"{value}\"/>"))], "");
+        let connection = connection("u", "giver.input", "");
+        let giver = component("giver", "../resources/giver.fmu", "");
+        structure("1.0", &format!("{connector}{set}{}", elements(&[giver], &[connection])), "")
+    };
+    bench.write("variant.ssd", &variant("3"));
+    pack(
+        &bench,
+        "v.ssp",
+        &variant("2").replace("../resources", "resources"),
+        &[FMUS, &[("other/Variant.ssd", "variant.ssd")]].concat(),
+    );
+    assert_eq!(run(&bench, "v.ssp", "giver:level").0, [2.0]);
+    assert_eq!(run(&bench, "v.ssp#other/Variant.ssd", "giver:level").0, [3.0]);
+    for (subject, reason) in [
+        ("v.ssp#None.ssd", "v.ssp/None.ssd"),
+        ("v.ssp#../None.ssd", "'../None.ssd' is not a file in the package"),
+        ("w.ssp#Variant.ssd", "w.ssp#Variant.ssd"),
+    ] {
+        let message = bench.refusal(&["simulate", subject]);
+        assert!(message.contains(reason), "{message}");
+    }
+    let message = bench.refusal(&["simulate", "v.ssp#other/Variant.ssd", "--out", "v.ssp/out.csv"]);
+    assert!(message.contains("v.ssp"), "{message}");
+}
+
+#[test]
+fn names_that_tell_no_element_are_refused() {
+    let bench = bench();
+    let giver = |name: &str| component(name, "resources/giver.fmu", "");
+    let inner = "<D:System name=\"a\"><D:Elements/></D:System>".to_owned();
+    for (list, reason) in [
+        (vec![giver("a"), giver("b"), giver("a")], "the system Root: two elements are named a"),
+        (vec![giver("a"), inner], "the system Root: two elements are named a"),
+        (
+            vec![giver("a:b")],
+            "the component a:b: the name a:b has a colon, which ends an FMU's name, as in FMU:variable",
+        ),
+    ] {
+        pack(&bench, "names.ssp", &structure("1.0", &elements(&list, &[]), ""), FMUS);
+        let message = bench.refusal(&["simulate", "names.ssp"]);
+        assert!(message.contains(reason), "{message}");
+    }
+    bench.scenario(1.0, "");
+    let scenario = bench.read("scenario.toml").replace("\"alone\"", "\"al:one\"");
+    bench.write("scenario.toml", &scenario);
+    let message = bench.refusal(&["simulate", "scenario.toml"]);
+    let reason = "scenario.toml, line 4, fmu[1].name: the name al:one has a colon, which ends an FMU's name";
+    assert!(message.contains(reason), "{message}");
+}
+
+/// Each structure names the next forty times, so that there would be millions.
+#[test]
+fn a_system_has_a_bounded_number_of_elements() {
+    let bench = bench();
+    for level in 0..4 {
+        let next = format!("level{}.ssd", level + 1);
+        let list: Vec<_> = (0..40).map(|index| component(&format!("e{index}"), &next, "")).collect();
+        bench.write(&format!("level{level}.ssd"), &structure("1.0", &elements(&list, &[]), ""));
+    }
+    bench.write("level4.ssd", &structure("1.0", &elements(&[], &[]), ""));
+    let message = bench.refusal(&["simulate", "level0.ssd"]);
+    assert!(message.contains("there are more than 10000 elements"), "{message}");
+    // A few of them are few.
+    bench.succeeds(&["simulate", "level3.ssd"]);
+}
+
+#[test]
+fn attributes_that_ssp_does_not_have_are_ignored_with_a_note() {
+    let bench = bench();
+    let giver = |name: &str| {
+        component(name, "resources/giver.fmu", "")
+            .replace("<D:Component", "<D:Component color=\"red\" description=\"of it\" id=\"1\"")
+    };
+    pack(&bench, "red.ssp", &structure("1.0", &elements(&[giver("a"), giver("b")], &[]), ""), FMUS);
+    let (_, printed) = run(&bench, "red.ssp", "a:level");
+    let note = "a Component of SSP has no attribute color, which is ignored";
+    assert_eq!(printed.matches(note).count(), 1, "{printed}");
+    assert!(printed.contains("note: SystemStructure.ssd: line "), "{printed}");
+}

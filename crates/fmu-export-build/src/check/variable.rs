@@ -252,6 +252,7 @@ fn unit(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blam
         let reason = format_args!("this key is for a Real, not for {}", variable.data_type);
         refuse_if(variable.unit.is_some(), "unit", reason)?;
         refuse_if(variable.display_unit.is_some(), "display_unit", reason)?;
+        refuse_if(variable.relative_quantity, "relative_quantity", reason)?;
         return refuse_if(variable.nominal.is_some(), "nominal", reason);
     }
     refuse_if(variable.unit.is_none(), "unit", "a Real needs a 'unit' ('1' if dimensionless)")?;

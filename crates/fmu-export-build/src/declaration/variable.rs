@@ -47,6 +47,9 @@ pub(crate) struct VariableDeclaration {
     pub(crate) unit: Option<UnitNames>,
     /// Unit in which tools show the value.
     pub(crate) display_unit: Option<String>,
+    /// Values are differences: conversion to other units ignores offsets.
+    #[serde(default)]
+    pub(crate) relative_quantity: bool,
     /// Smallest value.
     pub(crate) min: Option<f64>,
     /// Largest value.
@@ -136,6 +139,7 @@ impl VariableDeclaration {
         self.data_type = real();
         self.unit = self.unit.take().or_else(|| known.unit.clone().map(UnitNames::All));
         self.display_unit = self.display_unit.take().or_else(|| known.display_unit.clone());
+        self.relative_quantity |= known.relative_quantity;
         self.min = self.min.or(known.min);
         self.max = self.max.or(known.max);
         self.nominal = self.nominal.or(known.nominal);

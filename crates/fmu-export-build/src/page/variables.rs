@@ -310,9 +310,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let Some(Start::Real(start)) = variable.start else { return None };
         let unit = self.units.get(variable.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
-        let types = &self.model.declaration.real_types;
-        let is_relative = variable.real_type.is_some_and(|known| types[known].relative_quantity);
-        let offset = if is_relative { 0.0 } else { display.offset };
+        let offset = if variable.relative_quantity { 0.0 } else { display.offset };
         // Conversion leaves errors of some 1e-16, which are not shown.
         let value = format!("{:.11e}", start * display.factor + offset).parse().ok()?;
         Some(format!("{} {}", unbroken(value), unit_markup(wanted)))

@@ -193,6 +193,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                 let own = given([
                     ("unit", scalar.unit.clone()),
                     ("displayUnit", scalar.display_unit.clone()),
+                    ("relativeQuantity", scalar.relative_quantity.then(|| true.to_string())),
                     ("min", scalar.min.map(bound)),
                     ("max", scalar.max.map(bound)),
                     ("nominal", scalar.nominal.map(float)),

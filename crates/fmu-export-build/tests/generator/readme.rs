@@ -46,7 +46,7 @@ fn the_examples_are_accepted() {
             .expect("an example is JSON");
         if model.is_array() {
             fs::write(folder.join("units.json"), example).expect("the folder for tests is writable");
-            let pressure = json!({"name": "p", "unit": "psi/s", "display_unit": "bar/h"});
+            let pressure = json!({"name": "p", "unit": "inHg/s", "display_unit": "bar/h"});
             model = json!({"units": "units.json", "variables": [pressure]});
         } else if model.get("name").is_some() {
             let state = |name| json!({"name": name, "unit": "kg", "start": 1, "derivative": true});

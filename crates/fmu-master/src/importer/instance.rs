@@ -130,6 +130,12 @@ impl Instance {
         self.calls.take_warnings()
     }
 
+    /// Ends the run, as dropping the instance does. That the FMU fails to do so is one of its
+    /// [warnings](Self::take_warnings).
+    pub fn terminate(&mut self) {
+        self.calls.handle.terminate();
+    }
+
     /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]. In Model Exchange it is that
     /// of this crate's integrator; the default there is [`DEFAULT_TOLERANCE`](fmu_export::DEFAULT_TOLERANCE).
     pub fn set_tolerance(&mut self, tolerance: Option<f64>) {

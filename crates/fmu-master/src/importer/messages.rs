@@ -62,6 +62,12 @@ pub struct Called {
     pub status: Status,
 }
 
+impl fmt::Display for Called {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} gave {}", self.function, self.status.name(self.function.prefix))
+    }
+}
+
 /// A logged message.
 #[derive(Clone, Debug)]
 pub struct Message {
@@ -121,7 +127,10 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
             types.iter().any(|data_type| variable.data_type == *data_type) && reference.get(1..) == Some(own)
         });
         // The reference of an element is the array's.
-        let array = |variable: &FmuVariable| variable.array().unwrap_or(&variable.name).to_owned();
+        let array = |variable: &FmuVariable| {
+            let array = variable.element.and_then(|_| variable.array());
+            array.unwrap_or(&variable.name).to_owned()
+        };
         match (named.map(array), parts.next()) {
             (Some(name), Some(rest)) => text += &format!("{name}{rest}"),
             (None, Some(rest)) if reference.is_empty() => text += &format!("#{rest}"),

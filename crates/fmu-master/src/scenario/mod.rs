@@ -31,6 +31,7 @@
 //! ```
 
 mod course;
+mod identity;
 mod signal;
 
 use std::path::{Path, PathBuf};
@@ -47,6 +48,7 @@ use toml::de::DeValue;
 use crate::importer::Interface;
 
 pub use self::course::{Course, Measured};
+pub use self::identity::Identity;
 pub(crate) use self::signal::ROUNDING;
 pub use self::signal::Signal;
 pub use fmu_io::document::Location;
@@ -291,6 +293,15 @@ impl Scenario {
         }
     }
 
+    /// Lets the scenario start and end at other times (s).
+    ///
+    /// # Errors
+    /// When the end is not after the start, or there are too many steps.
+    pub fn run_between(&mut self, start_time: f64, stop_time: f64) -> Result<()> {
+        self.start_time = start_time;
+        self.end_at(stop_time)
+    }
+
     /// Lets the scenario end at another time (s).
     ///
     /// # Errors
@@ -385,6 +396,9 @@ fn read_member(node: &Node<'_>, step: f64, [folder, fmus]: [&Path; 2], others: &
         let line = other.location.line().map_or_else(String::new, |line| format!(", in line {line}"));
         let message = format!("duplicate FMU: {name} is already the name of another{line}");
         return Err(name_node.location().error(message));
+    }
+    if let Some(reason) = connection::refused_name(name) {
+        return Err(name_node.location().error(reason));
     }
     let file = table.required("file", "the FMU's path")?;
     let path = file.path("the FMU's path", fmus)?;

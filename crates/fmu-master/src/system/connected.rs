@@ -8,7 +8,7 @@ use anyhow::{Context, Error, Result, anyhow, bail};
 use fmu_package::connection::{Connection, Conversion};
 use fmu_package::{
     Causality, ConnectionDescription, Domain, End, FmuDescription, FmuVariable, Function, Kind, Linear,
-    Parameter, ParameterSet, Transformation, Unit, Value, ValueType,
+    Parameter, ParameterSet, Transformation, Unit, Value, ValueType, unit_conversion,
 };
 use fmu_terms::like;
 
@@ -249,9 +249,10 @@ fn origin<'a>(
 
 /// The conversion between two units; the identity where one of them or its definition is missing.
 fn conversion(from: Option<&Unit>, to: Option<&Unit>) -> Result<Linear> {
-    let (Some(from), Some(to)) = (from, to) else { return Ok(Linear::IDENTITY) };
-    let (Some(own), Some(wanted)) = (from.base, to.base) else { return Ok(Linear::IDENTITY) };
-    own.to(&wanted).with_context(|| format!("the unit {} does not convert to {}", from.name, to.name))
+    let defined = |unit: Option<&Unit>| unit.filter(|unit| unit.base.is_some()).cloned();
+    let (Some(from), Some(to)) = (defined(from), defined(to)) else { return Ok(Linear::IDENTITY) };
+    let [from, to] = [&from, &to].map(|unit| (unit.name.as_str(), std::slice::from_ref(unit)));
+    unit_conversion(from, to).map_err(Error::msg)
 }
 
 /// The value of a connector as a number or a text; an item of an enumeration by the connector's items, or the variable's.

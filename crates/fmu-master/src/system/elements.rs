@@ -1,10 +1,11 @@
 //! The elements of a system, from its structure and those within: FMUs, systems, and references to signal dictionaries,
 //! with the values that parameter sets give to them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use fmu_io::terminal::complain;
+use fmu_package::connection;
 use fmu_package::{
     ComponentKind, ConnectionDescription, ConnectorDescription, Content, ElementDescription, FmuDescription,
     FmuVariable, MappingEntry, Parameter, ParameterBinding, ParameterMapping, ParameterSet, Unit, Value,
@@ -13,6 +14,9 @@ use fmu_package::{
 
 use super::files::{Base, Unpacked};
 use crate::scenario::{Location, Member};
+
+/// The most elements of a system, with those of the structures and packages in it, which may contain each other many times.
+const MOST_ELEMENTS: usize = 10_000;
 
 /// The elements, found by their indices.
 #[derive(Default)]
@@ -100,6 +104,12 @@ impl Elements {
         };
         let location = Location::argument(&what);
         let index = self.all.len();
+        if index == MOST_ELEMENTS {
+            return Err(location.error(format!("there are more than {MOST_ELEMENTS} elements")));
+        }
+        if let Some(reason) = connection::refused_name(&name) {
+            return Err(location.error(reason));
+        }
         let mut within = (vec![], vec![], vec![]);
         let part = match content {
             Content::Component { kind: ComponentKind::Fmu(interface), source } => {
@@ -131,6 +141,10 @@ impl Elements {
         self.all.push(Element { name, path: path.clone(), connectors, part, children: vec![] });
         let (elements, connections, dictionaries) = within;
         self.dictionaries.push(dictionaries.into_iter().map(|name| (name, None)).collect());
+        let mut names = BTreeSet::new();
+        if let Some(twin) = elements.iter().find(|element| !names.insert(element.name.as_str())) {
+            bail!("{what}: two elements are named {}", twin.name);
+        }
         for element in elements {
             let child = self.add(element, Some(&path), base, unpacked)?;
             self.all[index].children.push(child);
@@ -244,7 +258,7 @@ impl Elements {
         if let Some(variable) = description.variable(connector) {
             return vec![variable];
         }
-        description.variables.iter().filter(|variable| variable.array() == Some(connector)).collect()
+        description.array(connector)
     }
 
     /// The connector of an element, that of a signal dictionary for all references to it.

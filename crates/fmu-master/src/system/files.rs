@@ -87,6 +87,13 @@ impl Base {
         Ok(self.root.join(self.path(path)?))
     }
 
+    /// A structure in it, and its folder.
+    pub fn structure(&self, name: &str) -> Result<(SystemDescription, Self)> {
+        let path = self.path(name)?;
+        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();
+        Ok((parse(&self.root.join(&path))?, Self { folder, ..self.clone() }))
+    }
+
     /// The structure of a component, and its folder.
     pub fn open(
         &self,
@@ -103,9 +110,8 @@ impl Base {
             }
             _ => (self.clone(), source),
         };
-        let path = base.path(structure)?;
-        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();
-        Ok((parse(&base.root.join(&path))?, Self { folder, depth: self.depth + 1, ..base }))
+        let (description, base) = base.structure(structure)?;
+        Ok((description, Self { depth: self.depth + 1, ..base }))
     }
 
     /// Reads what the structure contains or refers to; files in a component are in an FMU.
@@ -129,7 +135,7 @@ impl Base {
 }
 
 /// Reads a structure.
-pub fn parse(structure: &Path) -> Result<SystemDescription> {
+fn parse(structure: &Path) -> Result<SystemDescription> {
     let text = read_xml(structure)?;
     SystemDescription::parse(&text).with_context(|| structure.display().to_string())
 }

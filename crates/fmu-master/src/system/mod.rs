@@ -4,7 +4,7 @@ mod connected;
 mod elements;
 mod files;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use fmu_io::terminal::{complain, number};
@@ -50,7 +50,11 @@ impl Times {
             stop
         });
         if stop <= start {
-            bail!("the stop time, {} s, is not after the start time, {} s", number(stop), number(start));
+            bail!(
+                "the stop time, {} s, is not after the start time, {} s; --stop-time and --start-time give others",
+                number(stop),
+                number(start)
+            );
         }
         let step = self.step.unwrap_or((stop - start) / STEPS);
         if step <= 0.0 || !step.is_finite() {
@@ -86,35 +90,50 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     Ok(scenario)
 }
 
-/// The system in an SSP package (`.ssp`) or in a structure with its files (`.ssd`), and the temporary folders with its
-/// FMUs: keep them while the scenario is in use.
+/// The system in an SSP package (`.ssp`, or `.ssp#Variant.ssd` for another structure in it) or in a structure with its files
+/// (`.ssd`), and the temporary folders with its FMUs: keep them while the scenario is in use.
 ///
 /// # Errors
 /// When a file of the system cannot be read, connected units do not convert, a value does not fit, or the run does not
 /// end after it starts.
 pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
     let mut unpacked = Unpacked::default();
-    let is_structure = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssd"));
+    let (file, variant) = package_and_structure(path);
+    let is_structure = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssd"));
     let (structure, base) = if is_structure {
-        (path.to_owned(), Base::of_structure(path))
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        (name, Base::of_structure(&file))
     } else {
-        let folder = unpacked.add(path)?;
-        (folder.join(DEFAULT_STRUCTURE), Base::of_package(folder))
+        (variant.unwrap_or_else(|| DEFAULT_STRUCTURE.to_owned()), Base::of_package(unpacked.add(&file)?))
     };
     let scenario = of_structure(&structure, &base, times, &mut unpacked)
         .with_context(|| format!("the system in {}", path.display()));
     let mut scenario = scenario.map_err(|error| unpacked.named(&error))?;
-    scenario.files.push(path.to_owned());
+    scenario.files.push(file);
     Ok((scenario, unpacked))
 }
 
-fn of_structure(structure: &Path, base: &Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
-    let SystemDescription { system, start_time, stop_time, step_size } = files::parse(structure)?;
+/// The package and the structure of a path such as `package.ssp#Variant.ssd`, as in the source of a component; else the file.
+fn package_and_structure(path: &Path) -> (PathBuf, Option<String>) {
+    let text = path.to_string_lossy();
+    let parts = text.rsplit_once('#').filter(|(package, _)| !path.exists() && Path::new(package).is_file());
+    match parts {
+        Some((package, structure)) => (package.into(), Some(structure.to_owned())),
+        None => (path.to_owned(), None),
+    }
+}
+
+fn of_structure(structure: &str, base: &Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
+    let (description, base) = base.structure(structure)?;
+    let SystemDescription { system, start_time, stop_time, step_size, notes } = description;
+    for note in notes {
+        complain(&format!("note: {structure}: {note}"));
+    }
     let own = Times { start: start_time, stop: stop_time, step: step_size };
     let name = system.name.clone();
     let mut scenario = times.or(own).scenario(&name)?;
     let mut elements = Elements::default();
-    elements.add(system, None, base, unpacked)?;
+    elements.add(system, None, &base, unpacked)?;
     if elements.fmus.is_empty() {
         complain(&format!("note: {name} has no FMUs: the values of its connectors are recorded"));
     }

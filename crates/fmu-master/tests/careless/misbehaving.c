@@ -6,6 +6,7 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <fenv.h>
+#include <locale.h>
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
@@ -15,6 +16,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 enum { OK = 0, WARNING = 1, ERROR = 3 };
@@ -44,6 +47,15 @@ enum misdeed {
     EVENT_IN_STEP, EVENT_FOR_EVER,
     /* An end of the process in the initialization, and when the library is unloaded. */
     ABORT_IN_INITIALIZATION, ABORT_IN_UNLOAD,
+    /* In the first step. A second process, which goes on as the first; one that stays, in a session of its own, or as it is.
+     * The environment's CHILD is a file for the numbers of these. */
+    FORK, LEAVE_CHILD, LEAVE_SESSION,
+    /* In a step. Writes to any descriptor, or closes it. */
+    WRITE_ANYWHERE, CLOSE_ANY,
+    /* What else is left to others. */
+    MASK_MODES, SET_LOCALE, SET_ENVIRONMENT, LIMIT, BLOCK_SIGNALS, LEAK, ALARM,
+    /* At the end of a run, and of the process. */
+    FAIL_IN_TERMINATE, ABORT_AT_EXIT,
 };
 
 /* In the order of the enumeration `System` in mod.rs. */
@@ -156,6 +168,29 @@ static void meet(void)
     }
 }
 
+/* A process that stays. */
+static void leave(bool in_own_session)
+{
+    pid_t child = fork();
+    if (child == 0) {
+        if (in_own_session)
+            setsid();
+        for (;;)
+            pause();
+    }
+    FILE *file = fopen(getenv("CHILD"), "a");
+    fprintf(file, "%ld\n", (long)child);
+    fclose(file);
+}
+
+#ifdef __GLIBC__
+static void fail_at_exit(int status, void *argument)
+{
+    (void)status, (void)argument;
+    abort();
+}
+#endif
+
 static int step(instance *self, double time, double size)
 {
     if (self->misdeed == TOLD)
@@ -237,6 +272,59 @@ static int step(instance *self, double time, double size)
     case MEET:
         meet();
         break;
+    case FORK:
+        if (time == 0)
+            fork();
+        break;
+    case LEAVE_CHILD:
+    case LEAVE_SESSION:
+        if (time == 0)
+            leave(self->misdeed == LEAVE_SESSION);
+        break;
+    case WRITE_ANYWHERE:
+        for (int i = 3; i < 40; i++)
+            if (write(i, "x", 1) < 0)
+                continue;
+        break;
+    case CLOSE_ANY:
+        for (int i = 3; i < 64; i++)
+            close(i);
+        break;
+    case MASK_MODES:
+        umask(0777);
+        break;
+    case SET_LOCALE:
+        if (setlocale(LC_ALL, "C.UTF-8") == NULL)
+            return ERROR;
+        break;
+    case SET_ENVIRONMENT:
+        setenv("SET_BY_THE_FMU", "1", 1);
+        break;
+    case LIMIT: {
+        struct rlimit limit;
+        getrlimit(RLIMIT_NOFILE, &limit);
+        limit.rlim_cur--;
+        setrlimit(RLIMIT_NOFILE, &limit);
+        break;
+    }
+    case BLOCK_SIGNALS: {
+        sigset_t all;
+        sigfillset(&all);
+        pthread_sigmask(SIG_BLOCK, &all, NULL);
+        break;
+    }
+    case LEAK:
+        if (open("/dev/null", O_RDONLY) < 0)
+            return ERROR;
+        break;
+    case ALARM:
+        alarm(1000);
+        break;
+    case ABORT_AT_EXIT:
+#ifdef __GLIBC__
+        on_exit(fail_at_exit, NULL);
+#endif
+        break;
     }
     self->time = time + size;
     return OK;
@@ -246,7 +334,7 @@ static int terminate(instance *self)
 {
     if (self->misdeed == EXIT_IN_TERMINATE)
         exit(0);
-    return OK;
+    return self->misdeed == FAIL_IN_TERMINATE ? ERROR : OK;
 }
 
 static void release(instance *self)

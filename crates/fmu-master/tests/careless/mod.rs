@@ -36,7 +36,9 @@ const MISDEEDS: &str = "none exit_in_load exit_in_instantiate exit_in_step exit_
                         log_in_free log_after_free log_nothing log_latin log_unknown_status log_other huge_derivative \
                         opposite_derivative no_derivative nan_derivative nan_output half_step end abort \
                         dereference_null hang round_up trap handle leave_folder print close_output meet told event_in_step \
-                        event_for_ever abort_in_initialization abort_in_unload";
+                        event_for_ever abort_in_initialization abort_in_unload fork leave_child leave_session \
+                        write_anywhere close_any mask_modes set_locale set_environment limit block_signals leak alarm \
+                        fail_in_terminate abort_at_exit";
 const SYSTEMS: &str = "lags stiff scaled robertson van_der_pol kink rounded noisy diode";
 
 /// The number of a misdeed.

@@ -11,19 +11,8 @@ use super::rules::{
     LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
     LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
 };
-use crate::library::{Library, Linkage};
+use crate::library::{Library, Linkage, missing_in_words};
 use crate::platform::{Architecture, Format, Platform};
-
-/// Declares the names in a version's table of calls, each with what has the function: the library, all instances, or
-/// those of an interface.
-macro_rules! names {
-    ($table:ident $($owner:ident { $($name:ident $parameters:tt $(-> $result:ty)? $(: $phases:tt)?;)* })*) => {
-        const $table: &[(&str, &str)] = &[$($((stringify!($owner), stringify!($name)),)*)*];
-    };
-}
-
-fmu_export::fmi2_calls!(names, FMI2);
-fmu_export::fmi3_calls!(names, FMI3);
 
 /// The libraries of Linux systems: those of glibc and GCC.
 const OF_LINUX: &[&str] = &[
@@ -129,16 +118,13 @@ fn library(
         Ok(slices) => slices,
         Err(error) => return wrong(&LIBRARY_FORMAT, error.to_string()),
     };
+    let interfaces =
+        model.interfaces.iter().filter(|own| own.attribute("modelIdentifier") == Some(identifier));
+    let interfaces: Vec<_> = interfaces.filter_map(|own| Interface::of(own.tag_name().name())).collect();
     for linkage in slices {
-        let missing: Vec<_> =
-            functions(model, identifier).filter(|&name| !linkage.exports.contains(name)).collect();
+        let missing = linkage.missing_functions(model.version, &interfaces);
         if !missing.is_empty() {
-            let shown = missing[..missing.len().min(5)].join(", ");
-            let more = if missing.len() > 5 { " …" } else { "" };
-            wrong(
-                &LIBRARY_FUNCTION,
-                format!("it does not export {} functions: {shown}{more}", missing.len()),
-            );
+            wrong(&LIBRARY_FUNCTION, missing_in_words(&missing));
         }
         if let Some(reason) = linkage.is_refused_for {
             wrong(&LIBRARY_LOADING, format!("it has {reason}"));
@@ -164,20 +150,6 @@ fn library(
     if is_ours && !guid.is_empty() && !bytes.windows(guid.len()).any(|window| window == guid.as_bytes()) {
         wrong(&LIBRARY_GUID, format!("it does not contain the GUID {guid}"));
     }
-}
-
-/// The functions exported by a library for the interfaces with this model identifier; in FMI 3.0 all.
-fn functions(model: &Model<'_>, identifier: &str) -> impl Iterator<Item = &'static str> {
-    let is_exported = move |owner: &str| {
-        let interface = Interface::of(owner).and_then(|owner| model.interface(owner));
-        ["Library", "All"].contains(&owner)
-            || interface.is_some_and(|element| element.attribute("modelIdentifier") == Some(identifier))
-    };
-    let (table, has_all) = match model.version {
-        Version::Two => (FMI2, false),
-        Version::Three => (FMI3, true),
-    };
-    table.iter().filter(move |(owner, _)| has_all || is_exported(owner)).map(|&(_, name)| name)
 }
 
 #[cfg(test)]

@@ -55,30 +55,6 @@ pub(super) struct Entry<'d> {
     pub dependencies: Option<Vec<usize>>,
 }
 
-/// The values allowed for `initial` with a combination of causality and variability, the default first (FMI 2.0.5,
-/// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none if the combination is not allowed.
-pub(super) fn initials(
-    version: Version,
-    causality: Causality,
-    variability: Variability,
-) -> Option<&'static [Initial]> {
-    use Causality::{CalculatedParameter, Independent, Input, Local, Output, Parameter, StructuralParameter};
-    use Initial::{Approx, Calculated, Exact};
-    use Variability::{Constant, Continuous, Discrete, Fixed, Tunable};
-    Some(match (causality, variability) {
-        (Parameter, Fixed | Tunable) | (Output | Local, Constant) => &[Exact],
-        (CalculatedParameter | Local, Fixed | Tunable) => &[Calculated, Approx],
-        (Output | Local, Discrete | Continuous) => &[Calculated, Exact, Approx],
-        (StructuralParameter, Fixed | Tunable) | (Input, Discrete | Continuous)
-            if version == Version::Three =>
-        {
-            &[Exact]
-        }
-        (Input, Discrete | Continuous) | (Independent, Continuous) => &[],
-        _ => return None,
-    })
-}
-
 impl<'d> Model<'d> {
     pub fn new(version: Version, xml: &'d Xml<'d>) -> Self {
         let root = xml.root();
@@ -119,30 +95,13 @@ impl<'d> Model<'d> {
 
     fn variable(&self, element: Element<'d>) -> Variable<'d> {
         let declaration = VariableElement::new(element, &self.type_by_name);
-        let data_type = declaration.data_type();
-        let causality = declared(element, "causality").unwrap_or(Causality::Local.into());
-        let default = match (self.version, causality.meaning()) {
-            (
-                Version::Three,
-                Some(Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter),
-            ) => Variability::Fixed,
-            (Version::Three, _) if !data_type.meaning().is_some_and(DataType::is_float) => {
-                Variability::Discrete
-            }
-            _ => Variability::Continuous,
-        };
-        let variability = declared(element, "variability").unwrap_or(default.into());
-        let initial = declared(element, "initial").or_else(|| {
-            let allowed = initials(self.version, causality.meaning()?, variability.meaning()?)?;
-            allowed.first().copied().map(Declared::from)
-        });
         Variable {
             declaration,
             name: element.attribute("name").unwrap_or_default(),
-            data_type,
-            causality,
-            variability,
-            initial: initial.unwrap_or_default(),
+            data_type: declaration.data_type(),
+            causality: declaration.causality(),
+            variability: declaration.variability(),
+            initial: declaration.initial(),
             derivative: declaration.typed.attribute("derivative"),
         }
     }
@@ -229,11 +188,6 @@ impl<'d> Model<'d> {
     ) {
         report.add(rule, self.xml.at(element), message);
     }
-}
-
-/// The word that an attribute is, if there is one.
-fn declared<W: Word>(element: Element<'_>, name: &str) -> Option<Declared<W>> {
-    element.has_attribute(name).then(|| Declared::word(element.attribute(name)))
 }
 
 impl<'d> Deref for Variable<'d> {

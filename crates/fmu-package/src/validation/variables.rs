@@ -6,7 +6,7 @@ use fmu_terms::{
     Causality, DataType, Initial, Interface, IntervalVariability, Variability, Version, Word, is_structured,
 };
 
-use super::model::{Model, Variable, initials};
+use super::model::{Model, Variable};
 use super::report::{Report, Wrong};
 use super::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, FINITE, INDEPENDENT, INITIAL,
@@ -16,6 +16,7 @@ use super::rules::{
 use super::schema::number;
 use super::types::range;
 use crate::declared::Declared;
+use crate::variable::initials;
 use crate::xml::{flag, named};
 
 pub(super) fn check(model: &Model<'_>, report: &mut Report) {

@@ -2,9 +2,11 @@
 //! exponents after the symbol.
 
 /// Letters and signs of other notations, and their spelling here.
-const WRITTEN: [(&str, &str); 12] = [
+const WRITTEN: [(&str, &str); 16] = [
     ("°C", "degC"),
     ("℃", "degC"),
+    ("°F", "degF"),
+    ("℉", "degF"),
     ("°", "deg"),
     ("Ω", "Ohm"),
     ("\u{2126}", "Ohm"),
@@ -12,8 +14,10 @@ const WRITTEN: [(&str, &str); 12] = [
     ("μ", "u"),
     ("·", "."),
     ("*", "."),
+    ("¹", "1"),
     ("²", "2"),
     ("³", "3"),
+    ("⁻", "-"),
     ("^", ""),
 ];
 

@@ -46,9 +46,10 @@ const PI: f64 = std::f64::consts::PI;
 /// apart so that a product of units is rounded only once.
 pub(super) type Symbol = (&'static str, Prefixes, Exponents, f64, f64, i32);
 
-/// The symbols of SI (brochure, 9th edition, tables 2, 4 and 8) and others that engineers use.
+/// The symbols of SI (brochure, 9th edition, tables 2, 4 and 8) and others that engineers use, with the factors of NIST
+/// Special Publication 811 (2008), appendix B.
 #[rustfmt::skip]
-pub(super) const SYMBOLS: [Symbol; 51] = [
+pub(super) const SYMBOLS: [Symbol; 57] = [
     ("g",    All,      [1., 0., 0., 0., 0., 0., 0., 0.], 1., 1., -3),
     ("m",    All,      [0., 1., 0., 0., 0., 0., 0., 0.], 1., 1., 0),
     ("s",    All,      [0., 0., 1., 0., 0., 0., 0., 0.], 1., 1., 0),
@@ -82,6 +83,11 @@ pub(super) const SYMBOLS: [Symbol; 51] = [
     ("Ah",   All,      [0., 0., 1., 1., 0., 0., 0., 0.], 3600., 1., 0),
     ("eV",   All,      [1., 2., -2., 0., 0., 0., 0., 0.], 1.602_176_634, 1., -19),
     ("bar",  All,      [1., -1., -2., 0., 0., 0., 0., 0.], 1., 1., 5),
+    ("psi",  NoPrefix, [1., -1., -2., 0., 0., 0., 0., 0.], 4.448_221_615_260_5, 6.4516, 4),
+    ("atm",  NoPrefix, [1., -1., -2., 0., 0., 0., 0., 0.], 101_325., 1., 0),
+    ("torr", NoPrefix, [1., -1., -2., 0., 0., 0., 0., 0.], 101_325., 760., 0),
+    ("mmHg", NoPrefix, [1., -1., -2., 0., 0., 0., 0., 0.], 133.322_387_415, 1., 0),
+    ("Torr", NoPrefix, [1., -1., -2., 0., 0., 0., 0., 0.], 101_325., 760., 0),
     ("L",    All,      [0., 3., 0., 0., 0., 0., 0., 0.], 1., 1., -3),
     ("l",    All,      [0., 3., 0., 0., 0., 0., 0., 0.], 1., 1., -3),
     ("t",    Large,    [1., 0., 0., 0., 0., 0., 0., 0.], 1., 1., 3),
@@ -90,6 +96,7 @@ pub(super) const SYMBOLS: [Symbol; 51] = [
     ("h",    NoPrefix, [0., 0., 1., 0., 0., 0., 0., 0.], 3600., 1., 0),
     ("d",    NoPrefix, [0., 0., 1., 0., 0., 0., 0., 0.], 86400., 1., 0),
     ("degC", NoPrefix, [0., 0., 0., 0., 1., 0., 0., 0.], 1., 1., 0),
+    ("degF", NoPrefix, [0., 0., 0., 0., 1., 0., 0., 0.], 5., 9., 0),
     ("deg",  NoPrefix, ANGLE,                            PI, 180., 0),
     ("rev",  NoPrefix, ANGLE,                            2. * PI, 1., 0),
     ("rpm",  NoPrefix, [0., 0., -1., 0., 0., 0., 0., 1.], 2. * PI, 60., 0),
@@ -103,7 +110,7 @@ pub(super) const SYMBOLS: [Symbol; 51] = [
 ];
 
 /// Names of units and abbreviations that are not symbols, and the symbols.
-pub(super) const NAMES: [(&str, &str); 36] = [
+pub(super) const NAMES: [(&str, &str); 37] = [
     ("gram", "g"),
     ("kilogram", "kg"),
     ("meter", "m"),
@@ -138,12 +145,13 @@ pub(super) const NAMES: [(&str, &str); 36] = [
     ("day", "d"),
     ("degree", "deg"),
     ("celsius", "degC"),
+    ("fahrenheit", "degF"),
     ("revolution", "rev"),
     ("percent", "%"),
 ];
 
-/// Zero Celsius in K: the only unit here with an offset.
-pub(super) const CELSIUS: (&str, f64) = ("degC", 273.15);
+/// The units with an offset: their zeros in K.
+pub(super) const OFFSETS: [(&str, f64); 2] = [("degC", 273.15), ("degF", 459.67 * 5.0 / 9.0)];
 
 /// A unit in terms of base units.
 #[derive(Clone, Copy, Debug)]

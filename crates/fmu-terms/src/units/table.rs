@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::notation::{factors, spelled};
-use super::symbols::{CELSIUS, Measure, NAMES, Prefixes, SYMBOLS, built_in};
+use super::symbols::{Measure, NAMES, OFFSETS, Prefixes, SYMBOLS, built_in};
 use super::{BaseUnit, DisplayUnit};
 use crate::nearest;
 
@@ -57,8 +57,8 @@ impl<'a> UnitTable<'a> {
         if let Some(measure) = self.own(name) {
             return Ok(measure);
         }
-        if name == CELSIUS.0 {
-            return Ok(Measure { offset: CELSIUS.1, ..built_in(name).expect("it is in the table") });
+        if let Some((offset, measure)) = offset_of(name).zip(built_in(name)) {
+            return Ok(Measure { offset, ..measure });
         }
         let [above, below] = factors(name)?;
         let below = below.into_iter().map(|(symbol, exponent)| (symbol, -exponent));
@@ -69,7 +69,7 @@ impl<'a> UnitTable<'a> {
                 let within = if symbol == name { String::new() } else { format!(": '{symbol}'") };
                 format!("the unit '{name}'{within} is not known{}", self.nearest(symbol))
             })?;
-            if measure.offset != 0.0 || symbol == CELSIUS.0 {
+            if measure.offset != 0.0 || offset_of(symbol).is_some() {
                 return Err(format!(
                     "the unit '{name}': '{symbol}' has an offset and cannot be combined; use K"
                 ));
@@ -108,6 +108,11 @@ impl<'a> UnitTable<'a> {
     }
 }
 
+/// The zero of a unit with an offset.
+fn offset_of(name: &str) -> Option<f64> {
+    OFFSETS.iter().find(|(known, _)| *known == name).map(|(_, offset)| *offset)
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
@@ -144,6 +149,12 @@ mod tests {
             ("MPa", "kg1 m-1 s-2", 1e6),
             ("bar", "kg1 m-1 s-2", 1e5),
             ("mbar", "kg1 m-1 s-2", 100.0),
+            // A pound-force, 4.4482216152605 N, on a square inch, 6.4516 cm²; NIST SP 811, appendix B.
+            ("psi", "kg1 m-1 s-2", 4.448_221_615_260_5 / 6.4516e-4),
+            ("atm", "kg1 m-1 s-2", 101_325.0),
+            ("torr", "kg1 m-1 s-2", 101_325.0 / 760.0),
+            ("mmHg", "kg1 m-1 s-2", 133.322_387_415),
+            ("Torr", "kg1 m-1 s-2", 101_325.0 / 760.0),
             ("J", "kg1 m2 s-2", 1.0),
             ("kW", "kg1 m2 s-3", 1e3),
             ("kWh", "kg1 m2 s-2", 3.6e6),
@@ -195,6 +206,10 @@ mod tests {
             assert_eq!(meaning(name), Ok((base.to_owned(), factor, 0.0)), "{name}");
         }
         assert_eq!(meaning("degC"), Ok(("K1".to_owned(), 1.0, 273.15)));
+        // Water freezes at 32 °F.
+        let (base, factor, offset) = meaning("degF").unwrap();
+        assert_eq!((base.as_str(), factor.to_bits()), ("K1", (5.0_f64 / 9.0).to_bits()));
+        assert!((factor * 32.0 + offset - 273.15).abs() < 273.15 * 2.0 * f64::EPSILON);
     }
 
     #[test]
@@ -217,6 +232,7 @@ mod tests {
             ("Ω", "the unit 'Ω' is written 'Ohm'"),
             ("kΩ", "the unit 'kΩ' is written 'kOhm'"),
             ("°C", "the unit '°C' is written 'degC'"),
+            ("°F", "the unit '°F' is written 'degF'"),
             ("µm", "the unit 'µm' is written 'um'"),
             ("N·m", "the unit 'N·m' is written 'N.m'"),
             ("N*m", "the unit 'N*m' is written 'N.m'"),
@@ -224,6 +240,7 @@ mod tests {
             ("m^2", "the unit 'm^2' is written 'm2'"),
             ("Ωx", "the unit 'Ωx' is not known"),
             ("J/degC", "the unit 'J/degC': 'degC' has an offset and cannot be combined; use K"),
+            ("degF/s", "the unit 'degF/s': 'degF' has an offset and cannot be combined; use K"),
         ] {
             assert_eq!(meaning(name), Err(reason.to_owned()));
         }

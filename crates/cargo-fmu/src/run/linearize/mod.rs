@@ -11,7 +11,6 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
-use fmu_master::process::contained;
 use fmu_master::scenario::{Recorded, Scenario};
 use fmu_master::{Instance, Interface, Linearization, LoadedFmus, Master, column_of};
 use fmu_package::{FmuVariable, ValueType};
@@ -127,8 +126,7 @@ impl Linearize {
         let found = self.experiment.run(&subject, end, &outputs, |scenario, loaded| {
             let name = subject.file_stem().unwrap_or_default().to_string_lossy();
             let title = scenario.title.clone().unwrap_or_else(|| name.into_owned());
-            // Files are relative to the folder that FMUs may leave.
-            contained(|| self.find(title, scenario, loaded)).0
+            self.find(title, scenario, loaded)
         })?;
         print(&found.text())?;
         if let Some(out) = &self.out {

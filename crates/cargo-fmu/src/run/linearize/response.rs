@@ -23,6 +23,9 @@ pub const MOST_STATES: usize = 1000;
 /// dx/dt = A·x + B·u, y = C·x + D·u, in states by which A is a Hessenberg matrix. Before, they are scaled so that the rows
 /// and columns of A are of similar size.
 pub struct StateSpace {
+    /// In 1/s: a power of two, by which A is divided, so that squares of its elements do not overflow.
+    rate: f64,
+    /// A divided by the rate.
     a: DMatrix<f64>,
     b: DMatrix<f64>,
     c: DMatrix<f64>,
@@ -36,6 +39,8 @@ impl StateSpace {
             DMatrix::from_row_iterator(rows, columns, numbers.iter().flatten().copied())
         };
         let mut a = matrix(states, states, &of.a);
+        let rate = power_of_two_below(a.amax());
+        a.unscale_mut(rate);
         let mut b = matrix(states, inputs, &of.b);
         let mut c = matrix(outputs, states, &of.c);
         let scales = if states > 0 { balance_parlett_reinsch(&mut a) } else { DVector::zeros(0) };
@@ -49,7 +54,7 @@ impl StateSpace {
             b = transformation.tr_mul(&b);
             c *= transformation;
         }
-        Self { a, b, c, d: matrix(outputs, inputs, &of.d) }
+        Self { rate, a, b, c, d: matrix(outputs, inputs, &of.d) }
     }
 
     /// The eigenvalues of A (1/s), the slowest first; none if they do not converge.
@@ -69,7 +74,7 @@ impl StateSpace {
         let rounding = size as f64 * f64::EPSILON * self.a.norm();
         let exact = |part: f64| if part.abs() < rounding { 0.0 } else { part };
         let mut poles: Vec<_> =
-            poles.iter().map(|pole| Complex::new(exact(pole.re), exact(pole.im))).collect();
+            poles.iter().map(|pole| Complex::new(exact(pole.re), exact(pole.im)) * self.rate).collect();
         poles.sort_by(|one, other| {
             let [one, other] = [one, other].map(|pole| (pole.norm(), pole.re, pole.im));
             one.partial_cmp(&other).unwrap_or(std::cmp::Ordering::Equal)
@@ -80,18 +85,25 @@ impl StateSpace {
     /// The response C·(jω − A)⁻¹·B + D of an output to an input at a frequency (Hz); none if that is an undamped pole's.
     pub fn response(&self, input: usize, output: usize, frequency: f64) -> Option<Complex<f64>> {
         let complex = |number: f64| Complex::new(number, 0.0);
-        let b = self.b.column(input).map(complex);
+        // (jω − A)⁻¹ = (jω/r − A/r)⁻¹/r.
+        let b = self.b.column(input).map(|number| complex(number / self.rate));
         let c = self.c.row(output).map(complex);
         let d = complex(self.d[(output, input)]);
         let mut matrix = self.a.map(|number| complex(-number));
         for state in 0..matrix.nrows() {
-            matrix[(state, state)] += Complex::new(0.0, TAU * frequency);
+            matrix[(state, state)] += Complex::new(0.0, TAU * frequency / self.rate);
         }
         if matrix.is_empty() {
             return Some(d);
         }
         Some((&c * solve(matrix, b)?)[0] + d)
     }
+}
+
+/// The largest power of two that is not above a number; 1 if it is too small for one.
+fn power_of_two_below(number: f64) -> f64 {
+    // Without the bits of the significand.
+    if number.is_normal() { f64::from_bits(number.to_bits() >> 52 << 52) } else { 1.0 }
 }
 
 /// Transforms a matrix by a reflection, which keeps its eigenvalues. Elements of its normal are fractional parts of multiples
@@ -175,6 +187,35 @@ mod tests {
         for (pole, sign) in oscillator().poles().unwrap().iter().zip([-1.0, 1.0]) {
             let expected = Complex::new(-0.1, sign * 24.99_f64.sqrt());
             assert!((pole - expected).norm() < 1e-13 * 25.0, "{pole}");
+        }
+    }
+
+    /// A scaled in time has the poles, and scaled frequencies the responses; squares of the elements are not numbers.
+    #[test]
+    fn fast_equations_have_poles_and_responses() {
+        let names = |name: &str, count| vec![(name.to_owned(), 0.0); count];
+        let space = |rate: f64| {
+            let row = |numbers: [f64; 3]| numbers.map(|number| number * rate).to_vec();
+            StateSpace::new(&Linearization {
+                states: names("x", 3),
+                derivatives: vec![0.0; 3],
+                inputs: names("u", 1),
+                outputs: names("y", 1),
+                a: vec![row([-1.0, 2.0, 0.5]), row([-2.0, -1.0, 0.25]), row([0.0, 1.0, -3.0])],
+                b: vec![vec![1.0], vec![0.0], vec![0.0]],
+                c: vec![vec![0.0, 0.0, 1.0]],
+                d: vec![vec![0.0]],
+                is_exact: true,
+            })
+        };
+        let unit = space(1.0);
+        for exponent in [-900, -600, 515, 600, 900, 1020] {
+            let rate = 2_f64.powi(exponent);
+            let fast = space(rate);
+            let expected: Vec<_> = unit.poles().unwrap().iter().map(|pole| pole * rate).collect();
+            assert_eq!(fast.poles().unwrap(), expected, "2^{exponent}");
+            let slow = unit.response(0, 0, 0.3).unwrap();
+            assert_eq!(fast.response(0, 0, 0.3 * rate).unwrap() * rate, slow, "2^{exponent}");
         }
     }
 

@@ -3,7 +3,7 @@
 use std::path::{self, PathBuf};
 
 use super::outcome::Outcome;
-use super::{JOURNAL, Opening, RECORDS, Study, report, results};
+use super::{JOURNAL, Opening, RECORDS, Study, discard, keep, report, results};
 use crate::run::journal::Journal;
 use crate::run::workers::{Program, WorkerArguments, Workers, work};
 use crate::run::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, write};
@@ -50,12 +50,16 @@ impl Sweep {
             complain(&format!("note: {note}"));
         }
         make_folder(out)?;
-        let journal = Journal::open(&out.join(JOURNAL), &opening.settings)?;
+        let journal = Journal::open(&out.join(JOURNAL), &opening.identity)?;
         let records = out.join(RECORDS);
         if study.keeps_records {
             // The journal's lock keeps others from writing there.
             make_folder(&records)?;
             remove_unfinished(&records)?;
+        }
+        for outcome in journal.finished().iter().filter(|outcome| study.lacks_record(outcome, &records)) {
+            complain(&format!("note: the record of run {0} is gone: run {0} is repeated", outcome.run));
+            journal.forget(&outcome.run);
         }
         let taken_up = journal.finished().len();
         let runs = study.points.len();
@@ -65,7 +69,9 @@ impl Sweep {
         let bar = progress_bar(runs as u64, "{pos} of {len} runs")?.with_position(taken_up as u64);
         let jobs: Vec<_> = (0..runs).map(|run| (run, run)).collect();
         let failed = |run: &usize, reason| {
-            Ok(Outcome { error: Some(reason), ..Outcome::new(*run, study.measures.len()) })
+            let outcome = Outcome { error: Some(reason), ..Outcome::new(*run, study.measures.len()) };
+            discard(&outcome, &records)?;
+            Ok(outcome)
         };
         let outcomes = workers.finish(&journal, &jobs, failed, |outcome| {
             if let Some(error) = &outcome.error {
@@ -104,7 +110,8 @@ impl Sweep {
                 let (fmus, opening) = study.open()?;
                 Ok(((study, fmus, records), opening))
             },
-            |(study, fmus, records), run| study.run_one(fmus, run, records),
+            |(study, fmus, _), run| study.run_one(fmus, run),
+            |(_, _, records), run| keep(run, records),
         )
     }
 

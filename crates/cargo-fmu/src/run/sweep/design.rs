@@ -122,7 +122,20 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
         return Err(count_node.unexpected(&format!("a whole number from 2 to {MOST_RUNS}")));
     }
     table.finish()?;
-    Ok((0..count).map(|index| Value::Real(range.at(index as f64 / (count - 1) as f64), None)).collect())
+    let values: Vec<_> = (0..count).map(|index| range.at(index as f64 / (count - 1) as f64)).collect();
+    // Whole numbers are values of Integers, too.
+    let whole: Option<Vec<_>> = values.iter().copied().map(whole).collect();
+    Ok(match whole {
+        Some(whole) => whole.into_iter().map(Value::Integer).collect(),
+        None => values.into_iter().map(|value| Value::Real(value, None)).collect(),
+    })
+}
+
+/// A number as an Integer, if it is one.
+#[allow(clippy::cast_possible_truncation)] // it is in range
+fn whole(number: f64) -> Option<i32> {
+    let is_whole = number.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&number);
+    is_whole.then_some(number as i32)
 }
 
 /// A column of a Latin hypercube (`McKay`, Beckman and Conover, Technometrics 21, 1979): the range from 0 to 1 is
@@ -215,6 +228,18 @@ mod tests {
             [10_000, 25_000].iter().flat_map(|a| column.iter().map(move |b| vec![*a, *b])).collect();
         assert_eq!(rounded, expected);
         Ok(())
+    }
+
+    #[test]
+    fn a_range_of_whole_numbers_is_one_of_integers() {
+        let values = |text: &str| {
+            let document = Document::parse("study", text).unwrap();
+            Design::read(&document.root()).unwrap().points.concat()
+        };
+        let whole = [1, 3, 5].map(|value| Some(Value::Integer(value)));
+        assert_eq!(values("[grid]\n\"p:a\" = { from = 1, to = 5, points = 3 }"), whole);
+        let others = [1.0, 2.5, 4.0].map(|value| Some(Value::Real(value, None)));
+        assert_eq!(values("[grid]\n\"p:a\" = { from = 1, to = 4, points = 3 }"), others);
     }
 
     #[test]

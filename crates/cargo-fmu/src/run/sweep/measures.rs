@@ -163,8 +163,9 @@ impl Measure {
         Column { name: self.name.clone(), ..column }
     }
 
-    /// For the journal.
-    pub fn setting(&self) -> String {
-        format!("{:?} of {}", self.kind, self.variable)
+    /// For the journal: its name, and what it depends on.
+    pub fn identity(&self) -> (String, String) {
+        let Self { name, variable, kind, location: _ } = self;
+        (format!("measures.{name}"), format!("{kind:?} of {variable}"))
     }
 }

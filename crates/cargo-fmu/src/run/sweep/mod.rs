@@ -14,20 +14,21 @@ pub mod results;
 
 pub use self::command::Sweep;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use anyhow::{Context, Result};
 use fmu_io::document::Document;
 use fmu_io::{reading, writing};
-use fmu_package::{Value, ValueType, connection};
+use fmu_package::{Value, ValueType};
 use serde::{Deserialize, Serialize};
 
 use self::design::Design;
 use self::measures::Measure;
 use self::outcome::Outcome;
-use crate::run::journal::{Settings, digest};
+use crate::run::journal::Identity;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
 use fmu_master::{Ended, LoadedFmus, Master, column_of};
-use fmu_record::{Column, TableFormat};
+use fmu_record::{Column, Record, TableFormat};
 
 /// The journal in the folder of the results.
 const JOURNAL: &str = "journal.jsonl";
@@ -65,8 +66,8 @@ impl Parameter {
 /// What a worker finds in a study's FMUs, before any run.
 #[derive(Deserialize, Serialize)]
 pub struct Opening {
-    /// Everything the results depend on, by name.
-    settings: Settings,
+    /// Everything that the results depend on.
+    identity: Identity,
     /// The name, units and type of each parameter.
     parameters: Vec<(Column, ValueType)>,
     /// The name and units of each measure.
@@ -156,77 +157,33 @@ impl Study {
             let column = column_of(&parameter.name, variable, fmu.description());
             parameters.push((column, variable.value_type()));
         }
-        let settings = self.settings()?;
-        Ok((fmus, Opening { settings, parameters, measures, notes }))
+        let identity = self.identity()?;
+        Ok((fmus, Opening { identity, parameters, measures, notes }))
     }
 
-    /// Everything the results depend on, by name.
-    fn settings(&self) -> Result<Settings> {
+    /// Everything that the results depend on. Taken apart without `..`, so that a new field does not compile until it is
+    /// decided.
+    fn identity(&self) -> Result<Identity> {
         let Self { title: _, scenario, parameters, points, measures, keeps_records, records_events } = self;
-        let mut settings = Settings::new();
-        let mut set = |name: String, value: String| settings.insert(name, value);
+        let mut identity = scenario.identity()?;
+        let mut set = |name: String, value: String| identity.insert(name, value);
+        set("version of cargo-fmu".into(), env!("CARGO_PKG_VERSION").to_owned());
         set("records".into(), keeps_records.to_string());
+        set("events in records".into(), records_events.to_string());
         set("runs".into(), points.len().to_string());
-        for (index, parameter) in parameters.iter().enumerate() {
+        for (index, Parameter { name, location: _ }) in parameters.iter().enumerate() {
             let values = points.iter().map(|point| point[index].as_ref().map(written).unwrap_or_default());
-            set(format!("values of {}", parameter.name), values.collect::<Vec<_>>().join(", "));
+            set(format!("values of {name}"), values.collect::<Vec<_>>().join(", "));
         }
         for measure in measures {
-            set(format!("measures.{}", measure.name), measure.setting());
+            let (name, value) = measure.identity();
+            set(name, value);
         }
-        set("scenario's step".into(), format!("{:?}", scenario.step));
-        set("scenario's start_time".into(), format!("{:?}", scenario.start_time));
-        set("scenario's stop_time".into(), format!("{:?}", scenario.stop_time));
-        set("scenario's stepping".into(), format!("{:?}", scenario.stepping));
-        let order: Vec<_> = scenario.fmus.iter().map(|member| member.name.as_str()).collect();
-        set("scenario's FMUs".into(), order.join(", "));
-        for member in &scenario.fmus {
-            let name = &member.name;
-            set(format!("SHA-256 of {name}'s file"), digest(&member.file)?);
-            for (index, (parameters, _)) in member.parameters.iter().enumerate() {
-                set(format!("{name}'s parameter set {}", index + 1), format!("{parameters:?}"));
-            }
-            for assignment in &member.values {
-                set(format!("{name}'s {}", assignment.name), written(&assignment.value));
-            }
-            if let Some(run_in) = &member.run_in {
-                set(format!("{name}'s run_in.duration"), format!("{:?}", run_in.duration));
-                for (key, assignments) in [("during", &run_in.during), ("after", &run_in.after)] {
-                    for assignment in assignments {
-                        let key = format!("{name}'s run_in.{key}.{}", assignment.name);
-                        set(key, written(&assignment.value));
-                    }
-                }
-            }
-            for input in &member.inputs {
-                set(format!("{name}'s inputs.{}", input.name), format!("{:?}", input.course));
-            }
-        }
-        if let Some(connections) = &scenario.connections {
-            set("scenario's connections".into(), connection::in_line(connections));
-        }
-        for input in &scenario.inputs {
-            set(format!("scenario's inputs.{}", input.name), format!("{:?}", input.course));
-        }
-        let noises = [("noise", &scenario.noise), ("measurement_noise", &scenario.measurement_noise)];
-        for (key, noises) in noises {
-            for noise in noises {
-                let value = format!("{:?}, seed {}", noise.standard_deviation, noise.seed);
-                set(format!("scenario's {key}.{}", noise.name), value);
-            }
-        }
-        if *keeps_records {
-            let names = scenario.record.as_ref().map(|record| {
-                record.iter().map(|recorded| recorded.name.as_str()).collect::<Vec<_>>().join(", ")
-            });
-            set("scenario's record".into(), names.unwrap_or_default());
-            set("events in records".into(), records_events.to_string());
-        }
-        Ok(settings)
+        Ok(identity)
     }
 
-    /// Runs a point; its record, if it is kept, goes to a folder.
-    fn run_one(&self, fmus: &LoadedFmus, run: usize, records: &Path) -> Result<Outcome> {
+    /// Runs a point, and returns its record if that is kept.
+    fn run_one(&self, fmus: &LoadedFmus, run: usize) -> Result<(Outcome, Option<Record>)> {
         let mut outcome = Outcome::new(run, self.measures.len());
         let simulated = self.point(run).and_then(|scenario| {
             let mut master = Master::new(&scenario, &mut fmus.clone())?;
@@ -239,7 +196,7 @@ impl Study {
             Ok(simulated) => simulated,
             Err(error) => {
                 outcome.error = Some(format!("{error:#}"));
-                return Ok(outcome);
+                return Ok((outcome, None));
             }
         };
         outcome.warnings = finished.warnings.iter().map(|(name, message)| message.of(name)).collect();
@@ -250,11 +207,12 @@ impl Study {
             .iter()
             .map(|measure| measure.of(&sampled, &scenario).map(|value| value.is_finite().then_some(value)))
             .collect::<Result<_>>()?;
-        if self.keeps_records {
-            let path = records.join(format!("{run}.csv"));
-            writing::write(&path, |writer| finished.record.table().write(TableFormat::Csv, writer))?;
-        }
-        Ok(outcome)
+        Ok((outcome, self.keeps_records.then_some(finished.record)))
+    }
+
+    /// Whether the record of a run should be in a folder, but is gone.
+    fn lacks_record(&self, outcome: &Outcome, records: &Path) -> bool {
+        self.keeps_records && outcome.error.is_none() && !record_of(outcome, records).exists()
     }
 
     fn point(&self, run: usize) -> Result<Scenario> {
@@ -270,6 +228,31 @@ impl Study {
             }
         }
         Ok(scenario)
+    }
+}
+
+/// The file of a run's record.
+fn record_of(outcome: &Outcome, records: &Path) -> PathBuf {
+    records.join(format!("{}.csv", outcome.run))
+}
+
+/// Writes the record of a run, if it is kept, to a folder.
+fn keep((outcome, record): (Outcome, Option<Record>), records: &Path) -> Result<Outcome> {
+    if let Some(record) = record {
+        let path = record_of(&outcome, records);
+        writing::write(&path, |writer| record.table().write(TableFormat::Csv, writer))?;
+    }
+    Ok(outcome)
+}
+
+/// Removes the record of a run that failed after it was written.
+fn discard(outcome: &Outcome, records: &Path) -> Result<()> {
+    let path = record_of(outcome, records);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -26,7 +26,34 @@ fn not_loaded(error: libloading::Error) -> anyhow::Error {
     } else {
         ""
     };
-    anyhow!("its library cannot be loaded: {text}{remedy}")
+    let package = missing_package(&text)
+        .map_or(String::new(), |package| format!("; Debian and Ubuntu have it in the package {package}"));
+    anyhow!("its library cannot be loaded: {text}{remedy}{package}")
+}
+
+/// Libraries that FMUs of Fortran, C++ and others need, with the beginnings of the names of their packages, which the number
+/// of the library's version follows.
+const PACKAGES: [(&str, &str); 9] = [
+    ("libgfortran.so.", "libgfortran"),
+    ("libquadmath.so.", "libquadmath"),
+    ("libgomp.so.", "libgomp"),
+    ("libstdc++.so.", "libstdc++"),
+    ("libc++.so.", "libc++"),
+    ("libblas.so.", "libblas"),
+    ("liblapack.so.", "liblapack"),
+    ("libtinfo.so.", "libtinfo"),
+    ("libncurses.so.", "libncurses"),
+];
+
+/// The package with a missing library, from the loader's message.
+fn missing_package(text: &str) -> Option<String> {
+    let library =
+        text.split(": cannot open shared object file").next().filter(|name| name.len() < text.len())?;
+    let library = library.rsplit(' ').next()?;
+    PACKAGES.iter().find_map(|(prefix, package)| {
+        let version = library.strip_prefix(prefix)?;
+        Some(format!("{package}{}", version.split('.').next()?))
+    })
 }
 
 /// A library that its functions are looked up in.
@@ -388,4 +415,24 @@ unsafe fn accessors<Get: Copy, Set: Copy>(
         unsafe { Ok((symbols.get(&get)?, symbols.get(&set)?)) }
     };
     numbers.iter().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_library_is_in_a_package() {
+        let message =
+            |library: &str| format!("{library}: cannot open shared object file: No such file or directory");
+        for (library, package) in [
+            ("libgfortran.so.5", Some("libgfortran5")),
+            ("libquadmath.so.0", Some("libquadmath0")),
+            ("libstdc++.so.6", Some("libstdc++6")),
+            ("libown.so.1", None),
+        ] {
+            assert_eq!(missing_package(&message(library)).as_deref(), package, "{library}");
+        }
+        assert_eq!(missing_package("libgfortran.so.5: wrong ELF class"), None);
+    }
 }

@@ -59,6 +59,16 @@ struct Life {
     call: Mutex<Call>,
 }
 
+impl Life {
+    fn add(&self, message: Message) {
+        let mut messages = locked(&self.messages);
+        if messages.len() == KEPT_MESSAGES {
+            messages.pop_front();
+        }
+        messages.push_back(message);
+    }
+}
+
 /// A call to an FMU.
 #[derive(Clone, Copy)]
 pub enum Call {
@@ -104,6 +114,11 @@ impl Live {
 
     pub fn environment(&self) -> Environment {
         self.environment
+    }
+
+    /// Adds a message.
+    pub fn add(&self, message: Message) {
+        self.life.add(message);
     }
 
     /// Its messages since the last call of this function.
@@ -157,11 +172,7 @@ pub fn receive(environment: Environment, name: Option<&str>, mut message: Messag
     if let Call::Of(_, time) = *locked(&life.call) {
         message.time = time;
     }
-    let mut messages = locked(&life.messages);
-    if messages.len() == KEPT_MESSAGES {
-        messages.pop_front();
-    }
-    messages.push_back(message);
+    life.add(message);
 }
 
 fn print(name: &str, message: &Message) {

@@ -653,14 +653,29 @@ impl Handle {
     }
 }
 
+impl Handle {
+    /// Ends the run, unless none has begun. That it fails is a warning, as all results are there.
+    pub fn terminate(&self) {
+        if self.steps.replace(false) {
+            // SAFETY: the component is alive.
+            let called =
+                self.call("Terminate", |component| unsafe { (self.functions.common.terminate)(component) });
+            if !called.status.succeeded() {
+                self.live.add(Message {
+                    status: Status::WARNING,
+                    text: called.to_string(),
+                    time: self.time.get(),
+                });
+            }
+        }
+    }
+}
+
 impl Drop for Handle {
     fn drop(&mut self) {
         // Nobody takes what it says from here on.
         self.live.take();
-        if self.steps.get() {
-            // SAFETY: the component is alive.
-            self.call("Terminate", |component| unsafe { (self.functions.common.terminate)(component) });
-        }
+        self.terminate();
         if !self.is_dead.get() {
             let call = Call::Of(self.functions.function(["FreeInstance", ""]), self.time.get());
             // SAFETY: the component is alive, and this is the last call.
