@@ -90,7 +90,7 @@ impl<'a, V: Number> Curve<'a, V> {
     #[must_use]
     pub fn next_point(self, x: f64) -> Option<f64> {
         let knots = &self.knots[..self.knots.len().min(self.values.len())];
-        let after = |shift: f64| {
+        let after = |knots: &[V], shift: f64| {
             let next = knots.get(knots.partition_point(|knot| knot.value() + shift <= x));
             next.map(|knot| knot.value() + shift)
         };
@@ -98,10 +98,11 @@ impl<'a, V: Number> Curve<'a, V> {
             (Beyond::Repeat, [first, .., last]) => {
                 let period = last.value() - first.value();
                 let rounds = ((x - first.value()) / period).floor();
-                // Rounding may put the end of this round before the place.
-                after(rounds * period).or_else(|| after((rounds + 1.0) * period))
+                // The first knot is the last of the round before. Rounding may put the end of this round before the place.
+                let rest = &knots[1..];
+                after(rest, rounds * period).or_else(|| after(rest, (rounds + 1.0) * period))
             }
-            _ => after(0.0),
+            _ => after(knots, 0.0),
         }
     }
 

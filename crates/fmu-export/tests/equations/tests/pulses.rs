@@ -101,7 +101,7 @@ fn speed<T: Number>(time: T) -> T {
 /// What is beside the distance: nothing; the time; …
 const ALONE: u8 = 0;
 const CLOCK: u8 = 1;
-/// … a state so stiff that steps are those of Rodas5P; …
+/// … a state so stiff that steps are those of `Rodas5P`; …
 const STIFF: u8 = 2;
 /// … two wagons far away, of which one is pushed, and pushes the other by a stiff coupling; …
 const WAGONS: u8 = 3;
@@ -228,12 +228,10 @@ impl Random {
             from_fn(|j| -(0..4).map(|axis| axes[i][axis] * rates[axis] * axes[j][axis]).sum::<f64>())
         });
         let turns = self.decades(0.01, fastest.sqrt());
-        for i in 1..4 {
-            for j in 0..i {
-                let turn = self.between(-turns, turns);
-                matrix[i][j] += turn;
-                matrix[j][i] -= turn;
-            }
+        for (i, j) in [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)] {
+            let turn = self.between(-turns, turns);
+            matrix[i][j] += turn;
+            matrix[j][i] -= turn;
         }
         System { matrix, driven: from_fn(|_| self.decades(0.1, 10.0)) }
     }
@@ -323,7 +321,7 @@ fn driven_systems_are_where_steps_from_point_to_point_bring_them() {
         SYSTEM.set(Some(system));
         let ahead = states_at_points(size, |run, size| run.step(size).unwrap(), pulse);
         let by_points = |run: &mut Run<LINEAR>, size| {
-            let inputs = InputSignal::constant(run.inputs.clone());
+            let inputs = InputSignal::constant(run.inputs);
             run.step_with(size, &inputs).unwrap();
         };
         let exact = states_at_points(size, by_points, pulse);
