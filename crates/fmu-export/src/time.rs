@@ -26,6 +26,13 @@ pub(crate) fn summed_rounding(time: f64) -> f64 {
     SUMMED * f64::EPSILON * time.abs()
 }
 
+/// The difference (s) within which an event that an FMU of any maker announces is at a communication point (s), between
+/// steps of a size (s): FMUs, too, sum their times.
+#[must_use]
+pub fn coincidence(size: f64, point: f64) -> f64 {
+    START * size + summed_rounding(point)
+}
+
 /// How much of a difference (s) counts for an event so long after the last one (s): a time between the two is that of the
 /// nearer one.
 #[must_use]
@@ -83,10 +90,11 @@ pub struct End {
 }
 
 impl End {
-    /// Of a step from a start by a size, both in s.
+    /// Of an importer's step from a start by a size, both in s, whose events FMUs of any maker announce.
     #[must_use]
-    pub fn of(start: f64, size: f64) -> Self {
-        Self::of_sum(start, size, Ahead::default())
+    pub fn of_any(start: f64, size: f64) -> Self {
+        let time = start + size;
+        Self { time, rounding: coincidence(size, time), ahead: 0.0 }
     }
 
     pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds: ahead }: Ahead) -> Self {

@@ -14,7 +14,7 @@ use std::rc::Rc;
 
 use anyhow::{Context, Error, Result, anyhow, bail};
 use fmu_export::display::Seconds;
-use fmu_export::time::rounding;
+use fmu_export::time::coincidence;
 use fmu_package::{Domain, Function, Value};
 
 use crate::importer::{Course, Ended, Fmu, Instance, Misfit, Selection};
@@ -392,7 +392,7 @@ impl<'a> Coupling<'a> {
 
     /// Whether an instance has events at a communication point (s), other than changes of inputs.
     pub fn has_due_events(&self, time: f64) -> bool {
-        let until = time + rounding(time);
+        let until = time + coincidence(self.step, time);
         self.members.iter().any(|coupled| coupled.instance.has_due_events(until))
     }
 
@@ -400,7 +400,7 @@ impl<'a> Coupling<'a> {
     /// get their inputs; once no output changes by it, they handle their events. The outputs that these change reach one
     /// another, until nothing changes. Returns the first FMU that asks for the end there, if one does.
     pub fn settle(&mut self, time: f64) -> Result<Option<Ended>> {
-        let until = time + rounding(time);
+        let until = time + coincidence(self.step, time);
         for round in 0..MOST_ROUNDS {
             self.connect_all(time)?;
             if self.set_new(time, until, round)? {
@@ -487,7 +487,7 @@ impl<'a> Coupling<'a> {
     /// When a call fails, or an FMU of several requests the end within the step ([`Ended`]).
     pub fn step(&mut self, time: f64, size: f64) -> Result<Option<Ended>> {
         let end = time + size;
-        let reached = end - rounding(end);
+        let reached = end - coincidence(size, end);
         let mut ended = None;
         for index in 0..self.members.len() {
             if self.stepping == Stepping::InTurn {

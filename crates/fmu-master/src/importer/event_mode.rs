@@ -5,7 +5,7 @@ use std::ffi::c_int;
 use anyhow::{Result, bail};
 use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::time::rounding;
+use fmu_export::time::coincidence;
 use fmu_io::terminal::number;
 use fmu_terms::IntervalVariability;
 
@@ -220,7 +220,7 @@ impl EventMode {
         if self.is_entered() {
             self.handle(calls, (time, 0.0), false)?;
         }
-        let late = rounding(end);
+        let late = coincidence(size, end);
         let mut returns = 0;
         while time < end {
             let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);

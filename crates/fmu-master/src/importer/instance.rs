@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
-use fmu_export::time::rounding;
+use fmu_export::time::coincidence;
 use fmu_package::{FmuVariable, ParameterSet, Value};
 
 use super::Interface;
@@ -213,7 +213,7 @@ impl Instance {
     pub fn step(&mut self, time: f64, size: f64) -> Result<()> {
         self.advance(time, size)?;
         let end = time + size;
-        let until = end + rounding(end);
+        let until = end + coincidence(size, end);
         if !self.is_due(until) {
             return Ok(());
         }

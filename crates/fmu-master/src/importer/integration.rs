@@ -246,7 +246,7 @@ impl Integration {
         let mut evolution =
             Evolution { integration: self, calls, event_mode: events, start, size, place, relative };
         // Events at the end belong to the communication point there.
-        EventLoop::new((start, size, End::of(start, size)), true, MOST_TRIALS)
+        EventLoop::new((start, size, End::of_any(start, size)), true, MOST_TRIALS)
             .go_on::<false, _>(&mut evolution, Stops::NONE)?;
         calls.handle.time.set(Some(end));
         Ok(())

@@ -65,6 +65,23 @@ fn a_sample_at_a_point_takes_its_input() {
     }
 }
 
+/// A sampler that sums its times announces them up to 1.4e-12 s from the points; its samples are of the points all the same.
+#[test]
+fn samples_at_summed_times_take_the_input_of_the_point() {
+    let text = format!(
+        "step = 0.1\nstop_time = 100\nrecord = [\"sum\"]\n{}[inputs]\nu = {{ ramp = {{ from = 0, to = 1000, begin = 0, \
+         end = 100 }} }}",
+        member("it", "me", "values = { period = 0.1 }")
+    );
+    let sums = values(&run(&text).unwrap(), "sum");
+    assert_eq!(sums.len(), 1001);
+    for (point, sum) in sums.iter().enumerate() {
+        let expected = (point * (point + 1) / 2) as f64;
+        // The signal rounds in each of a thousand samples of up to 1000.
+        assert!((sum - expected).abs() < 1e-9, "{sum} instead of {expected}");
+    }
+}
+
 /// Whichever comes first, the sampler takes the source's output of the time of its sample.
 #[test]
 fn a_coupled_sampler_is_not_late_in_any_order() {

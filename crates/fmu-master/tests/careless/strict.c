@@ -1,6 +1,6 @@
 /* An FMU of FMI 2.0 for co-simulation and Model Exchange that refuses what the standard does not allow: to be read between
- * the setting of an input and the step (section 4.2.4), and to step beyond the stop time. It adds up its input u at the
- * multiples of its period. */
+ * the setting of an input and the step (section 4.2.4), and to step beyond the stop time. It adds up its input u once a
+ * period, and computes the times by sums, which round. */
 
 #include <math.h>
 #include <stdbool.h>
@@ -11,7 +11,7 @@ enum { U, Y, SUM, X, DERIVATIVE, PERIOD, OFFSET, ENDS, STOP, TOLERANCE, GOES_BAC
 enum { COUNT = REALS, FLAG, GEAR, VARIABLES };
 
 typedef struct {
-    double real[REALS], time, ticks;
+    double real[REALS], time, due;
     int whole[VARIABLES];
     bool is_exchange, is_initialized, is_set;
 } instance;
@@ -29,9 +29,9 @@ static void observe(instance *self)
 
 static void sample(instance *self)
 {
-    if (self->time >= self->ticks * self->real[PERIOD] - 1e-12) {
+    if (self->time >= self->due - 1e-9) {
         self->real[SUM] += self->real[U];
-        self->ticks++;
+        self->due += self->real[PERIOD];
     }
 }
 
@@ -164,7 +164,7 @@ int fmi2NewDiscreteStates(void *component, struct info *info)
     instance *self = component;
     sample(self);
     *info = (struct info){ .terminate = self->time >= self->real[ENDS], .next_defined = 1 };
-    info->next = fmin(self->ticks * self->real[PERIOD], self->real[ENDS]);
+    info->next = fmin(self->due, self->real[ENDS]);
     return OK;
 }
 
