@@ -604,7 +604,7 @@ fn info_shows_the_variables_of_each_version_of_fmi() {
         assert!(table.contains(&format!("modelName   {title}")), "{table}");
         let row = table.lines().find(|line| line.starts_with("p ")).unwrap();
         let words: Vec<_> = row.split_whitespace().collect();
-        assert_eq!(words, ["p", "input", data_type, "Pa", "1e5", "0..", "pressure"]);
+        assert_eq!(words, ["p", "input", "continuous", data_type, "Pa", "1e5", "0..", "pressure"]);
         let aliases: Vec<_> = table.lines().filter(|line| line.contains("alias of")).collect();
         if name == "fmi3.fmu" {
             let words = aliases.iter().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));

@@ -232,7 +232,7 @@ fn info_is_told_as_json() {
         "enumerations": [{ "name": "Mode", "items": { "off": 0 } }],
         "variables": [{
             "name": "level", "valueReference": 7, "type": "Real", "dimensions": null, "declaredType": null,
-            "causality": "input", "variability": null, "initial": null, "unit": "m", "start": "1", "min": "0", "max": null,
+            "causality": "input", "variability": "continuous", "initial": null, "unit": "m", "start": "1", "min": "0", "max": null,
             "description": "Of water", "aliases": [],
         }],
     });

@@ -3,7 +3,7 @@
 
 use crate::integrator::Trials;
 use crate::stops::{EventsLeft, Stop, Stops, due_until};
-use crate::time::{End, rounding};
+use crate::time::End;
 
 /// Time events that come at least this share of a step after one another do not accumulate: they are at most ten million.
 const APART: f64 = 1e-7;
@@ -127,7 +127,7 @@ impl EventLoop {
                 return Ok(None);
             } else {
                 // One that rounding puts before the end is at the end.
-                let last = size - rounding(end.time);
+                let last = size - end.rounding();
                 let due = due.map(|due| due - start).filter(|due| *due < last);
                 let trials = Trials { count: &mut self.trials, most: most_trials };
                 self.crossed = hybrid.integrate(due.unwrap_or(size), trials)?;

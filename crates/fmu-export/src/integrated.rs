@@ -25,7 +25,7 @@ use crate::panics;
 use crate::search::{self, Trajectory};
 use crate::stops::{Stop, Stops};
 use crate::tape::{Recorded, Tape};
-use crate::time::{self, rounding};
+use crate::time;
 use crate::variables::Variables;
 
 /// The most trials and events in a communication step, which must end …
@@ -486,7 +486,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             Ok(())
         } else {
             evaluate_values(&self.equations, begin, variables);
-            self.ask_again(variables)
+            self.ask_again(variables, end.rounding())
         };
         let crossed = asked.and_then(|()| self.find_changes(variables));
         // Where inputs change at each step, a step beyond its end would be in vain.
@@ -564,9 +564,9 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         })
     }
 
-    /// Asks when the next time event is due, which changed inputs and parameters may have moved, unless it is now.
-    fn ask_again(&mut self, variables: &E::Variables) -> Result<(), Error> {
-        let rounding = rounding(self.time);
+    /// Asks when the next time event is due, which changed inputs and parameters may have moved, unless it is now,
+    /// within a `rounding` (s).
+    fn ask_again(&mut self, variables: &E::Variables, rounding: f64) -> Result<(), Error> {
         let now = self.events.time(self.time, rounding);
         if self.events.due(now, rounding).is_some() {
             return Ok(());
@@ -673,7 +673,7 @@ impl<E: Equations, I: Integrate<E>> Evolution<'_, '_, E, I> {
             let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
             let last = last.min(target + MOST_AHEAD * self.step.size);
             // Times of events are rounded as absolute times are, which may be more than a step.
-            let rounding = rounding(self.step.end());
+            let rounding = self.step.instant_of_end().rounding();
             span.rounding = if target < self.step.size { rounding } else { 0.0 };
             span.limit = if last > target + rounding { last } else { target };
         }

@@ -358,7 +358,7 @@ impl<'a, I> Step<'a, I> {
     /// A step from a start by a size, both in s.
     #[must_use]
     pub fn new(start: f64, size: f64, inputs: &'a InputSignal<I>) -> Self {
-        Self { start, size, inputs, ahead: Ahead::default() }
+        Self { start, size, inputs, ahead: Ahead::default().after(start, size) }
     }
 
     /// The time in seconds at which the step ends.

@@ -147,6 +147,8 @@ struct Due {
     time: f64,
     /// How long after the last one it is at least, in s.
     period: f64,
+    /// From when its time is counted, in s.
+    origin: f64,
     /// The position of the clock that ticks, if there are any.
     clock: Option<usize>,
 }
@@ -154,7 +156,7 @@ struct Due {
 impl Due {
     /// How much earlier another sample may be, in s, to be at the same time.
     fn rounding(&self) -> f64 {
-        nearer(rounding(self.time), self.period)
+        nearer(rounding(self.time.abs().max(self.origin.abs())), self.period)
     }
 
     /// The sample at the time of the one before, `last`, if that is the same.
@@ -190,7 +192,7 @@ impl<S: Sampled> SampledModel<S> {
     /// The next sample of the period.
     fn next_of_period(&self) -> Due {
         let Self { executed, origin, first, period, .. } = *self;
-        Due { time: origin + (executed - first) as f64 * period, period, clock: None }
+        Due { time: origin + (executed - first) as f64 * period, period, origin, clock: None }
     }
 
     /// Takes the period, which may have changed by a time in s.
@@ -226,7 +228,7 @@ impl<S: Sampled> SampledModel<S> {
             clocks.filter_map(|(position, clock)| Some((position, clock.next(self.origin)?)))
         };
         let time = ticks().map(|(_, time)| time).fold(f64::INFINITY, f64::min);
-        let due = Due { time, period, clock: None };
+        let due = Due { time, period, origin: self.origin, clock: None };
         let latest = time + due.rounding();
         let (position, _) = ticks().find(|(_, time)| *time <= latest)?;
         Some(Due { clock: Some(position), ..due })

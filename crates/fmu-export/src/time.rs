@@ -51,18 +51,20 @@ pub(crate) fn ends_by(last: f64, end: f64, size: f64) -> bool {
     end <= last + START * size + summed_rounding(last)
 }
 
-/// By how many seconds an importer's clock is ahead of the sum of its steps.
+/// By how many seconds an importer's clock is ahead of the sum of its steps, and how it rounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ahead {
     seconds: f64,
+    /// The largest magnitude of its times (s): start + k·h rounds as the start does, even where it passes zero.
+    largest: f64,
 }
 
-crate::persistent!(Ahead { seconds });
+crate::persistent!(Ahead { seconds, largest });
 
 impl Ahead {
     /// At the start (s) of a step from the time reached (s). One that begins elsewhere is no sum of the steps before.
     pub(crate) fn at_start(self, reached: f64, start: f64) -> Self {
-        if start.to_bits() == reached.to_bits() { self } else { Self::default() }
+        if start.to_bits() == reached.to_bits() { self } else { Self { seconds: 0.0, ..self } }
     }
 
     /// After a step from a start by a size, both in s.
@@ -70,7 +72,10 @@ impl Ahead {
     pub(crate) fn after(self, start: f64, size: f64) -> Self {
         // The rounding of the sum, exactly if the start is not smaller than the size (Dekker, A floating-point technique
         // for extending the available precision, 1971).
-        Self { seconds: self.seconds + ((start + size - start) - size) }
+        let seconds = self.seconds + ((start + size - start) - size);
+        // Start and end are at most a size apart.
+        let magnitude = start.abs() + size;
+        Self { seconds, largest: if magnitude > self.largest { magnitude } else { self.largest } }
     }
 
     /// What the importer means by a time (s).
@@ -97,11 +102,16 @@ impl End {
         Self { time, rounding: coincidence(size, time), ahead: 0.0 }
     }
 
-    pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds: ahead }: Ahead) -> Self {
-        let time = start + size;
-        let is_ahead = ahead > 0.0 && ahead <= MOST_AHEAD * size;
-        // Start and end are at most a size apart.
-        Self { time, rounding: rounding(time.abs() + size), ahead: if is_ahead { ahead } else { 0.0 } }
+    /// Of a step from a start by a size, both in s, with the importer's clock at its end.
+    pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds, largest }: Ahead) -> Self {
+        let is_ahead = seconds > 0.0 && seconds <= MOST_AHEAD * size;
+        Self { time: start + size, rounding: rounding(largest), ahead: if is_ahead { seconds } else { 0.0 } }
+    }
+
+    /// The difference (s) within which a time is the same.
+    #[must_use]
+    pub fn rounding(&self) -> f64 {
+        self.rounding
     }
 
     /// Before which time (s) an event so long after the last one (s) is before the end.

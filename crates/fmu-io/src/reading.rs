@@ -22,11 +22,14 @@ pub fn broken(message: impl Into<String>) -> io::Error {
 /// # Errors
 /// When it cannot be opened, or is a folder; the message names it.
 pub fn open(path: &Path) -> io::Result<File> {
-    let opened = File::open(path).and_then(|file| {
-        let is_folder = file.metadata()?.is_dir();
-        if is_folder { Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")) } else { Ok(file) }
-    });
-    opened.map_err(|error| io::Error::new(error.kind(), format!("cannot open {}: {error}", path.display())))
+    opened(path)
+        .map_err(|error| io::Error::new(error.kind(), format!("cannot open {}: {error}", path.display())))
+}
+
+fn opened(path: &Path) -> io::Result<File> {
+    let file = File::open(path)?;
+    let is_folder = file.metadata()?.is_dir();
+    if is_folder { Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")) } else { Ok(file) }
 }
 
 /// Reads a text file.
@@ -42,7 +45,7 @@ pub fn text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// When it cannot be read, is too large or the function fails; the message names the file.
 pub fn text_as<T>(path: &Path, decode: impl FnOnce(Vec<u8>) -> io::Result<T>) -> io::Result<T> {
-    let read = File::open(path).and_then(|file| up_to(LARGEST_TEXT, file)).and_then(decode);
+    let read = opened(path).and_then(|file| up_to(LARGEST_TEXT, file)).and_then(decode);
     read.map_err(|error| cannot_read(path, &error))
 }
 
@@ -51,7 +54,7 @@ pub fn text_as<T>(path: &Path, decode: impl FnOnce(Vec<u8>) -> io::Result<T>) ->
 /// # Errors
 /// When it cannot be read or is too large; the message names the file.
 pub fn bytes(path: &Path) -> io::Result<Vec<u8>> {
-    let read = File::open(path).and_then(|file| up_to(LARGEST_CONTENT, file));
+    let read = opened(path).and_then(|file| up_to(LARGEST_CONTENT, file));
     read.map_err(|error| cannot_read(path, &error))
 }
 

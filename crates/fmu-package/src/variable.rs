@@ -300,8 +300,7 @@ impl FmuVariable {
         let is_set_by_default =
             matches!(self.causality.meaning(), Some(Causality::Input | Causality::Parameter));
         self.variability != Variability::Constant
-            // Structural parameters are set in Configuration Mode only.
-            && !matches!(self.causality.meaning(), Some(Causality::Independent | Causality::StructuralParameter))
+            && self.causality != Causality::Independent
             && (is_set_by_default || matches!(self.initial.meaning(), Some(Initial::Exact | Initial::Approx)))
     }
 }

@@ -215,7 +215,9 @@ mod tests {
             let expected: Vec<_> = unit.poles().unwrap().iter().map(|pole| pole * rate).collect();
             assert_eq!(fast.poles().unwrap(), expected, "2^{exponent}");
             let slow = unit.response(0, 0, 0.3).unwrap();
-            assert_eq!(fast.response(0, 0, 0.3 * rate).unwrap() * rate, slow, "2^{exponent}");
+            let found = fast.response(0, 0, 0.3 * rate).unwrap() * rate;
+            // Inputs divided by the highest rate are subnormal: they lose some of their bits.
+            assert!((found - slow).norm() < 1e-14 * slow.norm(), "2^{exponent}: {found}");
         }
     }
 
