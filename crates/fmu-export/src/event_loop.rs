@@ -63,7 +63,7 @@ pub struct EventLoop {
 
 impl EventLoop {
     /// A step from `start` by a size, both in s. If it `samples_inputs`, an event due at its end belongs to the next one.
-    /// After `most_trials` of integrator and events, without a time event [apart](APART) from the last one, it fails.
+    /// It fails after `most_trials` of integrator and events; a time event apart from the last one starts a new count.
     #[must_use]
     pub fn new((start, size, end): (f64, f64, End), samples_inputs: bool, most_trials: u32) -> Self {
         Self {

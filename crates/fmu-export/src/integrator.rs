@@ -14,7 +14,7 @@
 //!
 //! A step may go beyond the end that its caller asks for, as far as a [limit](Span::limit): the states up to its end are
 //! then those of the dense output, whose error is limited like the step's. Its caller compares the derivatives at each time
-//! that it asks for with [what the step lets expect](Integrator::agrees), and gives the step up where they differ.
+//! that it asks for with what the step lets expect, and gives the step up where they differ.
 //!
 //! Memory for a step is allocated in the first one, in the first that is linearly implicit, where the pattern changes, and
 //! for rows that are computed one by one. It does not belong to a clone.

@@ -605,4 +605,5 @@ fn noise(scenario: &Scenario, coupling: &Coupling<'_>) -> Result<Vec<NoiseOn>> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the values are exact")]
 mod tests;

@@ -82,12 +82,12 @@ impl Domain {
             Self::Whole(least, beyond) => {
                 refused(&format!("is not within {}..{}", number(*least), number(beyond - 1.0)))
             }
-            Self::Items(items) if items.iter().any(|(_, item)| f64::from(*item) == value) => Ok(value),
+            Self::Items(items) if items.iter().any(|(_, item)| f64::from(*item) - value == 0.0) => Ok(value),
             Self::Items(items) => {
                 let items = items.iter().map(|(name, number)| format!("{number} ({name})"));
                 refused(&format!("is no item: {}", items.collect::<Vec<_>>().join(", ")))
             }
-            Self::Truth if value == 0.0 || value == 1.0 => Ok(value),
+            Self::Truth if [0.0, 1.0].contains(&value) => Ok(value),
             Self::Truth => {
                 refused("is neither 0 nor 1; a connection's threshold makes it true from there on")
             }
@@ -98,6 +98,7 @@ impl Domain {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the values are exact")]
 mod tests {
     use super::*;
 

@@ -44,7 +44,7 @@ pub struct Experiment {
     /// Override the communication step of a system or single FMU (s)
     #[arg(long, value_name = "SECONDS", value_parser = positive())]
     step: Option<f64>,
-    /// Relative tolerance of the FMUs' integrators, or none [default: that of their DefaultExperiment; without one, 1e-6
+    /// Relative tolerance of the FMUs' integrators, or none [default: that of their default experiment; without one, 1e-6
     /// in Model Exchange]
     #[arg(long, value_name = "none|NUMBER", value_parser = tolerance)]
     tolerance: Option<Tolerance>,

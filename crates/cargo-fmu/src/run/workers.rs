@@ -387,15 +387,25 @@ struct Worker {
     folder: Folder,
 }
 
+/// What a line of a worker's output is.
+enum Received<R> {
+    /// The answer to the last job.
+    Answer(Answer<R>),
+    /// A second answer to an earlier job, of a process that an FMU has forked.
+    Earlier,
+    /// No answer.
+    Garbled,
+}
+
 impl Worker {
-    /// The answer to the last job that a line is, none if it is to an earlier one; none if it is no answer.
-    fn answer<R: DeserializeOwned>(&self, line: &[u8]) -> Option<Option<Answer<R>>> {
-        let Numbered::<IgnoredAny> { number, .. } = serde_json::from_slice(line).ok()?;
-        if number < self.number {
-            return Some(None);
+    /// What a line of its output is.
+    fn received<R: DeserializeOwned>(&self, line: &[u8]) -> Received<R> {
+        match serde_json::from_slice(line) {
+            Ok(Numbered::<IgnoredAny> { number, .. }) if number < self.number => Received::Earlier,
+            Ok(Numbered { number, .. }) if number == self.number => serde_json::from_slice(line)
+                .map_or(Received::Garbled, |Numbered { content, .. }| Received::Answer(content)),
+            _ => Received::Garbled,
         }
-        let answer: Numbered<_> = serde_json::from_slice(line).ok()?;
-        (number == self.number).then_some(Some(answer.content))
     }
 
     /// Asks for a job, or the end.
@@ -483,11 +493,10 @@ impl<'a> Workers<'a> {
         let mut has_ended = false;
         let lost = loop {
             match worker.output.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
-                Ok(Output::Line(line)) => match worker.answer(&line) {
-                    Some(Some(answer)) => return Ok(answer),
-                    // A second answer to an earlier job, of a process that an FMU has forked.
-                    Some(None) => {}
-                    None => {
+                Ok(Output::Line(line)) => match worker.received(&line) {
+                    Received::Answer(answer) => return Ok(answer),
+                    Received::Earlier => {}
+                    Received::Garbled => {
                         let shown = String::from_utf8_lossy(&line).chars().take(MOST_SHOWN).collect();
                         break Lost::Garbled(shown, last_call(&worker.folder));
                     }

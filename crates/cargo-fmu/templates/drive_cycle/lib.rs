@@ -21,11 +21,7 @@ impl {Type} {
 impl Equations for {Type} {
     type Variables = Variables;
 
-    fn prepare(
-        &mut self,
-        _variables: &mut Variables,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    fn prepare(&mut self, _: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
         [self.times, self.speeds] = Table::resource(context, "cycle.csv")?.columns()?;
         self.cycle().check("cycle.csv")
     }

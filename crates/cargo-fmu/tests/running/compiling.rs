@@ -167,7 +167,7 @@ fn careless_sources(bench: &Bench, name: &str, names: &str) {
 /// What the headers of FMI 2.0 before those of 2022 do: they prepend a prefix to the name of each function.
 fn prefixed(prefix: &str) -> String {
     let names = fmu_package::functions(fmu_terms::Version::Two);
-    let names: String = names.map(|name| format!("#define {name} FULL({name})\n")).collect();
+    let names = names.map(|name| format!("#define {name} FULL({name})\n")).collect::<Vec<_>>().concat();
     format!(
         "#define PASTE(a, b) a##b\n#define PASTED(a, b) PASTE(a, b)\n#define FULL(name) PASTED({prefix}, name)\n{names}"
     )

@@ -163,6 +163,7 @@ fn read_sine(node: &Node<'_>) -> Result<Signal> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the values are exact")]
 mod tests {
     use super::*;
 

@@ -279,7 +279,7 @@ fn of_variable(
     let taken = Domain::of(variable, fmu).take(number).map_err(Error::msg)?;
     Ok(match variable.value_type() {
         ValueType::Boolean => Value::Boolean(taken != 0.0),
-        ValueType::Integer | ValueType::Enumeration if f64::from(taken as i32) == taken => {
+        ValueType::Integer | ValueType::Enumeration if f64::from(taken as i32) - taken == 0.0 => {
             Value::Integer(taken as i32)
         }
         // Others do not fit the parameter.

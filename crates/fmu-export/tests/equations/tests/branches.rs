@@ -7,7 +7,7 @@ use fmu_terms::InstanceType;
 use crate::importer::{Importer, heard};
 
 /// In s.
-const PERIOD: f64 = 0.0078125;
+const PERIOD: f64 = 0.007_812_5;
 
 /// What the branch omits, and how the error calls it.
 const OMITTED: [(i32, &str); 5] = [(1, "double"), (2, "der(x)"), (3, "inner"), (4, "row[2]"), (5, "double")];
