@@ -323,7 +323,7 @@ mod tests {
             ),
             (format!("{rows}12.5,40\n"), "line: 3"),
             (HEADER.to_owned(), "it has no rows"),
-            (rows.replace("(kPa)", "(psi)"), "line 1, tank_pressure: the unit 'psi' is not known"),
+            (rows.replace("(kPa)", "(inHg)"), "line 1, tank_pressure: the unit 'inHg' is not known"),
             (rows.replace("(kPa)", "(V)"), "line 1, tank_pressure: the unit V does not convert to Pa"),
             (
                 rows.replace("32.5", "325000"),
