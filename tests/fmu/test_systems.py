@@ -28,7 +28,7 @@ STEP = 1 / 32
 def simulate(system: Path, *arguments: str) -> dict[str, np.ndarray]:
     """The record of a run to its end, with nothing on standard error."""
     out = system.with_suffix(".csv")
-    done = simulate_of_cargo(system, "--step", str(STEP), *arguments, "--out", out)
+    done = simulate_of_cargo(system, "--step", str(STEP), "--tolerance", "none", *arguments, "--out", out)
     assert (done.returncode, done.stderr) == (0, "")
     return read(out)
 

@@ -168,7 +168,7 @@ impl<'a> Master<'a> {
         }
         for (tolerance, names) in tolerances {
             notes.push(format!(
-                "{} gets the tolerance of its DefaultExperiment, {tolerance}; --tolerance changes it, or omits it by none",
+                "{}: tolerance {tolerance}, of the DefaultExperiment; --tolerance gives another, or none",
                 names.join(" and ")
             ));
         }

@@ -218,16 +218,18 @@ def test_model_exchange_samples_at_the_start_and_at_communication_points(fmu, tm
 
 def test_arrays_of_states_are_integrated_with_driven_inputs(tmp_path: Path) -> None:
     inputs = tmp_path / "in.csv"
-    inputs.write_text("time,u[1],u[2],u[3]\n0,0,1,0\n1,1,1,0\n2,0,1,1\n")
+    inputs.write_text("time,u[1],u[2],u[3]\n0,0,1,0\n1,0,1,0\n1,1,1,0\n1.5,1,1,0\n1.5,0,1,1\n2,0,1,1\n")
     times = ["--input", inputs, "--step", "0.1", "--stop-time", "2"]
     fmu = FMUS_OF_FMI3 / "fmu" / "fmi3" / "StateSpace.fmu"
     found = exchanged(fmu, tmp_path, *times)
     out = tmp_path / "co.csv"
     run("simulate", fmu, "--interface", "cs", "--tolerance", str(TOLERANCE), *times, "--out", out)
     expected = read_csv(out)
+    # The inputs are constant in each step, in which Model Exchange would follow them. Where they jump, its
+    # row has the outputs after the event; that of co-simulation those before the step.
+    held = ~np.isin(found["time"], [1, 1.5])
     for name in expected.dtype.names:
-        # Both hold the inputs over a step.
-        assert np.allclose(found[name], expected[name], rtol=1e-7), name
+        assert np.allclose(found[name][held], expected[name][held], rtol=1e-7), name
 
 
 def test_a_model_that_asks_for_the_end_is_recorded_until_then(fmu, tmp_path: Path) -> None:
