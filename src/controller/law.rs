@@ -52,9 +52,11 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
-    /// Whether the reference model's duty stops where the high-pressure wastegate is on its seat.
+    /// Whether the feedforward is limited, from below where the high-pressure wastegate is on its seat. Not in the
+    /// strategy `by_speed`, on whose results users rely.
     pub stops_on_seat: bool,
-    /// Whether the reference model waits for an engine that cannot follow.
+    /// Whether ambient pressure is measured, so that an engine that cannot follow is known from one that does not answer:
+    /// the reference model waits for it, and the integral term does not wind up while the wastegate is on its seat.
     pub waits: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
@@ -67,7 +69,7 @@ pub struct BoostLaw {
     reference_model: ReferenceModel,
     /// The reference model's gain at the last sample (Pa/%), if the integral term is rescaled.
     gain: Option<f64>,
-    /// The part of the duty cut off by its own limits at the last sample (%).
+    /// The part of the duty without effect at the last sample, cut off by its own limits or by the seat (%).
     blocked: f64,
 }
 
@@ -101,6 +103,15 @@ impl BoostLaw {
         let sample_time = parameters.sample_time;
         let &Task { reference, measurement, operating_point, ref feedback, .. } = task;
         self.pid.differentiate(feedback, task.derivative_filter, sample_time, measurement);
+        // The nearest duty that makes a difference. The shaft's limits would take the model too far from the engine.
+        let moving = |duty| {
+            let within = task.own_limits.clip(duty);
+            if task.stops_on_seat {
+                actuator_inverse::effective_duty(&parameters.actuator_inverse, within)
+            } else {
+                within
+            }
+        };
 
         let (feedforward, error, reference_model_pressure) = match parameters.structure {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
@@ -115,18 +126,15 @@ impl BoostLaw {
                     self.pid.rescale(before / linearized.gain, task.integral_exponent);
                 }
                 self.gain = (task.integral_exponent > 0.0).then_some(linearized.gain);
-                let feedforward = model.feedforward(&linearized, reference, task.model_lambda);
                 let (error, pressure) = (model.error(measurement), model.pressure);
-                // The shaft's limits would take the model too far from the engine.
-                let mut duty = task.own_limits.clip(feedforward);
-                if task.stops_on_seat {
-                    duty = actuator_inverse::effective_duty(&parameters.actuator_inverse, duty);
-                }
+                let asked = model.feedforward(&linearized, reference, task.model_lambda);
+                let duty = moving(asked);
                 let delay = operating_point.local_model().delay;
                 if !waits {
                     model.advance(&linearized, duty, delay, sample_time);
                 }
-                (feedforward, error, pressure)
+                // What the engine gets but not the model, the integral term would have to make up for.
+                (if task.stops_on_seat { duty } else { asked }, error, pressure)
             }
         };
         let terms = DutyTerms {
@@ -137,11 +145,11 @@ impl BoostLaw {
             reference_model_pressure,
         };
         let duty = terms.duty();
-        let own = task.own_limits.clip(duty);
         // While the shaft's limits override the duty, the integral term is frozen: the feedback cannot correct the
         // error, and the term would be too large when the limits release.
-        let error = if task.limits.clip(duty) > own { 0.0 } else { error };
-        self.blocked = own - duty;
+        let error = if task.limits.clip(duty) > task.own_limits.clip(duty) { 0.0 } else { error };
+        let effective = if task.waits { moving(duty) } else { task.own_limits.clip(duty) };
+        self.blocked = effective - duty;
         self.pid.integrate(feedback, sample_time, error, self.blocked);
         terms
     }

@@ -108,8 +108,8 @@ class Controller:
         limits = P["range_schedule.boost_limit"]
         index, share = place(SPEEDS, speed)
         limit = (1 - share) * limits[index] + share * limits[index + 1]
-        asked = self.asked(P["reference_lambda"] - model_lambda, min(reference, P["boost_limit"]))
-        r = min(asked, limit)
+        demand = self.asked(P["reference_lambda"] - model_lambda, min(reference, P["boost_limit"]))
+        r = min(demand, limit)
 
         compensation = P["nominal_voltage"] / max(voltage, 6)
         start, span, shape = (P[f"allocation.low_pressure_{name}"] for name in ["start", "span", "shape"])
@@ -133,12 +133,12 @@ class Controller:
             self.integral *= (self.gain / model_gain) ** P["integral_exponent"]
         self.gain = model_gain
         holding = self.holding(speed, rate)
-        feedforward = holding + (r - self.model) / model_lambda / slope
+        asked = holding + (r - self.model) / model_lambda / slope
+        feedforward = clip(asked, max(P["pwm_min"], LIFT_OFF), most)
         error = 0.0 if self.delayed is None else self.delayed - measurement
         delayed = self.model if self.delayed is None else self.delayed
         self.delayed = delayed + SAMPLE_TIME / max(delay, SAMPLE_TIME) * (self.model - delayed)
-        moved = clip(feedforward, max(P["pwm_min"], LIFT_OFF), most)
-        self.model += SAMPLE_TIME * (moved - holding) * slope
+        self.model += SAMPLE_TIME * (feedforward - holding) * slope
 
         unlimited = feedforward + gain * error + self.integral + self.derivative
         duty = clip(unlimited, P["pwm_min"], most)
