@@ -5,7 +5,8 @@
 
 use fmu_export::Persistent;
 
-use super::variables::Parameters;
+use super::estimate::{Level, Measured};
+use super::variables::{ControlMode, FeedbackStructure, Parameters, Strategy};
 use crate::elementary::{larger, smaller};
 
 /// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
@@ -18,17 +19,27 @@ const LEAST_MEASUREMENT: f64 = 3.0;
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// Whether the supply voltage was measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
+/// The supply voltage, freed of its noise in the strategy `split_range`, but for the paper's structure: each movement of the wastegate costs vacuum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SupplyVoltage {
+    level: Level,
     /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
     measured: bool,
 }
 
 impl SupplyVoltage {
-    /// Takes an input (V); returns it if there has been a measurement.
-    pub fn sample(&mut self, voltage: f64) -> Option<f64> {
+    /// Takes an input (V); returns the voltage if there has been a measurement.
+    pub fn sample(&mut self, parameters: &Parameters, voltage: f64) -> Option<f64> {
         self.measured |= voltage >= LEAST_MEASUREMENT;
+        let &Parameters { sample_time, actuator_lag, ref measurement, .. } = parameters;
+        let noise = measurement.supply_voltage_noise;
+        let measured = Measured { sample_time, noise, response: actuator_lag };
+        let voltage = match (parameters.mode, parameters.strategy, parameters.structure) {
+            (ControlMode::Boost, Strategy::SplitRange, FeedbackStructure::ModelReference) => {
+                self.level.sample(measured, voltage)
+            }
+            _ => voltage,
+        };
         self.measured.then_some(voltage)
     }
 }

@@ -30,6 +30,7 @@ mod by_speed;
 mod compensator;
 mod day;
 mod diagnosis;
+mod estimate;
 pub mod feedback;
 mod feedforward;
 mod firmness;
@@ -136,7 +137,7 @@ impl Sampled for ControlLaw {
     ) -> Result<(), Error> {
         let Variables { parameters, locals, outputs, .. } = variables;
         warn_of_ignored_schedule(parameters, context);
-        let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
+        let supply_voltage = SupplyVoltage::default().sample(parameters, inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
         let command = match (parameters.mode, parameters.strategy) {
             (ControlMode::Boost, Strategy::SplitRange) => {
@@ -181,7 +182,7 @@ impl Sampled for ControlLaw {
             context.event(format_args!("vacuum pump {state}, tank at {pressure} kPa"));
         }
 
-        let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
+        let supply_voltage = self.supply_voltage.sample(parameters, inputs.supply_voltage_measured);
         let supply_voltage = self.diagnosis.supply_voltage(parameters, supply_voltage);
         let compensator = Compensator::new(parameters, supply_voltage);
         let limits = limits(parameters, compensator);
