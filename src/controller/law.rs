@@ -54,10 +54,24 @@ pub struct Task<'a, const COLUMNS: usize> {
     pub own_limits: Limits,
     /// Whether the reference model's duty stops where the high-pressure wastegate is on its seat.
     pub stops_on_seat: bool,
-    /// Whether the reference model waits for an engine that cannot follow.
-    pub waits: bool,
+    /// Whether ambient pressure is measured, so that an engine that cannot follow is not one in thin air: the reference
+    /// model then waits for it, and the integral term's authority is limited.
+    pub knows_ambient_pressure: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
+    /// Whether the measurement is one, and not what the law expects, from which the integral term would learn nothing.
+    pub is_measured: bool,
+    /// How far the integral term may move boost at rest by the schedule (Pa), if it is limited.
+    pub authority: Option<f64>,
+}
+
+/// What the integral term corrects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Correction {
+    /// How far it moves boost at rest (Pa).
+    pub pressure: f64,
+    /// Whether it is at the limit of its authority.
+    pub is_exhausted: bool,
 }
 
 /// The memory of the law.
@@ -69,6 +83,7 @@ pub struct BoostLaw {
     gain: Option<f64>,
     /// The part of the duty cut off by its own limits at the last sample (%).
     blocked: f64,
+    correction: Correction,
 }
 
 impl BoostLaw {
@@ -92,6 +107,21 @@ impl BoostLaw {
         self.reference_model.pressure
     }
 
+    /// The boost pressure (Pa) that a sound sensor should measure.
+    pub fn expected_measurement(&self) -> f64 {
+        self.reference_model.expected_measurement()
+    }
+
+    /// The part of the duty cut off by its own limits at the last sample (%), by which the integral term winds down.
+    pub fn blocked(&self) -> f64 {
+        self.blocked
+    }
+
+    /// What the integral term corrected at the last sample.
+    pub fn correction(&self) -> Correction {
+        self.correction
+    }
+
     /// The duty at one sample.
     pub fn sample<const COLUMNS: usize>(
         &mut self,
@@ -106,7 +136,7 @@ impl BoostLaw {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
-                let waits = task.waits && self.blocked * model.error(measurement) > 0.0;
+                let waits = task.knows_ambient_pressure && self.blocked * model.error(measurement) > 0.0;
                 if waits {
                     model.approach(measurement, sample_time / task.model_lambda);
                 }
@@ -142,7 +172,21 @@ impl BoostLaw {
         // error, and the term would be too large when the limits release.
         let error = if task.limits.clip(duty) > own { 0.0 } else { error };
         self.blocked = own - duty;
-        self.pid.integrate(feedback, sample_time, error, self.blocked);
+        if task.is_measured {
+            self.pid.integrate(feedback, sample_time, error, self.blocked);
+        }
+        if let Some(authority) = task.authority {
+            let range = operating_point.correction(self.reference_model.pressure, authority);
+            let integral = self.pid.integral;
+            // Without a measured ambient pressure, thin air looks like a sensor's drift.
+            if task.knows_ambient_pressure {
+                self.pid.integral = range.clip(integral);
+            }
+            let share = if integral < 0.0 { -integral / range.least } else { integral / range.most };
+            // At a limit of the duty, the engine and not the term is at its end.
+            let is_exhausted = !range.contain(integral) && self.blocked == 0.0;
+            self.correction = Correction { pressure: -share * authority, is_exhausted };
+        }
         terms
     }
 }
