@@ -14,7 +14,8 @@ use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
-use fmu_package::connection;
+use fmu_master::Fmu;
+use fmu_package::{FmuVariable, ParameterSet, connection};
 
 const CSV: &str = "results.csv";
 
@@ -31,7 +32,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.toml")]
     connections: Vec<PathBuf>,
     /// Parameters of a plant: values are drawn between the FMU's and those of each set; may be given several times
-    /// [default: those in this repository's parameters/]
+    /// [default: those in this repository's parameters/]. A set of the controller's parameters applies to all cases
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
     /// The controller's strategy [default: its start value]
@@ -106,7 +107,24 @@ impl Arguments {
         let connections = connection::read_all(&self.connections)?;
         let plant = open(&self.plant, Role::Plant, &connections)?;
         let controller = open(&self.controller, Role::Controller, &connections)?;
-        let sets = super::plants(&self.parameters)?;
+        let (mut of_plant, mut of_controller) = (vec![], vec![]);
+        for file in &self.parameters {
+            let set = ParameterSet::read(file)?;
+            let belongs_to = |fmu: &Fmu| {
+                let is_known =
+                    |name: &str| fmu.description().variable(name).is_some_and(FmuVariable::is_settable);
+                set.parameters.iter().any(|parameter| is_known(&parameter.name))
+            };
+            match (belongs_to(&plant), belongs_to(&controller)) {
+                (false, true) => of_controller.push(file.clone()),
+                (true, true) => anyhow::bail!(
+                    "{}: has parameters of both plant and controller; a set is drawn for the plant or applied to the controller, so write two",
+                    file.display()
+                ),
+                (_, false) => of_plant.push(file.clone()),
+            }
+        }
+        let sets = super::plants(&of_plant)?;
 
         let mut settings = Settings::new();
         for (name, file) in [("plant", &self.plant), ("controller", &self.controller)] {
@@ -116,11 +134,18 @@ impl Arguments {
         for (index, set) in sets.iter().enumerate() {
             settings.insert(format!("parameter set {}", index + 1), format!("{set:?}"));
         }
+        for (index, file) in of_controller.iter().enumerate() {
+            settings.insert(
+                format!("the controller's parameter set {}", index + 1),
+                format!("{:?}", ParameterSet::read(file)?),
+            );
+        }
         settings.insert("cases".into(), self.cases.to_string());
         settings.insert("seed".into(), self.seed.to_string());
         settings.insert("strategies".into(), format!("{:?}, {:?}", self.strategy, self.beside));
 
-        let rig = Rig::new(plant, controller, self.seed)?;
+        let mut rig = Rig::new(plant, controller, self.seed)?;
+        rig.controller_sets = of_controller;
         let cases = Cases::draw(rig.plant.description(), &sets, self.cases as usize, self.seed)?;
         let strategies = [self.strategy.clone()].into_iter().chain(self.beside.clone().map(Some));
         Ok((Study { rig, cases, strategies: strategies.collect() }, settings))
