@@ -46,6 +46,9 @@ pub(crate) struct Declaration {
     /// Additional log categories, or new descriptions of the built-in logStatusError, logStatusWarning and logEvents.
     #[serde(default)]
     pub(crate) log_categories: Vec<Described>,
+    /// How the FMU warns. Some importers end a run at the status fmi2Warning. Default: by a message.
+    #[serde(default)]
+    pub(crate) warnings: Warnings,
     /// File of units beyond those of SI, relative to this file.
     pub(crate) units: Option<String>,
     /// HTML fragment for the documentation page, relative to this file.
@@ -274,6 +277,18 @@ impl Default for Capabilities {
             termination: false,
         }
     }
+}
+
+/// How an FMU warns.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Warnings {
+    /// By a message of the status fmi2Warning; the call returns fmi2OK.
+    #[default]
+    Message,
+    /// By such a message, and by the status fmi2Warning of the call.
+    Status,
 }
 
 /// A name and its meaning.

@@ -20,6 +20,8 @@ pub struct ModelDescription {
     pub variables: &'static [VariableDescription],
     /// The declared log categories.
     pub log_categories: &'static [&'static str],
+    /// Whether a call that causes a warning returns the status fmi2Warning; otherwise only the message has it.
+    pub warns_by_status: bool,
     /// The version of the standard.
     pub version: Version,
     /// The interfaces that the FMU offers.

@@ -252,7 +252,10 @@ impl<M: Model> Instance<M> {
         self.memory.is_set_up = true;
         self.memory.time = start_time;
         Ok(not_positive.map_or(Status::Ok, |tolerance| {
-            self.warn(format_args!("tolerance is {}, which is not above 0; it is ignored", Shown(tolerance)))
+            self.logger.warning(format_args!(
+                "tolerance is {}, which is not above 0; it is ignored",
+                Shown(tolerance)
+            ))
         }))
     }
 
@@ -364,12 +367,6 @@ impl<M: Model> Instance<M> {
         }
         self.memory.stale = false;
         Ok(status)
-    }
-
-    /// Logs a warning, and returns its status.
-    fn warn(&self, message: core::fmt::Arguments<'_>) -> Status {
-        self.logger.warning(message);
-        Status::Warning
     }
 
     /// Logs why a call is discarded.

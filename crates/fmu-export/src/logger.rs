@@ -14,6 +14,7 @@ use std::ffi::CString;
 use std::sync::Arc;
 
 use crate::checksum::checksum;
+use crate::description::{ModelDescription, Version};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 use crate::status::Status;
@@ -34,6 +35,8 @@ pub(crate) struct Logger {
     enabled: Vec<bool>,
     /// Whether warnings are logged even if not enabled.
     always_warns: bool,
+    /// The status of a call that causes a warning.
+    warned: Status,
     /// Messages not yet logged.
     pending: RefCell<Vec<Message>>,
     /// The checksum of the last message, if it is the model's: a model that computes the same instant twice logs it once.
@@ -70,21 +73,23 @@ pub(crate) struct Delivery {
 }
 
 impl Logger {
-    /// A logger with debug logging on or off for all categories.
+    /// A logger for a model, with debug logging on or off for all categories.
     #[allow(clippy::arc_with_non_send_sync, reason = "an instance may be called by one thread after another")]
     pub(crate) fn new(
         recipient: Option<impl Recipient + 'static>,
-        categories: &'static [&'static str],
+        model: &ModelDescription,
         debug_logging: bool,
-        always_warns: bool,
     ) -> Self {
+        let categories = model.log_categories;
         let enabled = vec![debug_logging; categories.len()];
         let recipient = recipient.map(|recipient| Arc::new(recipient) as Arc<dyn Recipient>);
         Self {
             recipient,
             categories,
             enabled,
-            always_warns,
+            // FMI 3.0.2, section 2.3.1: without logging, errors alone.
+            always_warns: model.version == Version::Two,
+            warned: if model.warns_by_status { Status::Warning } else { Status::Ok },
             pending: RefCell::default(),
             last: Cell::default(),
         }
@@ -114,11 +119,12 @@ impl Logger {
         self.send(Source::Exporter, Status::Error, ERROR, message);
     }
 
-    /// Logs a problem with a call.
-    pub(crate) fn warning(&self, message: fmt::Arguments<'_>) {
+    /// Logs a problem with a call. Returns the status that the call has for it.
+    pub(crate) fn warning(&self, message: fmt::Arguments<'_>) -> Status {
         if self.warns() {
             self.send(Source::Exporter, Status::Warning, WARNING, message);
         }
+        self.warned
     }
 
     /// Logs why a call is discarded, or its effect, if debug logging is on (section 2.1.3).
@@ -128,14 +134,14 @@ impl Logger {
         }
     }
 
-    /// Logs a message of the model in a category. Returns the resulting status.
+    /// Logs a message of the model in a category. Returns the status that the call has for it.
     pub(crate) fn message(&self, category: &'static str, message: fmt::Arguments<'_>) -> Status {
         if category == WARNING && self.warns() {
             self.send(Source::Model, Status::Warning, category, message);
         } else if category != WARNING && self.is_enabled(category) {
             self.send(Source::Model, Status::Ok, category, message);
         }
-        if category == WARNING { Status::Warning } else { Status::Ok }
+        if category == WARNING { self.warned } else { Status::Ok }
     }
 
     fn warns(&self) -> bool {
@@ -240,7 +246,13 @@ mod tests {
     #[test]
     fn a_message_of_the_model_is_not_repeated_at_once() {
         let heard = Arc::new(Mutex::new(vec![]));
-        let logger = Logger::new(Some(Heard(heard.clone())), &[EVENT, WARNING], true, true);
+        let logger = Logger {
+            recipient: Some(Arc::new(Heard(heard.clone()))),
+            categories: &[EVENT, WARNING],
+            enabled: vec![true; 2],
+            warned: Status::Warning,
+            ..Logger::default()
+        };
         let status = |category, text: &str| logger.message(category, format_args!("{text}"));
         // The status is the same as without logging.
         assert_eq!([status(WARNING, "a"), status(WARNING, "a")], [Status::Warning; 2]);

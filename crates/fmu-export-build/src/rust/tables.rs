@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use fmu_terms::DataType;
 
 use super::generator::{Generator, Variable, bound};
-use crate::declaration::Declaration;
+use crate::declaration::{Declaration, Warnings};
 use crate::dependencies::{Structure, Unknown, known_in_steps};
 use crate::model::{Place, Scalar, without_subscripts};
 
@@ -213,6 +213,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
     variables: &[
 {variables}    ],
     log_categories: &[{categories}],
+    warns_by_status: {},
     version: fmi::Version::{:?},
     interfaces: fmi::Interfaces::{:?},
     capabilities: fmi::Capabilities {{
@@ -228,6 +229,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {{
 }};
 ",
             model.identifier,
+            model.declaration.warnings == Warnings::Status,
             model.fmi.version,
             model.fmi.interfaces,
             capabilities.interpolate_inputs,

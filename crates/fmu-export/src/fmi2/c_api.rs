@@ -98,7 +98,7 @@ pub unsafe fn fmi2Instantiate<M: Model>(
     let name = unsafe { c_string("instanceName", instance_name) };
     let instance_name = name.as_ref().map_or_else(|_| c"".to_owned(), |&name| name.to_owned());
     let recipient = callback.map(|function| Callback { function, environment, instance_name });
-    let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, true);
+    let logger = Logger::new(recipient, description, logging_on != FALSE);
     let check = || -> Result<InstanceType, Error> {
         // C's white space: section 2.1.5 requires at least one other character.
         if name?.to_bytes().iter().all(|byte| matches!(byte, b' ' | b'\t'..=b'\r')) {

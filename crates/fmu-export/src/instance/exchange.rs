@@ -130,12 +130,11 @@ impl<M: Model> Instance<M> {
                     .events
                     .first_changed()
                     .map_or("time events", |at| M::Variables::EVENT_INDICATORS[at]);
-                logger.warning(format_args!(
+                status = logger.warning(format_args!(
                     "{MOST_ITERATIONS} events in a row barely advance beyond {} s, the last caused by {cause}: they come \
                      ever faster",
                     Seconds(time)
                 ));
-                status = Status::Warning;
             }
             let mut log = Timed::new(time, |category, message| {
                 status = status.max(logger.message(category, message));

@@ -133,7 +133,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Reports that an input is clamped to a bound. If the importer may be trying values, in Continuous-Time Mode and
-    /// in steps that it may roll back, the status is not a warning, because solvers treat one as a failure. Each input
+    /// in steps that it may roll back, the status is OK, because solvers treat one as a failure. Each input
     /// is then logged once, because finite differences leave the range repeatedly.
     #[cold]
     fn warn_of_bounds(&mut self, reference: ValueReference, value: f64) -> Status {
@@ -144,7 +144,7 @@ impl<M: Model> Instance<M> {
         } else if tries {
             return Status::Ok;
         }
-        let warned = self.warn(format_args!(
+        let warned = self.logger.warning(format_args!(
             "{} for the input {} is outside its range {} to {}; the nearest bound is used",
             Shown(value),
             variable.name(),
@@ -337,7 +337,7 @@ impl<M: Model> Instance<M> {
             if variable.variability == Variability::Continuous {
                 self.memory.inputs.set_derivative(position, order, value);
             } else if value != 0.0 && self.memory.inputs.ignore_derivative(position) {
-                status = self.warn(format_args!(
+                status = self.logger.warning(format_args!(
                     "the input {} is discrete and constant; its derivatives are ignored",
                     variable.name()
                 ));

@@ -87,7 +87,7 @@ impl<M: Model> Instance<M> {
         let Capabilities { early_return, .. } = Self::DESCRIPTION.capabilities;
         // FMI 3.0.2, section 4.4: without `mightReturnEarlyFromDoStep` importers rely on whole steps.
         if Self::DESCRIPTION.version == Version::Three && !early_return && self.memory.time < end {
-            self.warn(format_args!(
+            self.logger.warning(format_args!(
                 "the step ends early, at the model's request, which the FMU does not announce: its JSON must declare \
                  \"capabilities\": {{\"termination\": true}}"
             ));

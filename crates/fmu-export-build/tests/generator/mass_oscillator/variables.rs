@@ -470,6 +470,7 @@ static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
         fmi::VariableDescription { base_name: "force", value_reference: 100, dimensions: &[], elements: 1, stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Input, variability: fmi::Variability::Continuous, initial: None, min: f64::NEG_INFINITY, max: f64::INFINITY, items: &[], first_real_input: Some(0), first_state: None, in_initialization: fmi::Roles { known: true, unknown: false }, in_steps: fmi::Roles { known: true, unknown: false } },
     ],
     log_categories: &["logStatusError", "logStatusWarning", "logEvents", "logWear"],
+    warns_by_status: false,
     version: fmi::Version::Two,
     interfaces: fmi::Interfaces::CoSimulation,
     capabilities: fmi::Capabilities {

@@ -61,7 +61,7 @@ pub(super) unsafe fn instantiate<M: Model>(
     #[cfg(target_family = "wasm")]
     let log_message = log_message.map(|_| host::log as LogMessageCallback);
     let recipient = log_message.map(|function| Callback { function, environment });
-    let logger = Logger::new(recipient, description.log_categories, logging_on != FALSE, false);
+    let logger = Logger::new(recipient, description, logging_on != FALSE);
     let check = || -> Result<InstanceType, Error> {
         // SAFETY: the caller's promise.
         let (name, token) =
