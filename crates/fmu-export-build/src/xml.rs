@@ -10,7 +10,7 @@ pub(crate) mod variables;
 use std::io;
 
 use fmu_terms::Version;
-use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float, given};
+use fmu_xml::{Attributes, XmlWriter, base_unit, conversion, document, element, empty, float, given};
 use uuid::Uuid;
 
 use crate::declaration::{Declaration, Described};
@@ -84,9 +84,7 @@ fn write_units(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
             }
             element(writer, "Unit", name, |writer| {
                 if let Some(base) = &unit.base {
-                    let powers = base.powers().map(|(unit, exponent)| (unit, exponent.to_string()));
-                    let attributes = powers.chain(conversion(base.factor, base.offset));
-                    empty(writer, "BaseUnit", attributes.collect())?;
+                    empty(writer, "BaseUnit", base_unit(base.powers(), base.factor, base.offset))?;
                 }
                 // Including those in the file that no variable uses: importers offer them to their users.
                 unit.display_units.iter().try_for_each(|display| {

@@ -5,7 +5,8 @@
 //!
 //! - OMSimulator needs its own annotation, which selects co-simulation, first; it needs the usual prefixes, and
 //!   rejects `SystemGeometry` and a component's elements other than connectors, geometry and parameter bindings; from
-//!   Python it fails on units of parameters inside the structure, so all parameter sets are separate files;
+//!   Python it fails on units of parameters inside the structure, so all parameter sets are separate files, and
+//!   on a transformation that lacks one of its attributes;
 //! - libcosim reads its step size from its own annotation, and supports only connections between components, hence
 //!   [`SystemStructure::of_components`];
 //! - FMPy needs a connection for every listed input.
@@ -14,7 +15,7 @@ use std::io::{self, Write};
 use std::iter;
 
 use fmu_terms::{Causality, Linear, Unit, Word};
-use fmu_xml::{Attributes, XmlWriter, conversion, document, element, empty, float};
+use fmu_xml::{Attributes, XmlWriter, document, element, empty, float};
 
 use crate::archive;
 use crate::parameter_set::{self, Parameter, ParameterSet, Value};
@@ -354,7 +355,8 @@ impl Connection {
         }
         element(writer, "ssd:Connection", attributes, |writer| {
             if let Some(Linear { factor, offset }) = self.transformation {
-                empty(writer, "ssc:LinearTransformation", conversion(factor, offset))?;
+                let attributes = vec![("factor", float(factor)), ("offset", float(offset))];
+                empty(writer, "ssc:LinearTransformation", attributes)?;
             }
             let list = |values: Vec<String>| values.join(" ");
             let x = list(self.corners.iter().map(|corner| float(corner.0)).collect());

@@ -3,7 +3,7 @@
 use std::io;
 
 use fmu_terms::{BASE_UNITS, BaseUnit, DisplayUnit, Linear, Unit, UnitTable, spelled};
-use fmu_xml::{XmlWriter, conversion, element, empty};
+use fmu_xml::{XmlWriter, base_unit, element, empty};
 
 use crate::xml::{Element, children, number, text};
 
@@ -85,8 +85,7 @@ pub(crate) fn write(writer: &mut XmlWriter, list: &'static str, units: &[Unit]) 
     element(writer, list, vec![], |writer| {
         known.iter().try_for_each(|(unit, base)| {
             element(writer, "ssc:Unit", vec![("name", unit.name.clone())], |writer| {
-                let powers = base.powers().map(|(name, exponent)| (name, exponent.to_string()));
-                empty(writer, "ssc:BaseUnit", powers.chain(conversion(base.factor, base.offset)).collect())
+                empty(writer, "ssc:BaseUnit", base_unit(base.powers(), base.factor, base.offset))
             })
         })
     })

@@ -66,7 +66,19 @@ pub fn float(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// A unit's or transformation's factor and offset, unless they are the schemas' defaults 1 and 0.
+/// The attributes of a `BaseUnit`: its powers, and its conversion. The unit 1 has its factor, since some tools, such as
+/// ospx, cannot read the element without attributes.
+#[must_use]
+pub fn base_unit(powers: impl Iterator<Item = (&'static str, i32)>, factor: f64, offset: f64) -> Attributes {
+    let mut attributes: Attributes = powers.map(|(name, exponent)| (name, exponent.to_string())).collect();
+    attributes.extend(conversion(factor, offset));
+    if attributes.is_empty() {
+        attributes.push(("factor", float(factor)));
+    }
+    attributes
+}
+
+/// A unit's factor and offset, unless they are the schemas' defaults 1 and 0.
 #[must_use]
 pub fn conversion(factor: f64, offset: f64) -> Attributes {
     let mut attributes = Vec::new();
