@@ -215,7 +215,11 @@ fn importers_are_named_by_the_user() {
     let unknown = cargo_fmu(&["validate", &path, "--importer", "Excel"]);
     assert_eq!(unknown.status.code(), Some(2));
     let message = String::from_utf8(unknown.stderr).unwrap();
-    assert!(message.contains("'Excel'") && message.contains("CasADi, FMI.jl, FMPy, PyFMI"), "{message}");
+    assert!(
+        message.contains("'Excel'")
+            && message.contains("CasADi, Chrono, fmi, FMI.jl, FMPy, OMSimulator, PyFMI"),
+        "{message}"
+    );
 }
 
 #[test]

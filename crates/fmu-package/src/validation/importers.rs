@@ -1,10 +1,13 @@
 //! The table of FMUs that the standard allows but known importers reject, shown in `docs/validation.md`.
 
-use fmu_terms::{Causality, Version};
+use fmu_terms::{Causality, DataType, Version};
 
 use super::model::Model;
 use super::report::{Place, Report};
-use super::rules::{ARRAY, Rule, STRUCTURAL_PARAMETER, TYPE_DESCRIPTION};
+use super::rules::{
+    AMPERE_OR_KELVIN, ARRAY, CLOCK_VARIABLE, ENUMERATION_VARIABLE, Rule, STRUCTURAL_PARAMETER,
+    TYPE_DESCRIPTION,
+};
 use crate::xml::named;
 
 /// A tool that imports FMUs.
@@ -32,6 +35,22 @@ pub static ALL: &[Importer] = &[
         ],
     },
     Importer {
+        name: "Chrono",
+        versions: "of July 2026",
+        evidence: "source of fmu-forge",
+        refuses: &[
+            (&ENUMERATION_VARIABLE, "reading fails: \"Unknown variable type\""),
+            (&CLOCK_VARIABLE, "reading fails: \"Unknown variable type\""),
+            (&STRUCTURAL_PARAMETER, "reading fails: \"causality is badly formatted\""),
+        ],
+    },
+    Importer {
+        name: "fmi",
+        versions: "0.8.0",
+        evidence: "source of the crate fmi-schema",
+        refuses: &[(&AMPERE_OR_KELVIN, "reading fails: it knows these attributes as `a` and `k`")],
+    },
+    Importer {
         name: "FMI.jl",
         versions: "0.15.0",
         evidence: "source of FMIImport.jl 1.3.1",
@@ -45,6 +64,12 @@ pub static ALL: &[Importer] = &[
         versions: "below 0.3.24",
         evidence: "0.3.23 and 0.3.24 tried",
         refuses: &[(&TYPE_DESCRIPTION, "reading fails with a `TypeError`")],
+    },
+    Importer {
+        name: "OMSimulator",
+        versions: "of August 2026",
+        evidence: "source",
+        refuses: &[(&ARRAY, "getting and setting fails: it passes one value for each variable")],
     },
     Importer {
         name: "PyFMI",
@@ -74,7 +99,24 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
             note(&TYPE_DESCRIPTION, model.xml.at(*declared), &format!("the type {name} has a description"));
         }
     }
+    for unit in &model.units {
+        let mut bases = named(*unit, "BaseUnit");
+        if bases.any(|base| base.has_attribute("A") || base.has_attribute("K")) {
+            let name = unit.attribute("name").unwrap_or_default();
+            note(
+                &AMPERE_OR_KELVIN,
+                model.xml.at(*unit),
+                &format!("the unit {name} has the base unit A or K"),
+            );
+        }
+    }
     for variable in &model.variables {
+        if variable.data_type == DataType::Enumeration {
+            note(&ENUMERATION_VARIABLE, model.at(variable), "it is an enumeration");
+        }
+        if variable.data_type == DataType::Clock {
+            note(&CLOCK_VARIABLE, model.at(variable), "it is a clock");
+        }
         if named(variable.element, "Dimension").next().is_some() {
             note(&ARRAY, model.at(variable), "it is an array");
         }

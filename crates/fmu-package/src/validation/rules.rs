@@ -238,4 +238,10 @@ rules! {
         "No arrays." => "Export the FMU for FMI 2.0, where each element is a variable.";
     STRUCTURAL_PARAMETER: Note "structural-parameter" ("importers")
         "No structural parameters." => "Give the dimensions as numbers.";
+    ENUMERATION_VARIABLE: Note "enumeration-variable" ("importers")
+        "No enumerations." => "Export the FMU for FMI 2.0, or declare an integer.";
+    CLOCK_VARIABLE: Note "clock-variable" ("importers")
+        "No clocks." => "Export the FMU for FMI 2.0, which has none.";
+    AMPERE_OR_KELVIN: Note "ampere-or-kelvin" ("importers")
+        "No units of the base units `A` and `K`." => "Export the FMU for FMI 2.0, or omit the unit's definition.";
 }

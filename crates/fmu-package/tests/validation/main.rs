@@ -150,6 +150,7 @@ fn what_an_importer_refuses_is_noted_for_it_alone() {
     let mut files = files(Good::Fmi3);
     // Two arrays and a structural parameter are there already.
     let text = include_str!("fmi3.xml")
+        .replace("</UnitDefinitions>", r#"<Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit></UnitDefinitions>"#)
         .replace(r#"<EnumerationType name="Mode""#, r#"<EnumerationType name="Mode" description="On or off""#)
         .replace(
             "</TypeDefinitions>",
@@ -159,10 +160,13 @@ fn what_an_importer_refuses_is_noted_for_it_alone() {
     fs::write(&path, zipped(&files)).unwrap();
     assert!(validate(&path, &[]).unwrap().findings.is_empty());
     let arrays = ["array: profile", "array: matrix"];
-    let found: [(&str, &[&str]); 4] = [
+    let found: [(&str, &[&str]); 7] = [
         ("CasADi", &["structural-parameter: size", arrays[0], arrays[1]]),
+        ("Chrono", &["structural-parameter: size", "clock-variable: tick", "enumeration-variable: mode"]),
+        ("fmi", &["ampere-or-kelvin: "]),
         ("FMI.jl", &arrays),
         ("FMPy", &["type-description: "]),
+        ("OMSimulator", &arrays),
         ("PyFMI", &arrays),
     ];
     let mut rules_found = BTreeSet::new();
