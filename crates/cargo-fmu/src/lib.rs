@@ -24,12 +24,14 @@ mod threads;
 mod validate;
 
 use std::env;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use clap::{CommandFactory as _, Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use clap_complete::Shell;
+use fmu_io::terminal::{CARGO_FMU, program};
 use fmu_io::{temporary, terminal};
 
 pub use compile_sources::Compile;
@@ -157,17 +159,33 @@ Example:
     },
 }
 
-/// Runs `cargo fmu` with the process's arguments.
+/// The command line, in the words with which it is called.
+fn command_line() -> clap::Command {
+    fn renamed(command: clap::Command, program: &'static str) -> clap::Command {
+        let examples = command.get_after_help().map(|help| help.to_string().replace(CARGO_FMU, program));
+        let command = if let Some(examples) = examples { command.after_help(examples) } else { command };
+        command.mut_subcommands(|command| renamed(command, program))
+    }
+    let command = Arguments::command();
+    match program() {
+        CARGO_FMU => command,
+        program => renamed(command, program).name(program).bin_name(program),
+    }
+}
+
+/// Runs `cargo fmu`, or `fmu`, with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
     exit_with(|| {
         // Cargo passes the word `fmu` as the first argument.
-        let arguments = env::args_os().enumerate();
-        let arguments = arguments.filter(|(index, word)| *index != 1 || word != "fmu").map(|(_, word)| word);
-        let arguments: Vec<_> = arguments.collect();
+        let is_of_cargo =
+            |index: usize, word: &OsString| index == 1 && word == "fmu" && program() == CARGO_FMU;
+        let arguments = env::args_os().enumerate().filter(|(index, word)| !is_of_cargo(*index, word));
+        let arguments: Vec<_> = arguments.map(|(_, word)| word).collect();
         #[cfg(feature = "simulate")]
         let (is_worker, arguments) = run::workers::told_to_work(arguments);
-        let command = Arguments::parse_from(&arguments).command;
+        let matches = command_line().get_matches_from(&arguments);
+        let command = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command;
         #[cfg(feature = "simulate")]
         let worker = || run::workers::Program::this(&arguments);
         // An FMU may end the process.
@@ -194,14 +212,14 @@ pub fn main() -> ExitCode {
             #[cfg(feature = "simulate")]
             Command::Sweep(sweep) => return sweep.run(&worker()?),
             Command::Completions { shell } => {
-                let mut command = Arguments::command();
+                let mut command = command_line();
                 // Shells complete the program that cargo runs.
                 let name = command.get_name().to_owned();
                 let mut script = vec![];
                 clap_complete::generate(shell, &mut command, name, &mut script);
                 String::from_utf8(script).map_err(Into::into).and_then(|script| Ok(terminal::print(&script)?))
             }
-            Command::Man { folder } => clap_mangen::generate_to(Arguments::command(), &folder)
+            Command::Man { folder } => clap_mangen::generate_to(command_line(), &folder)
                 .with_context(|| format!("cannot write to the folder {}", folder.display())),
         }
         .map(|()| true)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use fmu_io::terminal::print;
+use fmu_io::terminal::{print, program};
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
 use super::metadata::cargo;
@@ -160,7 +160,8 @@ impl New {
         self.fill_in(name, &identifier)?;
         Ok(print(&format!(
             "Created `{path}`. Declare variables in model.json and write the equations in src/lib.rs, then run \
-             `cargo fmu export`.\n"
+             `{} export`.\n",
+            program()
         ))?)
     }
 

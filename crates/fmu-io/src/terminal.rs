@@ -1,8 +1,25 @@
 //! Output of commands. Texts from descriptions, messages and file names are not trusted: control characters are
 //! escaped.
 
+use std::env;
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind, Write};
+use std::path::Path;
+
+/// The command with which users call the commands of `cargo fmu`: `fmu`, as Python's package installs it, or
+/// `cargo fmu`.
+#[must_use]
+pub fn program() -> &'static str {
+    let called = env::args_os().next();
+    if called.is_some_and(|path| Path::new(&path).file_stem() == Some("fmu".as_ref())) {
+        "fmu"
+    } else {
+        CARGO_FMU
+    }
+}
+
+/// The command by which cargo calls it.
+pub const CARGO_FMU: &str = "cargo fmu";
 
 /// Prints a text. The reader may close the pipe early, as `head` does.
 ///

@@ -9,7 +9,7 @@ use crate::Export;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fmu_io::terminal::complain;
+use fmu_io::terminal::{complain, program};
 use fmu_io::writing;
 use fmu_master::process::contained;
 use fmu_master::scenario::{
@@ -197,9 +197,10 @@ fn version() -> impl TypedValueParser<Value = Version> {
 /// The FMU of the model in this folder, which is exported for a trial, with the interface by which it runs.
 fn model_of_this_folder(interface: Option<Interface>, version: Option<Version>) -> Result<PathBuf> {
     let plan = Export::trial(interface, version).plan()?;
-    complain(
-        "Trial export with cargo's profile dev, not optimized; for long runs: `cargo fmu export`, then simulate its FMU",
-    );
+    complain(&format!(
+        "Trial export with cargo's profile dev, not optimized; for long runs: `{} export`, then simulate its FMU",
+        program()
+    ));
     let mut fmus = plan.run(&[], &[])?;
     if fmus.len() == 1 {
         return Ok(fmus.remove(0));

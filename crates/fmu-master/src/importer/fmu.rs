@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
 use fmu_export::integrator::Pattern;
-use fmu_io::reading;
+use fmu_io::{reading, terminal};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{
     BuildConfiguration, FmuDescription, FmuVariable, Linear, MODEL_DESCRIPTION, Platform, read_xml,
@@ -103,7 +103,7 @@ impl Fmu {
         if !library.is_file() {
             let has_sources = has_build_description || !description.source_files.is_empty();
             let remedy = if has_sources {
-                format!("; `cargo fmu compile {}` compiles its C sources", path.display())
+                format!("; `{} compile {}` compiles its C sources", terminal::program(), path.display())
             } else {
                 String::new()
             };
