@@ -1,6 +1,6 @@
-"""The steps of the workflow that makes a release, as a reader of YAML yields them, in a clone: those of the machine
-with Linux, the libraries for Windows, and what joins them. What installs Rust, and what attaches files to a
-release, is replaced."""
+"""The steps of the workflow that makes a release, as a reader of YAML yields them, in a clone: those of the
+machine with Linux, the libraries for Windows, and what joins them. What installs Rust is replaced, and what
+attaches files to a release does not run."""
 
 import os
 import shutil
