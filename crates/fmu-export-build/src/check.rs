@@ -58,7 +58,7 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     unique("enumerations", enumerations.iter().map(|known| known.name.clone()), refusals);
     for (number, enumeration) in enumerations.iter().enumerate() {
         let (name, key) = (&enumeration.name, format!("enumerations[{number}]"));
-        refusals.require(format!("{key}.name"), type_name(name));
+        named(&key, name, enumeration.rust_name.as_deref(), type_name, refusals);
         if ValueType::of_name(name).is_some() {
             refusals.add(format!("{key}.name"), format!("'{name}' is the name of a built-in type"));
         }
@@ -85,21 +85,32 @@ fn names(declaration: &Declaration, refusals: &mut Refusals) {
     }
     let types = &declaration.component_types;
     unique("component_types", types.iter().map(|known| known.name.clone()), refusals);
-    for (number, component_type) in types.iter().enumerate() {
-        refusals.require(format!("component_types[{number}].name"), type_name(&component_type.name));
+    for (number, known) in types.iter().enumerate() {
+        let key = format!("component_types[{number}]");
+        named(&key, &known.name, known.rust_name.as_deref(), type_name, refusals);
     }
     fields("state_groups", &described(&declaration.state_groups), refusals);
     for contents in declaration.contents() {
-        let components: Vec<_> = contents.components.iter().map(|component| component.name.clone()).collect();
-        fields(&within(&contents.key, "components"), &components, refusals);
+        for (number, component) in contents.components.iter().enumerate() {
+            let key = contents.key_of(number);
+            named(&key, &component.name, component.rust_name.as_deref(), field_name, refusals);
+        }
+        let components = || contents.components.iter();
+        unique(&within(&contents.key, "components"), components().map(|known| known.name.clone()), refusals);
         let variables = contents.variables.iter().map(VariableDeclaration::rust_name);
         let time = contents.key.is_empty().then(|| "time".to_owned());
         let variables: BTreeSet<_> = variables.chain(time).collect();
-        for (number, component) in components.iter().enumerate() {
-            if variables.contains(component) {
-                let reason = format!("'{component}' is also the name of a variable");
-                refusals.add(format!("{}.name", contents.key_of(number)), reason);
-            }
+        let mut in_rust = BTreeMap::new();
+        for (number, component) in components().enumerate() {
+            let (name, rust_name) = (&component.name, component.rust_name());
+            let reason = if variables.contains(&rust_name) {
+                format!("'{rust_name}' is also the name of a variable")
+            } else if let Some(other) = in_rust.insert(rust_name, name).filter(|other| *other != name) {
+                format!("{name}: its Rust name is that of '{other}'; give it another 'rust_name'")
+            } else {
+                continue;
+            };
+            refusals.add(format!("{}.name", contents.key_of(number)), reason);
         }
     }
 }
@@ -133,6 +144,18 @@ fn real_types(declaration: &Declaration, refusals: &mut Refusals) {
     }
 }
 
+/// A name in FMI, and the one that it has in Rust, if it is declared.
+fn named(
+    key: &str,
+    name: &str,
+    rust_name: Option<&str>,
+    in_rust: impl Fn(&str) -> Result<(), String>,
+    refusals: &mut Refusals,
+) {
+    refusals.require(format!("{key}.name"), variable_name(name));
+    refusals.require(format!("{key}.rust_name"), rust_name.map_or(Ok(()), in_rust));
+}
+
 /// The names in a list, each of which is a field in Rust.
 fn fields(list: &str, names: &[String], refusals: &mut Refusals) {
     for (number, name) in names.iter().enumerate() {
@@ -141,14 +164,12 @@ fn fields(list: &str, names: &[String], refusals: &mut Refusals) {
     unique(list, names.iter().cloned(), refusals);
 }
 
-/// Event indicators are named like variables, such as `vessel.empty`.
+/// Event indicators have names like variables.
 fn event_indicators(declaration: &Declaration, refusals: &mut Refusals) {
     let mut seen = BTreeSet::new();
     for (number, name) in declaration.event_indicators.iter().enumerate() {
         let key = format!("event_indicators[{number}]");
-        if let Err(reason) = name.split('.').try_for_each(field_name) {
-            refusals.add(&key, format!("{name}: {reason}"));
-        }
+        refusals.require(&key, variable_name(name));
         if !seen.insert(name) {
             refusals.add(key, format!("'{name}' is declared twice"));
         }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::error::Refusal;
+use crate::names::{rust_name, rust_type_name};
 use crate::value_type::ValueType;
 
 #[cfg(test)]
@@ -333,13 +334,20 @@ pub(crate) struct RealType {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EnumerationDeclaration {
-    /// In the form `TypeName`.
+    /// Its name in FMI.
     pub(crate) name: String,
+    /// Its name in Rust, in the form `TypeName`, if another one is wanted.
+    pub(crate) rust_name: Option<String>,
     pub(crate) description: String,
     pub(crate) items: Vec<ItemDeclaration>,
 }
 
 impl EnumerationDeclaration {
+    /// Its name in Rust.
+    pub(crate) fn rust_name(&self) -> String {
+        self.rust_name.clone().unwrap_or_else(|| rust_type_name(&self.name))
+    }
+
     /// The items with their values. The check refuses one after the largest 32-bit integer.
     pub(crate) fn valued(&self) -> impl Iterator<Item = (&ItemDeclaration, i32)> {
         self.items.iter().scan(0_i32, |last, item| {
@@ -365,12 +373,21 @@ pub(crate) struct ItemDeclaration {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentType {
-    /// In the form `TypeName`.
+    /// The name by which components refer to it.
     pub(crate) name: String,
+    /// With what the names of its structs in Rust begin, in the form `TypeName`, if not with its own name.
+    pub(crate) rust_name: Option<String>,
     #[serde(default)]
     pub(crate) variables: Vec<VariableDeclaration>,
     #[serde(default)]
     pub(crate) components: Vec<ComponentDeclaration>,
+}
+
+impl ComponentType {
+    /// With what the names of its structs begin.
+    pub(crate) fn rust_name(&self) -> String {
+        self.rust_name.clone().unwrap_or_else(|| rust_type_name(&self.name))
+    }
 }
 
 /// A part of the model, with variables and components of its own or those of a type.
@@ -378,8 +395,10 @@ pub(crate) struct ComponentType {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ComponentDeclaration {
-    /// In the form `lower_case`.
+    /// Its name in FMI, before those of its variables.
     pub(crate) name: String,
+    /// Its name in Rust, in `lower_case`, if another one is wanted.
+    pub(crate) rust_name: Option<String>,
     pub(crate) description: Option<String>,
     /// Its variables, unless it has a type.
     pub(crate) variables: Option<Vec<VariableDeclaration>>,
@@ -398,6 +417,13 @@ pub(crate) struct ComponentDeclaration {
     /// The variables for the type's {placeholders} in this component.
     #[serde(default, deserialize_with = "without_duplicates")]
     pub(crate) connections: BTreeMap<String, String>,
+}
+
+impl ComponentDeclaration {
+    /// Its name in Rust.
+    pub(crate) fn rust_name(&self) -> String {
+        self.rust_name.clone().unwrap_or_else(|| rust_name(&self.name))
+    }
 }
 
 /// What the model, a component or a type contains.

@@ -11,7 +11,7 @@ use crate::check::variable;
 use crate::declaration::{AliasDeclaration, Contents, Declaration, VariableDeclaration, within};
 use crate::error::{Refusal, Refusals, nearest};
 use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description, outward};
-use crate::names::{length, pascal_case};
+use crate::names::{length, rust_type_name};
 
 /// The most components: types could contain each other in numbers that no computer holds.
 const MOST_COMPONENTS: usize = 100_000;
@@ -106,13 +106,18 @@ impl<'a> Flat<'a> {
         let part = Part {
             component: Some(component),
             name: outer.name_of(&component.name),
+            path: format!("{}{}.", outer.path, component.rust_name()),
             description: match &component.description {
                 Some(description) => Some(outer.describe(description)),
                 None => outer.description.clone(),
             },
             type_name: match &component.component_type {
-                Some(name) => name.clone(),
-                None => outer.type_name.clone() + &pascal_case(&component.name),
+                Some(name) => match self.types.get(name.as_str()) {
+                    Some(&known) => self.declaration.component_types[known].rust_name(),
+                    // It is refused below.
+                    None => String::new(),
+                },
+                None => outer.type_name.clone() + &rust_type_name(&component.rust_name()),
             },
             around: Some(around),
             key: key.clone(),
@@ -250,7 +255,7 @@ impl<'a> Flat<'a> {
                 reinit: declaration.reinit,
                 strict: [declaration.strict_min, declaration.strict_max],
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
-                path: part.name_of(&declaration.rust_name()) + &indices,
+                path: part.path.clone() + &declaration.rust_name() + &indices,
                 ..Scalar::time()
             };
             let rate = declaration.derivative.as_ref().map(|derivative| Scalar {

@@ -45,6 +45,8 @@ pub(crate) struct Part<'a> {
     pub(crate) component: Option<&'a ComponentDeclaration>,
     /// Its name in FMI, such as `outer.inner`; empty for the model.
     pub(crate) name: String,
+    /// With what the paths of its variables in Rust begin, such as `outer.inner.`; empty for the model.
+    pub(crate) path: String,
     /// The description with those of the components around it.
     pub(crate) description: Option<String>,
     /// With what the names of its structs begin.
@@ -62,6 +64,11 @@ impl<'a> Part<'a> {
     /// Its name within the part around it.
     pub(crate) fn own_name(&self) -> &'a str {
         self.component.map_or("", |component| &component.name)
+    }
+
+    /// Its name in Rust.
+    pub(crate) fn rust_name(&self) -> String {
+        self.component.map(ComponentDeclaration::rust_name).unwrap_or_default()
     }
 
     /// Its description without those of the components around it.

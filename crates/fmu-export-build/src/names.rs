@@ -59,7 +59,7 @@ pub(crate) fn field_name(name: &str) -> Result<(), String> {
     not_reserved(name, name)
 }
 
-/// A variable's name in FMI, which another tool may dictate.
+/// A name in FMI, which another tool may dictate.
 pub(crate) fn variable_name(name: &str) -> Result<(), String> {
     length(name)?;
     if name.is_empty() {
@@ -71,7 +71,19 @@ pub(crate) fn variable_name(name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// A variable's name in Rust, unless the declaration has another: what Rust does not allow becomes `_`, then snake case.
+/// The name of a type in Rust, unless the declaration has another: the name itself if it is of the form `TypeName`, else
+/// that of a variable in Pascal case.
+pub(crate) fn rust_type_name(name: &str) -> String {
+    if type_name(name).is_ok() {
+        return name.to_owned();
+    }
+    let rust = pascal_case(&rust_name(name));
+    let is_usable = rust != "Self" && rust.starts_with(is_xid_start);
+    if is_usable { rust } else { format!("Type{rust}") }
+}
+
+/// A variable's or component's name in Rust, unless the declaration has another: what Rust does not allow becomes `_`, then
+/// snake case.
 pub(crate) fn rust_name(name: &str) -> String {
     let allowed = |character| if is_xid_continue(character) { character } else { '_' };
     let mut rust = snake_case(&name.nfc().map(allowed).collect::<String>());

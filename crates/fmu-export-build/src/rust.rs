@@ -93,7 +93,7 @@ mod enumerations {{{texts}}}
 }
 
 fn enumeration_text(enumeration: &EnumerationDeclaration) -> String {
-    let name = &enumeration.name;
+    let name = enumeration.rust_name();
     let (mut items, mut values) = (String::new(), Vec::new());
     for (item, value) in enumeration.valued() {
         let variant = variant_name(&item.name);

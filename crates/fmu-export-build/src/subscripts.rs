@@ -51,7 +51,8 @@ impl<'a> Read<'a> {
 
     pub(crate) fn new(text: &'a str) -> Result<Self, String> {
         let whole = Self::whole(text);
-        let Some((before, rest)) = text.split_once('[') else { return Ok(whole) };
+        // Those before belong to a component's name.
+        let Some((before, rest)) = text.rsplit_once('[') else { return Ok(whole) };
         let Some((inside, after)) = rest.split_once(']') else { return Ok(whole) };
         let subscripts: Vec<_> =
             inside.split(',').map(|subscript| Subscript::new(subscript.trim())).collect::<Result<_, _>>()?;

@@ -68,19 +68,19 @@ def test_components_in_components_have_their_own_values(file: Path, interface: s
     result = simulate_fmu(
         str(file),
         fmi_type=interface,
-        start_values={"u": 3.0, "plant.second.sensor.bias": 0.25},
+        start_values={"u": 3.0, "Plant.'no. 1'.Section[2].sensor.bias": 0.25},
         output=[
-            "plant.first.wall.C",
-            "plant.second.wall.C",
-            "plant.first.sensor.reading",
-            "plant.second.sensor.reading",
+            "Plant.'no. 1'.Section[1].wall.C",
+            "Plant.'no. 1'.Section[2].wall.C",
+            "Plant.'no. 1'.Section[1].sensor.reading",
+            "Plant.'no. 1'.Section[2].sensor.reading",
         ],
         relative_tolerance=1e-8,
     )
-    capacities = {(row["plant.first.wall.C"], row["plant.second.wall.C"]) for row in result}
+    capacities = {(row["Plant.'no. 1'.Section[1].wall.C"], row["Plant.'no. 1'.Section[2].wall.C"]) for row in result}
     assert capacities == {(2.0, 4.0)}
     # 2 T' = 2 u - T, and 4 S' = 3 T - S, from 0 on. The solvers' errors are some tens of their tolerance.
-    first, second = result["plant.first.sensor.reading"], result["plant.second.sensor.reading"]
+    first, second = result["Plant.'no. 1'.Section[1].sensor.reading"], result["Plant.'no. 1'.Section[2].sensor.reading"]
     decay = np.exp(-result["time"] / 4.0)
     assert first == pytest.approx(6.0 * (1.0 - decay**2), abs=1e-6)
     assert second == pytest.approx(0.25 + 18.0 * (1.0 - decay) ** 2, abs=1e-6)
@@ -95,13 +95,13 @@ def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
             dependency.name for dependency in unknown.dependencies if dependency.causality != "parameter"
         ]
         for unknown in [*description.outputs, *description.derivatives]
-        if unknown.variable.name.startswith(("plant.", "der(plant."))
+        if unknown.variable.name.startswith(("Plant.", "der(Plant."))
     }
     assert known == {
-        "plant.first.sensor.reading": ["plant.first.wall.T"],
-        "plant.second.sensor.reading": ["plant.second.wall.T"],
-        "der(plant.first.wall.T)": ["u", "plant.first.wall.T"],
-        "der(plant.second.wall.T)": ["plant.first.wall.T", "plant.second.wall.T"],
+        "Plant.'no. 1'.Section[1].sensor.reading": ["Plant.'no. 1'.Section[1].wall.T"],
+        "Plant.'no. 1'.Section[2].sensor.reading": ["Plant.'no. 1'.Section[2].wall.T"],
+        "der(Plant.'no. 1'.Section[1].wall.T)": ["u", "Plant.'no. 1'.Section[1].wall.T"],
+        "der(Plant.'no. 1'.Section[2].wall.T)": ["Plant.'no. 1'.Section[1].wall.T", "Plant.'no. 1'.Section[2].wall.T"],
     }
 
 
@@ -110,7 +110,7 @@ def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None
     variables = {
         variable.name: variable for variable in read_model_description(file, validate=True).modelVariables
     }
-    reading, bias = variables["plant.first.sensor.reading"], variables["plant.first.sensor.bias"]
+    reading, bias = variables["Plant.'no. 1'.Section[1].sensor.reading"], variables["Plant.'no. 1'.Section[1].sensor.bias"]
     assert (reading.unit, reading.displayUnit, reading.min, reading.nominal) == (None, "K", None, "20.0")
     declared = reading.declaredType
     assert declared is bias.declaredType
@@ -121,10 +121,10 @@ def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None
         variable["name"]: variable
         for variable in json.loads(cargo_fmu("info", file, "--format=json").stdout)["variables"]
     }
-    shown = {key: known["plant.first.sensor.reading"][key] for key in ("unit", "min", "max")}
+    shown = {key: known["Plant.'no. 1'.Section[1].sensor.reading"][key] for key in ("unit", "min", "max")}
     assert shown == {"unit": "K", "min": "-1.0", "max": "1000000.0"}
     # The least value of the type is that of its variables, in the model, too.
-    refused = cargo_fmu("simulate", file, "--set=plant.first.sensor.bias=-2")
+    refused = cargo_fmu("simulate", file, "--set=Plant.'no. 1'.Section[1].sensor.bias=-2")
     assert refused.returncode != 0
     assert "-2 K is not within -1..inf K" in refused.stderr
 

@@ -68,7 +68,7 @@ fn type_names(model: &Model<'_>, refusals: &mut Refusals) {
     }
     let enumerations = declaration.enumerations.iter().enumerate();
     let enumerations =
-        enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.name.clone()));
+        enumerations.map(|(number, known)| (format!("enumerations[{number}].name"), known.rust_name()));
     for (key, name) in struct_names(model).into_iter().chain(enumerations) {
         if names.contains(&name) {
             refusals.add(key, format!("two generated types would be called '{name}'"));

@@ -280,7 +280,7 @@ pub(super) fn bound(bound: Option<f64>, open: &str) -> String {
 
 /// The path of an enumeration, for the rest of the text.
 pub(super) fn enumeration_path(enumeration: &EnumerationDeclaration) -> String {
-    format!("super::enumerations::{}", enumeration.name)
+    format!("super::enumerations::{}", enumeration.rust_name())
 }
 
 /// A variable's path in `Variables`.
@@ -359,7 +359,7 @@ impl<'a> Members<'_, 'a> {
         let fields: Vec<_> =
             self.fields.iter().map(|field| format!("{}: {}", field.name(), value(field))).collect();
         let own = (!fields.is_empty()).then(|| fields.join(", "));
-        let nested = self.components.iter().map(|part| format!("{}: {}", part.own_name(), component(part)));
+        let nested = self.components.iter().map(|part| format!("{}: {}", part.rust_name(), component(part)));
         own.into_iter().chain(nested).collect::<Vec<_>>().join(",\n            ")
     }
 }

@@ -24,7 +24,7 @@ impl Generator<'_, '_> {
         for component in self.model.components(&self.model.parts[0]) {
             let Some(group) = component.state_group() else { continue };
             components_of.entry(group).or_default().push(component);
-            let name = component.own_name();
+            let name = component.rust_name();
             let _ = writeln!(fields, "            {name}: groups.{group}.{name},");
         }
         for Described { name: group, description } in groups {
@@ -60,7 +60,7 @@ impl Generator<'_, '_> {
             let is_copy = self.all(Place::States, &members).into_iter().all(is_copied);
             all_are_copy &= is_copy;
             let clone = if is_copy { "" } else { ".clone()" };
-            let of = members.components.iter().map(|part| part.own_name());
+            let of = members.components.iter().map(|part| part.rust_name());
             let of: Vec<_> = of.map(|name| format!("{name}: states.{name}{clone}")).collect();
             let _ = write!(
                 text,

@@ -38,7 +38,7 @@ impl Generator<'_, '_> {
             let is_generic = held.iter().any(|field| is_real(field));
             let generic = if is_generic { "<T>" } else { "" };
             StructField {
-                name: part.own_name().to_owned(),
+                name: part.rust_name(),
                 description: described(part.own_description(), part.own_name()),
                 data_type: format!("{}{generic}", place.struct_name(part)),
                 kind: if is_generic { Kind::Nested } else { Kind::Other },

@@ -454,7 +454,7 @@ impl ::fmu_export::Variables for Variables {
 
 static DESCRIPTION: fmi::ModelDescription = fmi::ModelDescription {
     model_identifier: "mass_oscillator",
-    guid: "{3d834c8e-31b1-5cf9-adef-cc21629c8888}",
+    guid: "{6e6ca13c-26ec-562d-a583-e7f5cc4b229c}",
     variables: &[
         fmi::VariableDescription { base_name: "time", value_reference: 0, dimensions: &[], elements: 1, stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Independent, variability: fmi::Variability::Continuous, initial: None, min: f64::NEG_INFINITY, max: f64::INFINITY, items: &[], first_real_input: None, first_state: None, in_initialization: fmi::Roles { known: true, unknown: false }, in_steps: fmi::Roles { known: true, unknown: false } },
         fmi::VariableDescription { base_name: "velocity", value_reference: 1, dimensions: &[], elements: 1, stride: 1, data_type: fmi::DataType::Real, causality: fmi::Causality::Output, variability: fmi::Variability::Continuous, initial: Some(fmi::Initial::Exact), min: f64::NEG_INFINITY, max: f64::INFINITY, items: &[], first_real_input: None, first_state: Some(1), in_initialization: fmi::Roles { known: true, unknown: true }, in_steps: fmi::Roles { known: true, unknown: true } },
