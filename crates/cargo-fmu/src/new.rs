@@ -60,6 +60,8 @@ enum Template {
     NeuralLayer,
     /// A battery of cells: a measured characteristic, and a trip
     Battery,
+    /// A pack of cells that heat each other: an array of components
+    Pack,
     /// A vehicle that follows a drive cycle: a table over time, whose points are events
     DriveCycle,
     /// A sampled PI controller
@@ -104,6 +106,7 @@ impl Template {
             Self::Resource => files!("resource", "resources/y.txt"),
             Self::NeuralLayer => files!("neural_layer", "resources/weights.csv"),
             Self::Battery => files!("battery", "resources/voltage.csv"),
+            Self::Pack => files!("pack"),
             Self::DriveCycle => files!("drive_cycle", "resources/cycle.csv"),
             Self::Sampled => files!("sampled"),
             Self::Cascade => files!("cascade"),

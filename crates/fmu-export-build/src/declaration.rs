@@ -19,7 +19,7 @@ use crate::value_type::ValueType;
 
 #[cfg(test)]
 use variable::start_schema;
-pub(crate) use variable::{AliasDeclaration, Dimension, UnitNames, VariableDeclaration};
+pub(crate) use variable::{AliasDeclaration, Dimension, OneOrEach, VariableDeclaration};
 
 /// A model: its name and variables.
 #[derive(Debug, Deserialize)]
@@ -400,6 +400,9 @@ pub(crate) struct ComponentDeclaration {
     /// Its name in Rust, in `lower_case`, if another one is wanted.
     pub(crate) rust_name: Option<String>,
     pub(crate) description: Option<String>,
+    /// The size of an array of components: `[24]`.
+    #[serde(default)]
+    pub(crate) dimensions: Vec<usize>,
     /// Its variables, unless it has a type.
     pub(crate) variables: Option<Vec<VariableDeclaration>>,
     /// The components in it, unless it has a type. Variable x of component d in component c is called c.d.x.
@@ -410,13 +413,15 @@ pub(crate) struct ComponentDeclaration {
     pub(crate) component_type: Option<String>,
     /// The `state_groups` entry to which its states belong, including those of the components in it.
     pub(crate) state_group: Option<String>,
-    /// Start values for this component of its type's variables; d.x is variable x of the type's component d.
+    /// Start values for this component of its type's variables; d.x is variable x of the type's component d. In an array
+    /// of components, a value for all, or a list of those of each.
     #[serde(default, deserialize_with = "without_duplicates")]
     #[cfg_attr(test, schemars(schema_with = "starts_schema"))]
     pub(crate) start: BTreeMap<String, Value>,
-    /// The variables for the type's {placeholders} in this component.
+    /// The variables for the type's {placeholders} in this component. In an array of components, a variable for all, which
+    /// may have the subscript `i` of the component, or a list of those of each.
     #[serde(default, deserialize_with = "without_duplicates")]
-    pub(crate) connections: BTreeMap<String, String>,
+    pub(crate) connections: BTreeMap<String, OneOrEach>,
 }
 
 impl ComponentDeclaration {

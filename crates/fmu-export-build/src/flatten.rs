@@ -32,6 +32,8 @@ pub(crate) struct Flat<'a> {
     pinned: Vec<(usize, u32, String)>,
     /// The scalars behind each name in `reads`, of a scalar or an array.
     pub(crate) names: BTreeMap<String, Vec<usize>>,
+    /// The variables in arrays of components, by their names without these arrays' subscripts.
+    pub(crate) spread: BTreeMap<String, Spread>,
     /// The positions of each array's elements, with their derivatives.
     arrays: Vec<Range<usize>>,
     /// The equations whose reads are not yet resolved.
@@ -41,9 +43,20 @@ pub(crate) struct Flat<'a> {
     pub(crate) refusals: Refusals,
 }
 
+/// A variable of all elements of arrays of components.
+#[derive(Default)]
+pub(crate) struct Spread {
+    /// The sizes of the arrays of components, and the variable's own.
+    pub(crate) sizes: Vec<usize>,
+    /// Its scalars' positions, row by row.
+    pub(crate) positions: Vec<usize>,
+}
+
 /// What a variable's elements read, as declared.
 pub(crate) struct Equation<'a> {
     pub(crate) positions: Vec<usize>,
+    /// The sizes of the arrays of components, with the indices of the variable's component, and its own.
+    pub(crate) arrays: Vec<(usize, usize)>,
     pub(crate) sizes: &'a [usize],
     pub(crate) reads: Option<&'a [String]>,
     pub(crate) initial_reads: Option<&'a [String]>,
@@ -60,6 +73,7 @@ impl<'a> Flat<'a> {
             scalars: vec![Scalar::time()],
             pinned: Vec::new(),
             names: BTreeMap::from([("time".to_owned(), vec![0])]),
+            spread: BTreeMap::new(),
             arrays: Vec::new(),
             equations: Vec::new(),
             reads_elements: false,
@@ -79,8 +93,9 @@ impl<'a> Flat<'a> {
         for (number, variable) in contents.variables.iter().enumerate() {
             let (name, key) = (&variable.name, format!("{list}[{number}]"));
             let own = || (variable.start.as_ref(), format!("{key}.start"));
-            let (start, start_key) =
-                self.overridden(&part, name).map_or_else(own, |(start, key)| (Some(start), key));
+            let overridden = self.overridden(&part, variable);
+            let Some(overridden) = self.refusals.take(overridden) else { continue };
+            let (start, start_key) = overridden.map_or_else(own, |(start, key)| (Some(start), key));
             let name_key = format!("{key}.name");
             let field = self.add_field(&part, variable, start, [key, start_key]);
             let Some(field) = self.refusals.take(field) else { continue };
@@ -93,20 +108,59 @@ impl<'a> Flat<'a> {
         }
         let position = self.parts.len();
         self.parts.push(part);
-        for component in 0..contents.components.len() {
-            self.add_component(position, contents, component);
+        for (number, component) in contents.components.iter().enumerate() {
+            match component.dimensions[..] {
+                [] => self.add_component(position, contents, number, None),
+                [size] if size > 0 => {
+                    for index in 0..size {
+                        self.add_component(position, contents, number, Some((size, index)));
+                    }
+                }
+                _ => {
+                    let reason =
+                        format!("{}: an array of components has one size, of at least 1", component.name);
+                    self.refusals.add(format!("{}.dimensions", contents.key_of(number)), reason);
+                }
+            }
         }
     }
 
-    /// Adds one of the components of a part's contents.
-    fn add_component(&mut self, around: usize, contents: &Contents<'a>, number: usize) {
+    /// Adds one of the components of a part's contents, or an element of an array of them: its size and the index.
+    fn add_component(
+        &mut self,
+        around: usize,
+        contents: &Contents<'a>,
+        number: usize,
+        element: Option<(usize, usize)>,
+    ) {
         let (component, key) = (&contents.components[number], contents.key_of(number));
         let position = self.parts.len();
         let outer = &self.parts[around];
+        let [subscript, index] = element.map_or_else(<[String; 2]>::default, |(_, index)| {
+            [format!("[{}]", index + 1), format!("[{index}]")]
+        });
         let part = Part {
             component: Some(component),
-            name: outer.name_of(&component.name),
-            path: format!("{}{}.", outer.path, component.rust_name()),
+            name: outer.name_of(&component.name) + &subscript,
+            general_names: outer
+                .general_names
+                .iter()
+                .cloned()
+                .chain(element.map(|_| (outer.arrays.len(), outer.name.clone())))
+                .map(|(from, outer)| {
+                    (
+                        from,
+                        if outer.is_empty() {
+                            component.name.clone()
+                        } else {
+                            format!("{outer}.{}", component.name)
+                        },
+                    )
+                })
+                .collect(),
+            index: element.map(|(_, index)| index),
+            arrays: outer.arrays.iter().copied().chain(element).collect(),
+            path: format!("{}{}{index}.", outer.path, component.rust_name()),
             description: match &component.description {
                 Some(description) => Some(outer.describe(description)),
                 None => outer.description.clone(),
@@ -156,7 +210,7 @@ impl<'a> Flat<'a> {
         };
         self.parts[around].components.push(position);
         self.add_part(part, &inner);
-        if component.component_type.is_some() {
+        if component.component_type.is_some() && element.is_none_or(|(_, index)| index == 0) {
             self.refuse_unknown_starts(position);
         }
     }
@@ -177,20 +231,43 @@ impl<'a> Flat<'a> {
     }
 
     /// The start value that the components around a variable of a part give it, and its path: the outermost one's.
-    fn overridden(&mut self, part: &Part<'a>, variable: &str) -> Option<(&'a Value, String)> {
+    ///
+    /// In an array of components, a list has the value of each: that of a scalar, or lists for those of arrays.
+    fn overridden(
+        &mut self,
+        part: &Part<'a>,
+        variable: &VariableDeclaration,
+    ) -> Result<Option<(&'a Value, String)>, Refusal> {
         let around = part.around.into_iter().flat_map(|around| outward(&self.parts, around));
         let parts = [part].into_iter().chain(around.map(|part| &self.parts[part]));
-        let (mut name, mut found) = (variable.to_owned(), None);
+        let (mut name, mut found) = (variable.name.clone(), None);
         for part in parts {
             let Some(component) = part.component else { break };
             if let Some(start) = component.start.get(&name) {
                 let key = format!("{}.start.{name}", part.key);
                 self.started.insert(key.clone());
+                let each = part.arrays.last().filter(|_| part.index.is_some()).and_then(|(size, index)| {
+                    let values = start.as_array()?;
+                    let is_of_each = variable.sizes.is_empty() || values.iter().all(Value::is_array);
+                    is_of_each.then_some((values, size, index))
+                });
+                let start = match each {
+                    Some((values, size, _)) if values.len() != *size => {
+                        let (name, count) = (&component.name, values.len());
+                        let reason = format!(
+                            "{name}: there are {count} values of '{}', but {size} components",
+                            variable.name
+                        );
+                        return Err(Refusal::new(key, reason));
+                    }
+                    Some((values, _, index)) => &values[*index],
+                    None => start,
+                };
                 found = Some((start, key));
             }
             name = format!("{}.{name}", component.name);
         }
-        found
+        Ok(found)
     }
 
     /// Rejects the start values of a component for variables that its type does not have.
@@ -290,12 +367,13 @@ impl<'a> Flat<'a> {
             let [reads, initial_reads] =
                 [&declaration.reads, &declaration.initial_reads].map(Option::as_deref);
             let positions = positions.clone();
-            self.equations.push(Equation { positions, sizes, reads, initial_reads });
+            let arrays = part.arrays.clone();
+            self.equations.push(Equation { positions, arrays, sizes, reads, initial_reads });
         }
         if let Some(derivative) = &declaration.derivative {
             let [reads, initial_reads] = [&derivative.reads, &derivative.initial_reads].map(Option::as_deref);
-            let positions = derivatives.clone();
-            self.equations.push(Equation { positions, sizes, reads, initial_reads });
+            let (positions, arrays) = (derivatives.clone(), part.arrays.clone());
+            self.equations.push(Equation { positions, arrays, sizes, reads, initial_reads });
         }
         if !sizes.is_empty() {
             self.arrays.push(before..self.scalars.len());
@@ -309,8 +387,24 @@ impl<'a> Flat<'a> {
                 }
             }
         }
+        self.spread(part, declaration, &positions);
         self.pin(declaration, &positions, &key)?;
         Ok(Field { declaration, place: checked.place, data_type: checked.data_type, positions })
+    }
+
+    /// Adds a variable's scalars to those of the other elements of arrays of components.
+    fn spread(&mut self, part: &Part<'a>, declaration: &VariableDeclaration, positions: &[usize]) {
+        for (from, general) in &part.general_names {
+            let of_components = part.arrays[*from..].iter().map(|(size, _)| *size);
+            let sizes: Vec<_> = of_components.chain(declaration.sizes.iter().copied()).collect();
+            let general = format!("{general}.{}", declaration.name);
+            let of_derivative = declaration.derivative.as_ref().map(|_| (format!("der({general})"), 1));
+            for (name, offset) in [(general, 0)].into_iter().chain(of_derivative) {
+                let spread = self.spread.entry(name).or_default();
+                spread.sizes.clone_from(&sizes);
+                spread.positions.extend(positions.iter().map(|position| position + offset));
+            }
+        }
     }
 
     fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {

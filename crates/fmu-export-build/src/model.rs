@@ -8,7 +8,7 @@ use std::iter;
 use fmu_terms::{Causality, Initial, Variability};
 use fmu_terms::{Unit, Version, is_structured};
 
-use crate::declaration::{ComponentDeclaration, Declaration, Described, UnitNames, VariableDeclaration};
+use crate::declaration::{ComponentDeclaration, Declaration, Described, OneOrEach, VariableDeclaration};
 use crate::interfaces::Fmi;
 use crate::start::Start;
 use crate::value_type::ValueType;
@@ -45,6 +45,12 @@ pub(crate) struct Part<'a> {
     pub(crate) component: Option<&'a ComponentDeclaration>,
     /// Its name in FMI, such as `outer.inner`; empty for the model.
     pub(crate) name: String,
+    /// The same without the subscripts of arrays of components, from one of these on, whose number is beside it.
+    pub(crate) general_names: Vec<(usize, String)>,
+    /// Its index from 0 in an array of components.
+    pub(crate) index: Option<usize>,
+    /// The sizes of the arrays of components in which it is, the outermost first, and its indices there.
+    pub(crate) arrays: Vec<(usize, usize)>,
     /// With what the paths of its variables in Rust begin, such as `outer.inner.`; empty for the model.
     pub(crate) path: String,
     /// The description with those of the components around it.
@@ -114,7 +120,7 @@ impl Field<'_> {
     /// Whether it is an array whose elements share a unit.
     pub(crate) fn is_uniform_array(&self) -> bool {
         let declaration = self.declaration;
-        !declaration.sizes.is_empty() && !matches!(declaration.unit, Some(UnitNames::Each(_)))
+        !declaration.sizes.is_empty() && !matches!(declaration.unit, Some(OneOrEach::Each(_)))
     }
 
     /// Its name in Rust.

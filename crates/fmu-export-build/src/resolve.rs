@@ -5,37 +5,39 @@ use std::collections::{BTreeMap, BTreeSet};
 use fmu_terms::Unit;
 use fmu_terms::{Causality, Variability};
 
+use crate::declaration::OneOrEach;
 use crate::dependencies;
 use crate::error::{Refusals, nearest};
-use crate::flatten::{Equation, Flat};
+use crate::flatten::{Equation, Flat, Spread};
 use crate::model::{Part, Place, Scalar, outward, without_subscripts};
-use crate::subscripts::Read;
+use crate::subscripts::{Found, Read, Reader};
 use crate::units::Units;
 
 impl<'a> Flat<'a> {
     /// Resolves the names that equations read to positions.
     pub(crate) fn look_up_reads(&mut self) {
-        let mut connections = Connections::new(&self.names, &self.parts, &mut self.refusals);
-        let mut read = 0;
-        for Equation { positions, sizes, reads, initial_reads } in &self.equations {
+        let known =
+            Known { names: &self.names, spread: &self.spread, parts: &self.parts, scalars: &self.scalars };
+        let mut connections = Connections::new(known, &mut self.refusals);
+        let (mut read, mut resolved) = (0, Vec::new());
+        for Equation { positions, arrays, sizes, reads, initial_reads } in &self.equations {
             let first = &self.scalars[positions[0]];
             let [part, _] = first.field;
+            let components: Vec<_> = arrays.iter().map(|(_, index)| *index).collect();
+            let reader = Reader { components: &components, sizes };
             let mut look_up = |list: &str, names: &'a [String]| {
                 let mut elements = vec![BTreeSet::new(); positions.len()];
                 for (number, name) in names.iter().enumerate() {
-                    let is_whole = self.names.contains_key(name);
-                    let entry = if is_whole { Ok(Read::whole(name)) } else { Read::new(name) };
-                    let found = entry.and_then(|read| {
-                        let found = connections.look_up(part, &read.name);
-                        let found = found.map_err(|reason| format!("reads {reason}"))?;
-                        // A rejected connection leads to nothing.
-                        let found = found.map_or(&[][..], |name| &self.names[name]);
+                    let entries = if known.has(name) { Ok(vec![Read::whole(name)]) } else { Read::all(name) };
+                    let found = entries.and_then(|entries| {
+                        let (target, read) = connections
+                            .look_up_any(part, &entries)
+                            .map_err(|reason| format!("reads {reason}"))?;
                         self.reads_elements |= read.is_of_elements();
-                        let known = found.iter().map(|&position| &self.scalars[position]).next();
-                        let known = known.filter(|known| known.place != Place::Time).map(|known| known.field);
-                        let known =
-                            known.map(|[part, field]| &self.parts[part].fields[field].declaration.sizes);
-                        read.elements(sizes, found, known.map_or(&[], Vec::as_slice))
+                        // A rejected connection, or one beyond the ends of an array, leads to nothing.
+                        target.map_or(Ok(Found::Alike(&[])), |target| {
+                            read.elements(reader, target.positions, target.sizes)
+                        })
                     });
                     let found = match found {
                         Ok(found) => found,
@@ -64,6 +66,10 @@ impl<'a> Flat<'a> {
             let reads: Option<Vec<_>> = reads.map(|names| look_up("reads", names).collect());
             let initial_reads: Option<Vec<_>> =
                 initial_reads.map(|names| look_up("initial_reads", names).collect());
+            resolved.push((positions, reads, initial_reads));
+        }
+        connections.refuse_unread(&mut self.refusals);
+        for (positions, reads, initial_reads) in resolved {
             for (element, &position) in positions.iter().enumerate() {
                 let scalar = &mut self.scalars[position];
                 let of_element =
@@ -74,7 +80,6 @@ impl<'a> Flat<'a> {
                 }
             }
         }
-        connections.refuse_unread(&mut self.refusals);
     }
 
     /// Resolves names of clocks to positions. A variable depends on their ticks, too.
@@ -192,24 +197,61 @@ impl<'a> Flat<'a> {
     }
 }
 
+/// The variables that names may mean.
+#[derive(Clone, Copy)]
+struct Known<'n, 'a> {
+    names: &'n BTreeMap<String, Vec<usize>>,
+    spread: &'n BTreeMap<String, Spread>,
+    parts: &'n [Part<'a>],
+    scalars: &'n [Scalar],
+}
+
+/// What a name means: a scalar, an array, or a variable of all elements of an array of components.
+struct Target<'n> {
+    positions: &'n [usize],
+    sizes: &'n [usize],
+}
+
+impl<'n> Known<'n, '_> {
+    fn has(self, name: &str) -> bool {
+        self.names.contains_key(name)
+    }
+
+    fn get(self, name: &str) -> Option<Target<'n>> {
+        let spread = || self.spread.get(name).map(|Spread { sizes, positions }| Target { positions, sizes });
+        let Some(positions) = self.names.get(name) else { return spread() };
+        let scalar = positions.first().map(|&position| &self.scalars[position]);
+        let [part, field] = match scalar.filter(|scalar| scalar.place != Place::Time) {
+            Some(scalar) => scalar.field,
+            None => return Some(Target { positions, sizes: &[] }),
+        };
+        Some(Target { positions, sizes: &self.parts[part].fields[field].declaration.sizes })
+    }
+
+    /// All names, for suggestions.
+    fn all(self) -> impl Iterator<Item = &'n String> {
+        self.names.keys().chain(self.spread.keys())
+    }
+}
+
 /// The variables behind the connections of components.
 struct Connections<'n, 'a> {
-    names: &'n BTreeMap<String, Vec<usize>>,
-    parts: &'n [Part<'a>],
-    /// By the component's position and the connection's name; none for rejected ones.
-    variables: BTreeMap<(usize, &'a str), Option<&'n str>>,
+    known: Known<'n, 'a>,
+    /// Their names, by the component's position and the connection's name; none for rejected ones, and for those beyond
+    /// the ends of an array.
+    variables: BTreeMap<(usize, &'a str), Option<String>>,
     /// Those that are read.
     read: BTreeSet<(usize, &'a str)>,
 }
 
 impl<'n, 'a> Connections<'n, 'a> {
     /// Looks up each connection around its component, where earlier connections lead on.
-    fn new(names: &'n BTreeMap<String, Vec<usize>>, parts: &'n [Part<'a>], refusals: &mut Refusals) -> Self {
-        let mut found = Self { names, parts, variables: BTreeMap::new(), read: BTreeSet::new() };
-        for (position, part) in parts.iter().enumerate() {
+    fn new(known: Known<'n, 'a>, refusals: &mut Refusals) -> Self {
+        let mut found = Self { known, variables: BTreeMap::new(), read: BTreeSet::new() };
+        for (position, part) in known.parts.iter().enumerate() {
             let (Some(component), Some(around)) = (part.component, part.around) else { continue };
-            for (connection, variable) in &component.connections {
-                let looked_up = found.look_up(around, variable).map_err(|reason| {
+            for (connection, written) in &component.connections {
+                let looked_up = found.connected(part, around, written).map_err(|reason| {
                     let reason = format!("{}: is connected to {reason}", part.name);
                     refusals.add(format!("{}.connections.{connection}", part.key), reason);
                 });
@@ -219,46 +261,102 @@ impl<'n, 'a> Connections<'n, 'a> {
         found
     }
 
-    /// The name of the variable that a part means by a name or `{placeholder}`; none behind a rejected connection.
-    fn look_up(&mut self, part: usize, written: &str) -> Result<Option<&'n str>, String> {
+    /// The name of the variable to which a part is connected; none beyond the ends of an array.
+    fn connected(
+        &mut self,
+        part: &Part<'a>,
+        around: usize,
+        written: &OneOrEach,
+    ) -> Result<Option<String>, String> {
+        let size = part.index.and_then(|_| part.arrays.last()).map(|(size, _)| *size);
+        if let OneOrEach::Each(names) = written
+            && Some(names.len()) != size
+        {
+            let components = size.map_or("no array".to_owned(), |size| format!("{size} components"));
+            return Err(format!("{} variables, but there are {components}", names.len()));
+        }
+        let name = written.of(part.index.unwrap_or(0));
+        let entries = if self.known.has(name) { vec![Read::whole(name)] } else { Read::all(name)? };
+        let components: Vec<_> = part.arrays.iter().map(|(_, index)| *index).collect();
+        let (target, read) = self.look_up_any(around, &entries)?;
+        let Some(Target { positions, sizes }) = target else { return Ok(None) };
+        if !read.is_of_elements() {
+            let written = self.written(around, &read.name)?;
+            return Ok(written);
+        }
+        let reader = Reader { components: &components, sizes: &[] };
+        let found = read.elements(reader, positions, sizes)?;
+        match found.of(0) {
+            [] => Ok(None),
+            [one] => Ok(Some(self.known.scalars[*one].name.clone())),
+            _ => Err(format!("'{name}', which is more than one variable")),
+        }
+    }
+
+    /// What the first of some entries that a part may mean is.
+    fn look_up_any<'r, 't>(
+        &mut self,
+        part: usize,
+        entries: &'r [Read<'t>],
+    ) -> Result<(Option<Target<'n>>, &'r Read<'t>), String> {
+        let mut first = None;
+        for read in entries {
+            match self.look_up(part, &read.name) {
+                Ok(target) => return Ok((target, read)),
+                Err(reason) => first = first.or(Some(reason)),
+            }
+        }
+        Err(first.unwrap_or_default())
+    }
+
+    /// What a part means by a name or `{placeholder}`; none behind a connection that leads to nothing.
+    fn look_up(&mut self, part: usize, written: &str) -> Result<Option<Target<'n>>, String> {
+        let name = self.written(part, written)?;
+        Ok(name.and_then(|name| self.known.get(&name)))
+    }
+
+    /// The full name of what a part means by a name or `{placeholder}`.
+    fn written(&mut self, part: usize, written: &str) -> Result<Option<String>, String> {
         let (name, of_derivative) = match written.strip_prefix("der(").and_then(|name| name.strip_suffix(')'))
         {
             Some(state) => (state, true),
             None => (written, false),
         };
         let wrap = |name: &str| if of_derivative { format!("der({name})") } else { name.to_owned() };
+        let parts = self.known.parts;
         let candidates =
             if let Some(connection) = name.strip_prefix('{').and_then(|name| name.strip_suffix('}')) {
                 match self.follow(part, connection).map_err(|reason| format!("'{name}', but {reason}"))? {
-                    Some(name) => vec![wrap(name)],
+                    Some(name) => vec![wrap(&name)],
                     None => return Ok(None),
                 }
             } else {
-                outward(self.parts, part).map(|part| wrap(&self.parts[part].name_of(name))).collect()
+                outward(parts, part).map(|part| wrap(&parts[part].name_of(name))).collect()
             };
-        let known = candidates.iter().find_map(|name| self.names.get_key_value(name));
-        known.map(|(name, _)| Some(name.as_str())).ok_or_else(|| {
+        let known = candidates.iter().find(|name| self.known.get(name).is_some());
+        known.cloned().map(Some).ok_or_else(|| {
             let (own, of_model) = (&candidates[0], &candidates[candidates.len() - 1]);
-            format!("'{of_model}', which is not a variable{}", nearest(own, self.names.keys()))
+            format!("'{of_model}', which is not a variable{}", nearest(own, self.known.all()))
         })
     }
 
-    /// The variable behind a connection, which is of the innermost component with a type.
-    fn follow(&mut self, part: usize, connection: &str) -> Result<Option<&'n str>, String> {
-        let of_type = outward(self.parts, part).find(|&part| self.parts[part].component_type().is_some());
+    /// The name of the variable behind a connection, which is of the innermost component with a type.
+    fn follow(&mut self, part: usize, connection: &str) -> Result<Option<String>, String> {
+        let parts = self.known.parts;
+        let of_type = outward(parts, part).find(|&part| parts[part].component_type().is_some());
         let of_type = of_type.ok_or("connections are for components with a type")?;
-        let Part { component, name, .. } = &self.parts[of_type];
+        let Part { component, name, .. } = &parts[of_type];
         let known = component.and_then(|component| component.connections.get_key_value(connection));
         let (connection, _) =
             known.ok_or_else(|| format!("the component '{name}' has no such connection"))?;
         self.read.insert((of_type, connection));
-        Ok(self.variables.get(&(of_type, connection.as_str())).copied().flatten())
+        Ok(self.variables.get(&(of_type, connection.as_str())).cloned().flatten())
     }
 
     fn refuse_unread(&self, refusals: &mut Refusals) {
         for (key @ (part, connection), variable) in &self.variables {
             if variable.is_some() && !self.read.contains(key) {
-                let Part { name, key, .. } = &self.parts[*part];
+                let Part { name, key, .. } = &self.known.parts[*part];
                 let reason = format!("{name}: no variable reads '{{{connection}}}'");
                 refusals.add(format!("{key}.connections.{connection}"), reason);
             }

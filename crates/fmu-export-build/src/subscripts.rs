@@ -8,6 +8,7 @@ use std::ops::Range;
 const FIRST_LETTER: u8 = b'i';
 const LETTERS: usize = 16;
 
+#[derive(Clone)]
 enum Subscript {
     /// A number, from 1.
     Fixed(usize),
@@ -24,6 +25,13 @@ pub(crate) struct Read<'a> {
     pub(crate) name: Cow<'a, str>,
     text: &'a str,
     subscripts: Vec<Subscript>,
+}
+
+/// The element that reads: the indices of its component in arrays of components, and the sizes of its variable.
+#[derive(Clone, Copy)]
+pub(crate) struct Reader<'a> {
+    pub(crate) components: &'a [usize],
+    pub(crate) sizes: &'a [usize],
 }
 
 /// The positions that the elements of an array read.
@@ -49,18 +57,34 @@ impl<'a> Read<'a> {
         Self { name: name.into(), text: name, subscripts: Vec::new() }
     }
 
-    pub(crate) fn new(text: &'a str) -> Result<Self, String> {
-        let whole = Self::whole(text);
-        // Those before belong to a component's name.
-        let Some((before, rest)) = text.rsplit_once('[') else { return Ok(whole) };
-        let Some((inside, after)) = rest.split_once(']') else { return Ok(whole) };
-        let subscripts: Vec<_> =
-            inside.split(',').map(|subscript| Subscript::new(subscript.trim())).collect::<Result<_, _>>()?;
-        if subscripts.iter().all(|subscript| matches!(subscript, Subscript::Fixed(_))) {
-            // The name of an element.
-            return Ok(whole);
+    /// What a text may mean: brackets before the last may belong to the names of components, or be subscripts of arrays
+    /// of components.
+    pub(crate) fn all(text: &'a str) -> Result<Vec<Self>, String> {
+        let (mut name, mut groups, mut rest) = (String::new(), Vec::new(), text);
+        let mut starts = Vec::new();
+        while let Some((before, inside, after)) = rest
+            .split_once('[')
+            .and_then(|(before, rest)| rest.split_once(']').map(|(inside, after)| (before, inside, after)))
+        {
+            name += before;
+            starts.push(text.len() - rest.len() + before.len());
+            let subscripts = inside.split(',').map(|subscript| Subscript::new(subscript.trim()));
+            groups.push(subscripts.collect::<Result<Vec<_>, _>>()?);
+            rest = after;
         }
-        Ok(Self { name: format!("{before}{after}").into(), text, subscripts })
+        name += rest;
+        let is_fixed = |subscript: &Subscript| matches!(subscript, Subscript::Fixed(_));
+        if groups.iter().flatten().all(is_fixed) {
+            // The name of an element.
+            return Ok(vec![Self::whole(text)]);
+        }
+        let mut found = Vec::new();
+        if let [.., start] = starts[1..] {
+            let last = groups.last().cloned().unwrap_or_default();
+            found.push(Self { name: format!("{}{rest}", &text[..start]).into(), text, subscripts: last });
+        }
+        found.push(Self { name: name.into(), text, subscripts: groups.concat() });
+        Ok(found)
     }
 
     /// Whether elements of an array read different variables.
@@ -68,11 +92,11 @@ impl<'a> Read<'a> {
         !self.subscripts.is_empty()
     }
 
-    /// What each element of an array with some sizes reads in another with given positions and sizes. Subscripts
-    /// outside the array are ignored.
+    /// What each element of a reader reads in an array with given positions and sizes. Subscripts outside the array are
+    /// ignored.
     pub(crate) fn elements<'n>(
         &self,
-        of: &[usize],
+        of: Reader<'_>,
         positions: &'n [usize],
         sizes: &[usize],
     ) -> Result<Found<'n>, String> {
@@ -88,7 +112,7 @@ impl<'a> Read<'a> {
         }
         for (subscript, &size) in subscripts.iter().zip(sizes) {
             match subscript {
-                Subscript::Own { dimension, .. } if *dimension >= of.len() => {
+                Subscript::Own { dimension, .. } if *dimension >= of.components.len() + of.sizes.len() => {
                     let (letter, dimensions) = (letter(*dimension), dimension + 1);
                     return Err(format!(
                         "reads '{text}', but only arrays of {dimensions} dimensions have a subscript {letter}"
@@ -100,10 +124,10 @@ impl<'a> Read<'a> {
                 _ => {}
             }
         }
-        let count = of.iter().product();
+        let count = of.sizes.iter().product();
         let each: Vec<Vec<usize>> = (0..count)
             .map(|element| {
-                let own = indices(element, of);
+                let own = [of.components, &indices(element, of.sizes)].concat();
                 let flat = subscripts.iter().zip(sizes).fold(vec![0], |flat, (subscript, &size)| {
                     let range = subscript.range(&own, size);
                     flat.into_iter()
@@ -113,7 +137,8 @@ impl<'a> Read<'a> {
                 flat.into_iter().map(|index| positions[index]).collect()
             })
             .collect();
-        if each.iter().all(Vec::is_empty) {
+        // A component may be the first or last of its array.
+        if of.components.is_empty() && each.iter().all(Vec::is_empty) {
             return Err(format!("reads '{text}', but '{name}' has no such element"));
         }
         Ok(Found::Each(each))

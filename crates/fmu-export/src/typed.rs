@@ -54,7 +54,7 @@ pub fn sum_of_magnitudes(numbers: &[f64]) -> f64 {
 }
 
 /// Maps generated structs, generic over their number type, number by number. Each field is a `number` (with an array's
-/// sizes), `boxed` (a large array of them), `nested` (another such struct) or `other`.
+/// sizes), `boxed` (a large array of them), `nested` (another such struct, or an array of these) or `other`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! numbers {
@@ -103,6 +103,9 @@ macro_rules! numbers {
         )
     };
     (@nested $one:expr, $other:expr, $function:ident) => { $one.combine(&$other, $function) };
+    (@nested $one:expr, $other:expr, $function:ident, $size:literal) => {
+        ::core::array::from_fn::<_, $size, _>(|index| $one[index].combine(&$other[index], $function))
+    };
     (@other $one:expr, $other:expr, $function:ident) => { $one.clone() };
     (@each nested $value:expr, $function:ident) => { $value.for_each($function) };
     (@each other $value:expr, $function:ident) => {};

@@ -68,19 +68,24 @@ def test_components_in_components_have_their_own_values(file: Path, interface: s
     result = simulate_fmu(
         str(file),
         fmi_type=interface,
-        start_values={"u": 3.0, "Plant.'no. 1'.Section[2].sensor.bias": 0.25},
+        start_values={"u": 3.0, "Plant.'#1'.Section[2].sensor.bias": 0.25},
         output=[
-            "Plant.'no. 1'.Section[1].wall.C",
-            "Plant.'no. 1'.Section[2].wall.C",
-            "Plant.'no. 1'.Section[1].sensor.reading",
-            "Plant.'no. 1'.Section[2].sensor.reading",
+            "Plant.'#1'.Section[1].wall.C",
+            "Plant.'#1'.Section[2].wall.C",
+            "Plant.'#1'.Section[1].sensor.reading",
+            "Plant.'#1'.Section[2].sensor.reading",
         ],
         relative_tolerance=1e-8,
     )
-    capacities = {(row["Plant.'no. 1'.Section[1].wall.C"], row["Plant.'no. 1'.Section[2].wall.C"]) for row in result}
+    capacities = {
+        (row["Plant.'#1'.Section[1].wall.C"], row["Plant.'#1'.Section[2].wall.C"]) for row in result
+    }
     assert capacities == {(2.0, 4.0)}
     # 2 T' = 2 u - T, and 4 S' = 3 T - S, from 0 on. The solvers' errors are some tens of their tolerance.
-    first, second = result["Plant.'no. 1'.Section[1].sensor.reading"], result["Plant.'no. 1'.Section[2].sensor.reading"]
+    first, second = (
+        result["Plant.'#1'.Section[1].sensor.reading"],
+        result["Plant.'#1'.Section[2].sensor.reading"],
+    )
     decay = np.exp(-result["time"] / 4.0)
     assert first == pytest.approx(6.0 * (1.0 - decay**2), abs=1e-6)
     assert second == pytest.approx(0.25 + 18.0 * (1.0 - decay) ** 2, abs=1e-6)
@@ -98,10 +103,10 @@ def test_components_in_components_depend_on_what_they_read(file: Path) -> None:
         if unknown.variable.name.startswith(("Plant.", "der(Plant."))
     }
     assert known == {
-        "Plant.'no. 1'.Section[1].sensor.reading": ["Plant.'no. 1'.Section[1].wall.T"],
-        "Plant.'no. 1'.Section[2].sensor.reading": ["Plant.'no. 1'.Section[2].wall.T"],
-        "der(Plant.'no. 1'.Section[1].wall.T)": ["u", "Plant.'no. 1'.Section[1].wall.T"],
-        "der(Plant.'no. 1'.Section[2].wall.T)": ["Plant.'no. 1'.Section[1].wall.T", "Plant.'no. 1'.Section[2].wall.T"],
+        "Plant.'#1'.Section[1].sensor.reading": ["Plant.'#1'.Section[1].wall.T"],
+        "Plant.'#1'.Section[2].sensor.reading": ["Plant.'#1'.Section[2].wall.T"],
+        "der(Plant.'#1'.Section[1].wall.T)": ["u", "Plant.'#1'.Section[1].wall.T"],
+        "der(Plant.'#1'.Section[2].wall.T)": ["Plant.'#1'.Section[1].wall.T", "Plant.'#1'.Section[2].wall.T"],
     }
 
 
@@ -110,7 +115,10 @@ def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None
     variables = {
         variable.name: variable for variable in read_model_description(file, validate=True).modelVariables
     }
-    reading, bias = variables["Plant.'no. 1'.Section[1].sensor.reading"], variables["Plant.'no. 1'.Section[1].sensor.bias"]
+    reading, bias = (
+        variables["Plant.'#1'.Section[1].sensor.reading"],
+        variables["Plant.'#1'.Section[1].sensor.bias"],
+    )
     assert (reading.unit, reading.displayUnit, reading.min, reading.nominal) == (None, "K", None, "20.0")
     declared = reading.declaredType
     assert declared is bias.declaredType
@@ -121,10 +129,10 @@ def test_variables_have_what_their_types_say(file: Path, cargo_fmu: Run) -> None
         variable["name"]: variable
         for variable in json.loads(cargo_fmu("info", file, "--format=json").stdout)["variables"]
     }
-    shown = {key: known["Plant.'no. 1'.Section[1].sensor.reading"][key] for key in ("unit", "min", "max")}
+    shown = {key: known["Plant.'#1'.Section[1].sensor.reading"][key] for key in ("unit", "min", "max")}
     assert shown == {"unit": "K", "min": "-1.0", "max": "1000000.0"}
     # The least value of the type is that of its variables, in the model, too.
-    refused = cargo_fmu("simulate", file, "--set=Plant.'no. 1'.Section[1].sensor.bias=-2")
+    refused = cargo_fmu("simulate", file, "--set=Plant.'#1'.Section[1].sensor.bias=-2")
     assert refused.returncode != 0
     assert "-2 K is not within -1..inf K" in refused.stderr
 

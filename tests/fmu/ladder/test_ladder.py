@@ -31,7 +31,7 @@ pytestmark = pytest.mark.quick
 
 REFERENCE = Path(__file__).parent / "reference"
 LADDER = ["Dahlquist", "VanDerPol", "BouncingBall", "Stair", "Feedthrough", "Resource"]
-OTHERS = ["NeuralLayer", "StickSlip", "Furnace", "PiController", "Cascade", "Battery", "DriveCycle"]
+OTHERS = ["NeuralLayer", "StickSlip", "Furnace", "PiController", "Cascade", "Battery", "Pack", "DriveCycle"]
 TOLERANCE = 1e-10
 """What the solvers are asked for."""
 INTERFACES = {
@@ -76,7 +76,9 @@ def test_packages_are_short(model):
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
     texts = [(FMUS.parent / model / file).read_text() for file in files]
     lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
-    assert lines <= {"VanDerPol": 40, "StickSlip": 106, "Cascade": 110, "Battery": 125}.get(model, 90)
+    assert lines <= {"VanDerPol": 40, "StickSlip": 106, "Cascade": 110, "Battery": 125, "Pack": 110}.get(
+        model, 90
+    )
 
 
 def interface_of(root):
@@ -561,6 +563,33 @@ def test_the_weakest_cell_trips_the_battery(fmu, interface):
     # trip adds some. The curve's slope is below 20 V.
     assert np.abs(found - expected).max() < 20 * 100 * TOLERANCE
     assert np.abs(result["voltage"] - expected.sum(axis=1) * is_closed).max() < 12 * 20 * 100 * TOLERANCE
+
+
+# The pack
+
+
+@ACCURATE
+def test_the_cells_of_the_pack_heat_each_other(fmu, interface):
+    """C T' = K T + q, with the Laplacian of a row, from one warmer cell: by a matrix's exponential."""
+    names = [f"cell[{number}].T" for number in range(1, 25)]
+    start_values = {"current": 3.0, "cell[5].T": 320.0, "cell[5].resistance": 0.05}
+    result = simulate(fmu("Pack"), interface, start_values=start_values, output=[*names, "voltage", "T_max"])
+    resistance = np.full(24, 0.02)
+    resistance[[2, 16]], resistance[[7, 20]], resistance[11], resistance[4] = 0.021, 0.019, 0.03, 0.05
+    laplacian = np.diag(np.full(23, 0.5), 1) + np.diag(np.full(23, 0.5), -1)
+    laplacian -= np.diag(laplacian.sum(axis=0))
+    rates = np.block([[laplacian / 40, resistance[:, None] * 9 / 40], [np.zeros((1, 25))]])
+    start = np.append(np.full(24, 298.15), 1.0)
+    start[4] = 320.0
+    expected = np.array([expm(rates * time) @ start for time in result["time"]])[:, :-1]
+    found = np.array([result[name] for name in names]).T
+    # Some hundred tolerances of the nominal value, 300 K.
+    bound = 100 * TOLERANCE * 300
+    assert np.abs(found - expected).max() < bound
+    assert np.abs(result["T_max"] - expected.max(axis=1)).max() < bound
+    charges = 0.9 - 3 * result["time"] / 7200
+    expected = 24 * (3.2 + charges) - 3 * resistance.sum()
+    assert np.abs(result["voltage"] - expected).max() < 24 * 100 * TOLERANCE
 
 
 # The drive cycle

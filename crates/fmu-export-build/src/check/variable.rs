@@ -4,7 +4,7 @@ use fmu_terms::{Causality, DataType, Initial, Variability};
 use serde_json::Value;
 
 use crate::check::clocks;
-use crate::declaration::{Declaration, UnitNames, VariableDeclaration};
+use crate::declaration::{Declaration, OneOrEach, VariableDeclaration};
 use crate::error::{Blame, refuse_if};
 use crate::model::Place;
 use crate::names::{field_name, variable_name};
@@ -256,7 +256,7 @@ fn unit(variable: &VariableDeclaration, data_type: ValueType) -> Result<(), Blam
         return refuse_if(variable.nominal.is_some(), "nominal", reason);
     }
     refuse_if(variable.unit.is_none(), "unit", "a Real needs a 'unit' ('1' if dimensionless)")?;
-    if let Some(UnitNames::Each(units)) = &variable.unit {
+    if let Some(OneOrEach::Each(units)) = &variable.unit {
         let elements: usize = variable.sizes.iter().product();
         refuse_if(variable.sizes.is_empty(), "unit", "only an array can have a list of units")?;
         let reason = format_args!("the list has {} units for {elements} elements", units.len());

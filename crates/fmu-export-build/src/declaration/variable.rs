@@ -44,7 +44,7 @@ pub(crate) struct VariableDeclaration {
     #[serde(skip)]
     pub(crate) real_type: Option<usize>,
     /// Unit of a Real, such as kg/s, N.m, W/(m2.K) or %; 1 if dimensionless. An array may have a list of units.
-    pub(crate) unit: Option<UnitNames>,
+    pub(crate) unit: Option<OneOrEach>,
     /// Unit in which tools show the value.
     pub(crate) display_unit: Option<String>,
     /// Values are differences: conversion to other units ignores offsets.
@@ -137,7 +137,7 @@ impl VariableDeclaration {
         self.real_type = types.iter().position(|known| known.name == self.data_type);
         let Some(known) = self.real_type.map(|position| &types[position]) else { return };
         self.data_type = real();
-        self.unit = self.unit.take().or_else(|| known.unit.clone().map(UnitNames::All));
+        self.unit = self.unit.take().or_else(|| known.unit.clone().map(OneOrEach::All));
         self.display_unit = self.display_unit.take().or_else(|| known.display_unit.clone());
         self.relative_quantity |= known.relative_quantity;
         self.min = self.min.or(known.min);
@@ -183,21 +183,21 @@ pub(crate) enum Dimension {
     Parameter(String),
 }
 
-/// The unit of a variable, or of each array element.
+/// A name for all elements of an array, or one for each.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(untagged, expecting = "expected a unit, or a list of units")]
-pub(crate) enum UnitNames {
+#[serde(untagged, expecting = "expected a text, or a list of texts")]
+pub(crate) enum OneOrEach {
     All(String),
     Each(Vec<String>),
 }
 
-impl UnitNames {
-    /// The unit of an element, numbered from 0.
+impl OneOrEach {
+    /// That of an element, numbered from 0.
     pub(crate) fn of(&self, element: usize) -> &str {
         match self {
-            Self::All(unit) => unit,
-            Self::Each(units) => &units[element],
+            Self::All(name) => name,
+            Self::Each(names) => &names[element],
         }
     }
 }

@@ -9,7 +9,7 @@ use fmu_terms::{Causality, DataType};
 use fmu_xml::page::{breakable, unit as unit_markup};
 use quick_xml::escape::escape;
 
-use crate::declaration::{UnitNames, VariableDeclaration};
+use crate::declaration::{OneOrEach, VariableDeclaration};
 use crate::dependencies::{Structure, Unknown};
 use crate::model::{Field, Model, Part, Place};
 use crate::start::Start;
@@ -241,8 +241,8 @@ impl<'m, 'a> Page<'m, 'a> {
         match field.data_type {
             ValueType::Standard(DataType::Real | DataType::Float32) => {
                 let units = match &field.declaration.unit {
-                    Some(UnitNames::All(unit)) => slice::from_ref(unit),
-                    Some(UnitNames::Each(units)) => units,
+                    Some(OneOrEach::All(unit)) => slice::from_ref(unit),
+                    Some(OneOrEach::Each(units)) => units,
                     None => &[],
                 };
                 units.iter().map(|unit| unit_markup(unit)).collect::<Vec<_>>().join(", ")

@@ -58,12 +58,13 @@ impl<'m, 'a> Generator<'m, 'a> {
         'm: 'p,
     {
         let components = self.model.components(part).filter(|part| !self.model.held(place, part).is_empty());
-        Members { fields: place.fields(part).collect(), components: components.collect() }
+        Members { fields: place.fields(part).collect(), components: Component::all(components) }
     }
 
     /// The variables in members, at any depth.
     pub(super) fn all<'p>(&'p self, place: Place, members: &Members<'p, 'a>) -> Vec<&'p Field<'a>> {
-        let inner = members.components.iter().flat_map(|part| self.model.held(place, part));
+        let parts = members.components.iter().flat_map(|component| &component.parts);
+        let inner = parts.flat_map(|part| self.model.held(place, part));
         members.fields.iter().copied().chain(inner).collect()
     }
 
@@ -212,7 +213,9 @@ impl<'m, 'a> Generator<'m, 'a> {
     /// The path in a place of all elements of an array, row by row.
     pub(super) fn flat(&self, variable: &Variable<'_>, is_mutable: bool) -> String {
         let flattened = if is_mutable { ".as_flattened_mut()" } else { ".as_flattened()" };
-        let path = self.first(variable).path.split('[').next().unwrap_or_default();
+        // That of the first element, whose indices are 0.
+        let path = &self.first(variable).path;
+        let path = path.strip_suffix(&"[0]".repeat(variable.sizes.len())).unwrap_or(path);
         path.to_owned() + &flattened.repeat(variable.sizes.len() - 1)
     }
 
@@ -346,7 +349,37 @@ pub(super) fn is_real(field: &Field<'_>) -> bool {
 /// What a generated struct contains in a place: variables, and components, each with its own struct.
 pub(super) struct Members<'m, 'a> {
     pub(super) fields: Vec<&'m Field<'a>>,
-    pub(super) components: Vec<&'m Part<'a>>,
+    pub(super) components: Vec<Component<'m, 'a>>,
+}
+
+/// A component, or an array of them.
+pub(super) struct Component<'m, 'a> {
+    /// The component, or the array's elements.
+    pub(super) parts: Vec<&'m Part<'a>>,
+    pub(super) is_array: bool,
+}
+
+impl<'m, 'a> Component<'m, 'a> {
+    /// All components of a list, in which elements of arrays follow each other.
+    pub(super) fn all(parts: impl Iterator<Item = &'m Part<'a>>) -> Vec<Self> {
+        let mut components: Vec<Self> = Vec::new();
+        for part in parts {
+            match components.last_mut().filter(|_| part.index.is_some_and(|index| index > 0)) {
+                Some(array) => array.parts.push(part),
+                None => components.push(Self { parts: vec![part], is_array: part.index.is_some() }),
+            }
+        }
+        components
+    }
+
+    pub(super) fn first(&self) -> &'m Part<'a> {
+        self.parts[0]
+    }
+
+    /// The array's size, if it is one.
+    pub(super) fn size(&self) -> Option<usize> {
+        self.is_array.then_some(self.parts.len())
+    }
 }
 
 impl<'a> Members<'_, 'a> {
@@ -359,7 +392,15 @@ impl<'a> Members<'_, 'a> {
         let fields: Vec<_> =
             self.fields.iter().map(|field| format!("{}: {}", field.name(), value(field))).collect();
         let own = (!fields.is_empty()).then(|| fields.join(", "));
-        let nested = self.components.iter().map(|part| format!("{}: {}", part.rust_name(), component(part)));
+        let nested = self.components.iter().map(|known| {
+            let each: Vec<_> = known.parts.iter().map(|part| component(part)).collect();
+            let value = match known.size() {
+                None => each.concat(),
+                Some(size) if each.iter().all(|value| *value == each[0]) => filled(&[size], &each[0], false),
+                Some(_) => format!("[{}]", each.join(", ")),
+            };
+            format!("{}: {value}", known.first().rust_name())
+        });
         own.into_iter().chain(nested).collect::<Vec<_>>().join(",\n            ")
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::generator::{Generator, Members, bound, filled, markdown};
+use super::generator::{Component, Generator, Members, bound, filled, markdown};
 use super::structs::is_copied;
 use crate::declaration::Described;
 use crate::model::{Field, Place};
@@ -21,10 +21,10 @@ impl Generator<'_, '_> {
         let (mut text, mut all_are_copy) = (String::new(), true);
         let (mut structs, mut fields) = (String::new(), String::new());
         let mut components_of: BTreeMap<_, Vec<_>> = BTreeMap::new();
-        for component in self.model.components(&self.model.parts[0]) {
-            let Some(group) = component.state_group() else { continue };
+        for component in Component::all(self.model.components(&self.model.parts[0])) {
+            let Some(group) = component.first().state_group() else { continue };
+            let name = component.first().rust_name();
             components_of.entry(group).or_default().push(component);
-            let name = component.rust_name();
             let _ = writeln!(fields, "            {name}: groups.{group}.{name},");
         }
         for Described { name: group, description } in groups {
@@ -60,7 +60,7 @@ impl Generator<'_, '_> {
             let is_copy = self.all(Place::States, &members).into_iter().all(is_copied);
             all_are_copy &= is_copy;
             let clone = if is_copy { "" } else { ".clone()" };
-            let of = members.components.iter().map(|part| part.rust_name());
+            let of = members.components.iter().map(|component| component.first().rust_name());
             let of: Vec<_> = of.map(|name| format!("{name}: states.{name}{clone}")).collect();
             let _ = write!(
                 text,

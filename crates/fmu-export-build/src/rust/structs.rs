@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use fmu_terms::DataType;
 
 use super::generator::{Generator, Members, described, is_copy, is_real};
-use crate::declaration::UnitNames;
+use crate::declaration::OneOrEach;
 use crate::model::{Field, Part, Place};
 use crate::texts::comment;
 use crate::value_type::ValueType;
@@ -33,15 +33,20 @@ impl Generator<'_, '_> {
         members: &Members<'_, '_>,
     ) -> String {
         let own = members.fields.iter().map(|field| self.field(field));
-        let nested = members.components.iter().map(|part| {
+        let nested = members.components.iter().map(|component| {
+            let part = component.first();
             let held = self.model.held(place, part);
             let is_generic = held.iter().any(|field| is_real(field));
             let generic = if is_generic { "<T>" } else { "" };
+            let data_type = format!("{}{generic}", place.struct_name(part));
             StructField {
                 name: part.rust_name(),
                 description: described(part.own_description(), part.own_name()),
-                data_type: format!("{}{generic}", place.struct_name(part)),
-                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                data_type: match component.size() {
+                    Some(size) => format!("[{data_type}; {size}]"),
+                    None => data_type,
+                },
+                kind: if is_generic { Kind::Nested { size: component.size() } } else { Kind::Other },
                 is_copy: held.into_iter().all(is_copied),
             }
         });
@@ -55,8 +60,8 @@ impl Generator<'_, '_> {
     fn field(&self, field: &Field<'_>) -> StructField {
         let declaration = field.declaration;
         let unit = match &declaration.unit {
-            Some(UnitNames::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
-            Some(UnitNames::Each(units)) => format!(" (`{}`)", units.join("`, `")),
+            Some(OneOrEach::All(unit)) if unit != "1" => format!(" (`{unit}`)"),
+            Some(OneOrEach::Each(units)) => format!(" (`{}`)", units.join("`, `")),
             _ => String::new(),
         };
         let unit = comment(&unit);
@@ -107,7 +112,7 @@ impl Generator<'_, '_> {
                 name: name.to_owned(),
                 description: description.to_owned(),
                 data_type: format!("{}{generic}", place.type_name()),
-                kind: if is_generic { Kind::Nested } else { Kind::Other },
+                kind: if is_generic { Kind::Nested { size: None } } else { Kind::Other },
                 is_copy: false,
             }
         });
@@ -187,8 +192,10 @@ enum Kind {
         sizes: Vec<usize>,
         is_boxed: bool,
     },
-    /// A struct generic over the number type.
-    Nested,
+    /// A struct generic over the number type, or an array of them.
+    Nested {
+        size: Option<usize>,
+    },
     Other,
 }
 
@@ -206,7 +213,10 @@ fn structure(name: &str, title: &str, fields: Vec<StructField>) -> String {
                 let kind = if is_boxed { "boxed" } else { "number" };
                 format!("{kind} {name}{}", sizes.collect::<String>())
             }
-            Kind::Nested => format!("nested {name}"),
+            Kind::Nested { size } => {
+                let size = size.map(|size| format!("[{size}]")).unwrap_or_default();
+                format!("nested {name}{size}")
+            }
             Kind::Other => format!("other {name}"),
         });
         names.push(name);

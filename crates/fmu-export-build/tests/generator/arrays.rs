@@ -116,3 +116,98 @@ fn declared_value_references_do_not_split_an_array() {
     // Of the gap from 2 on, one number is left for the next scalar.
     assert_eq!(names.map(reference), [1, 4, 5, 3, 6, 7, 8, 9, 2, 10]);
 }
+
+/// What is generated for three vessels in a row.
+fn vessels(cell: &str) -> Result<Generated, String> {
+    let folder = folder("row");
+    let file = folder.join("row.json");
+    let declaration = format!(
+        r#"{{
+            "variables": [
+                {{"name": "left", "causality": "input", "unit": "K", "start": 0}},
+                {{"name": "mean", "causality": "output", "unit": "K", "reads": ["cell[:].T"]}}
+            ],
+            "component_types": [
+                {{"name": "Cell", "variables": [
+                    {{"name": "T", "unit": "K", "start": 300, "derivative": {{"reads": ["{{before}}", "T", "{{after}}"]}}}},
+                    {{"name": "rates", "unit": "1", "dimensions": [2], "causality": "parameter", "start": [1, 2]}}
+                ]}}
+            ],
+            "components": [{{"name": "cell", "type": "Cell", "dimensions": [3], {cell}}}]
+        }}"#
+    );
+    fs::write(&file, declaration).expect("the folder for tests is writable");
+    let fmi = Fmi { version: Version::Two, interfaces: Interfaces::Both };
+    generate_into(&file, &folder, &package(), fmi).map_err(|error| error.to_string())
+}
+
+const NEIGHBORS: &str = r#""connections": {"before": "cell[i-1].T", "after": "cell[i+1].T"}"#;
+
+/// By hand: 1 time, 2 left, 3 mean, 4 cell[1].T, 5 its derivative, 6 and 7 its rates, … 8 cell[2].T, … 12 cell[3].T, 13
+/// its derivative.
+#[test]
+fn components_of_an_array_are_connected_with_those_beside_them() {
+    let generated = vessels(NEIGHBORS).unwrap();
+    let xml = read(&generated.model_description);
+    for (index, dependencies) in [(3, "4 8 12"), (5, "4 8"), (9, "4 8 12"), (13, "8 12")] {
+        let entry = format!(r#"<Unknown index="{index}" dependencies="{dependencies}"/>"#);
+        assert_eq!(xml.matches(&entry).count(), 2, "{entry} in steps and initialization");
+    }
+    assert!(xml.contains(r#"name="der(cell[3].T)""#) && xml.contains(r#"name="cell[3].rates[2]""#));
+    assert!(read(&generated.variables).contains("pub cell: [CellStates<T>; 3],"));
+    // One for each, the first of which is that of the model.
+    let generated = vessels(r#""connections": {"before": ["left", "cell[1].T", "left"], "after": "left"}"#);
+    let xml = read(&generated.unwrap().model_description);
+    for (index, dependencies) in [(5, "2 4"), (9, "2 4 8"), (13, "2 12")] {
+        let entry = format!(r#"<Unknown index="{index}" dependencies="{dependencies}"/>"#);
+        assert_eq!(xml.matches(&entry).count(), 2, "{entry} in steps and initialization");
+    }
+}
+
+/// A list has the values of a scalar in each component, or lists for an array in each; else it is for all.
+#[test]
+fn components_of_an_array_start_alike_or_each_at_its_own_value() {
+    let xml = |start: &str| {
+        let generated = vessels(&format!(r#""start": {{{start}}}, {NEIGHBORS}"#));
+        read(&generated.unwrap().model_description)
+    };
+    let starts = |xml: &str, name: &str| -> Vec<String> {
+        (1..=3)
+            .map(|number| {
+                let (_, after) = xml.split_once(&format!(r#"name="cell[{number}].{name}""#)).unwrap();
+                let (_, after) = after.split_once("start=\"").unwrap();
+                after.split('"').next().unwrap().to_owned()
+            })
+            .collect()
+    };
+    assert_eq!(starts(&xml(r#""T": 310"#), "T"), ["310.0"; 3]);
+    assert_eq!(starts(&xml(r#""T": [310, 320, 330]"#), "T"), ["310.0", "320.0", "330.0"]);
+    assert_eq!(starts(&xml(r#""rates": [5, 6]"#), "rates[2]"), ["6.0"; 3]);
+    assert_eq!(starts(&xml(r#""rates": [[5, 6], [7, 8], [9, 9]]"#), "rates[1]"), ["5.0", "7.0", "9.0"]);
+}
+
+#[test]
+fn what_an_array_of_components_lacks_is_named() {
+    for (cell, reason) in [
+        (format!(r#""start": {{"T": [1, 2]}}, {NEIGHBORS}"#), "there are 2 values of 'T', but 3 components"),
+        (
+            r#""connections": {"before": ["left", "left"], "after": "left"}"#.to_owned(),
+            "2 variables, but there are 3 components",
+        ),
+        (
+            r#""connections": {"before": "cell[:].T", "after": "left"}"#.to_owned(),
+            "is connected to 'cell[:].T', which is more than one variable",
+        ),
+        (
+            r#""connections": {"before": "cell[j].T", "after": "left"}"#.to_owned(),
+            "only arrays of 2 dimensions have a subscript j",
+        ),
+        (
+            r#""connections": {"before": "cel[i].T", "after": "left"}"#.to_owned(),
+            "'cel.T', which is not a variable; did you mean 'cell.T'?",
+        ),
+    ] {
+        let refusal = vessels(&cell).err().unwrap_or_default();
+        assert!(refusal.contains(reason), "{refusal}");
+    }
+}
