@@ -106,10 +106,13 @@ def test_a_trial_has_the_results_of_the_optimized_fmu(tmp_path: Path) -> None:
     assert Path(exported).read_bytes() == optimized
 
 
-def test_a_trial_has_the_interface_by_which_it_runs(tmp_path: Path) -> None:
+def test_a_trial_has_the_interface_and_the_version_by_which_it_runs(tmp_path: Path) -> None:
+    """The template is of FMI 2.0."""
     options = package("bouncing_ball", "exchanged", tmp_path)
-    fmu, _ = run("simulate", "--interface", "me", "--out", "record.csv", **options).splitlines()
+    arguments = ["--interface", "me", "--fmi", "3", "--out", "record.csv"]
+    fmu, _ = run("simulate", *arguments, **options).splitlines()
     description = read_model_description(fmu.split()[0])
+    assert description.fmiVersion == "3.0"
     assert description.modelExchange
     assert not description.coSimulation
 
