@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use fmu_package::{Content, ElementDescription, End, Kind, SystemDescription};
+use fmu_package::{Content, ElementDescription, End, Kind, Linear, SystemDescription};
 
 #[path = "../crates/cargo-fmu/tests/support/mod.rs"]
 mod support;
@@ -300,6 +300,51 @@ fn the_files_of_two_fmus_go_together() {
     let reason =
         "--inputs boost_refrence: the system has no such input; it has boost_reference, engine_speed";
     assert!(message.contains(reason), "{message}");
+}
+
+/// SSP has tables of Booleans and of integers, and the interface is Real. What no line gives is refused.
+#[test]
+fn a_table_into_a_boolean_is_a_line_in_a_system() {
+    let folder = empty("tables");
+    let real = r#"name="vacuum_pump" causality="input"><Real/>"#;
+    let boolean = r#"name="pump" causality="input"><Boolean/>"#;
+    for (fmu, role) in fitting("Table").iter().zip(["plant", "controller"]) {
+        let fmu = archive(&format!("table_{role}.fmu"), "modelDescription.xml", &fmu.replace(real, boolean));
+        fs::copy(fmu, folder.join(format!("{role}.fmu"))).unwrap();
+    }
+    let of_plant = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
+        .map(|name| format!(r#"{{ from = "controller:{name}", to = "plant:{name}" }}, "#));
+    let of_controller = ["boost_pressure", "tank_pressure", "supply_voltage_measured"]
+        .map(|name| format!(r#"{{ from = "plant:{name}", to = "controller:{name}" }}, "#));
+    let ssp = ["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu", "--connections", "all.toml"];
+    for (more, expected) in [
+        ("table = [[0, 1], [1, 0]]", Some((-1.0, 1.0))),
+        ("table = [[1, 1], [0, 0]]", Some((1.0, 0.0))),
+        ("factor = -1, offset = 1", Some((-1.0, 1.0))),
+        ("table = [[0, 1], [1, 1]]", None),
+        ("table = [[0, 0], [2, 1]]", None),
+        ("table = [[0, 1], [1, 0], [2, 0]]", None),
+        ("threshold = 0.5", None),
+    ] {
+        let pump = format!(r#"{{ from = "controller:vacuum_pump", to = "plant:pump", {more} }}"#);
+        let list = [of_plant.concat(), of_controller.concat(), pump].concat();
+        fs::write(folder.join("all.toml"), format!("connection = [{list}]")).unwrap();
+        let check =
+            boost_fmu_in(&folder, &["check", "plant.fmu", "--as", "plant", "--connections", "all.toml"]);
+        assert!(check.status.success(), "{more}: {}", String::from_utf8_lossy(&check.stdout));
+        let done = boost_fmu_in(&folder, &ssp);
+        let message = String::from_utf8_lossy(&done.stderr);
+        assert_eq!(done.status.success(), expected.is_some(), "{more}: {message}");
+        let Some(expected) = expected else {
+            assert!(message.contains("vacuum_pump: a system has no t"), "{more}: {message}");
+            continue;
+        };
+        let system = system_of(&folder.join("Boost.ssp"));
+        let Content::System { connections, .. } = system.content else { panic!("{more}") };
+        let to_pump = connections.iter().find(|each| each.end.connector == "pump").expect(more);
+        let Linear { factor, offset } = to_pump.transformation.linear();
+        assert_eq!((factor, offset), expected, "{more}");
+    }
 }
 
 /// The root system of a package.

@@ -8,7 +8,7 @@ use clap::Args;
 use fmu_io::{reading, writing};
 use fmu_package::{FmuDescription, Kind, ParameterSet, SystemPackage, SystemStructure, connection};
 
-use super::coupling::{Member, couple};
+use super::coupling::{Member, couple, linear};
 
 /// The system's name.
 pub const SYSTEM: &str = "Boost";
@@ -61,8 +61,12 @@ pub fn run(interface: &Interface, arguments: &Arguments) -> Result<()> {
         );
     }
     for (port, found) in fits.iter().flat_map(|compatibility| &compatibility.matches) {
-        if let Match::Found { threshold: Some(_), .. } = found {
+        let Match::Found { variable, to_interface, threshold, .. } = found else { continue };
+        if threshold.is_some() {
             bail!("{}: a system has no threshold; have the FMU compare the value", port.name());
+        }
+        if linear(variable, to_interface).is_none() {
+            bail!("{}: a system has no table from or to a Real; give factor and offset", port.name());
         }
     }
     let mut package = package(&fits, [reading::bytes(plant)?, reading::bytes(controller)?], parameters)?;

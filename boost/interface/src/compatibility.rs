@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use fmu_io::terminal::number;
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Kind, Linear, ValueType};
+use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Function, Kind, ValueType};
 
 use crate::choice::{Choice, choices};
 use crate::likeness::suggestions;
-use crate::units::{conversion, formula, mismatch};
+use crate::units::{conversion, mismatch, relation};
 use crate::{Interface, Port, Role};
 
 /// How an FMU fits the interface as a plant or a controller.
@@ -50,7 +50,7 @@ pub enum Match<'a> {
         /// The FMU's variable.
         variable: &'a FmuVariable,
         /// The conversion of its values to the interface.
-        to_interface: Linear,
+        to_interface: Function,
         /// From which value on it is true, if it is a Boolean that a connection gives one.
         threshold: Option<f64>,
         /// Why it does not fit.
@@ -182,14 +182,14 @@ impl<'a> Match<'a> {
         let conversion = conversion(port, fmu, variable, to_interface);
         let (to_interface, is_certain) = conversion.unwrap_or_else(|problem| {
             problems.push(problem);
-            (Linear::IDENTITY, true)
+            (Function::IDENTITY, true)
         });
-        if to_interface != Linear::IDENTITY {
-            notes.push(format!("{} = {}", port.name(), formula(to_interface, &variable.name)));
+        if to_interface != Function::IDENTITY {
+            notes.push(relation(port, &to_interface, &variable.name));
         } else if !is_certain {
             notes.push(format!("it declares no unit; assumed to be {}", port.unit().name));
         }
-        match mismatch(port, variable, to_interface, is_certain) {
+        match mismatch(port, variable, &to_interface, is_certain) {
             Ok(None) => {}
             Ok(Some(text)) if is_certain => notes.push(text),
             Ok(Some(text)) => {
@@ -280,7 +280,7 @@ mod tests {
             assert!(compatibility.fits() && compatibility.other_inputs().next().is_none());
             for (_, found) in &compatibility.matches {
                 assert!(
-                    matches!(found, Match::Found { to_interface: Linear::IDENTITY, notes, .. } if notes.is_empty())
+                    matches!(found, Match::Found { to_interface: Function::IDENTITY, notes, .. } if notes.is_empty())
                 );
             }
         }
@@ -304,7 +304,9 @@ mod tests {
                 panic!("{unit}: not found")
             };
             match expected {
-                Ok(factor) => assert_eq!((problems, to_interface.factor), (vec![], factor), "{unit}"),
+                Ok(factor) => {
+                    assert_eq!((problems, to_interface.linear().factor), (vec![], factor), "{unit}");
+                }
                 Err("") => assert!(problems.is_empty(), "{unit}: {problems:?}"),
                 Err(text) => assert!(problems[0].starts_with(text), "{unit}: {problems:?}"),
             }

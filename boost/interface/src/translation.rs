@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fmu_io::terminal::number;
-use fmu_package::{Causality, FmuDescription, FmuVariable, Linear, Unit};
+use fmu_package::{Causality, FmuDescription, FmuVariable, Function, Unit};
 
 use crate::Port;
 use crate::compatibility::{Compatibility, Match};
@@ -14,7 +14,7 @@ pub struct Translation {
     /// The description in these names and units.
     pub description: FmuDescription,
     /// The conversions from the FMU's values, by name; values of other variables are not converted.
-    pub conversions: BTreeMap<String, Linear>,
+    pub conversions: BTreeMap<String, Function>,
     /// From which values on Booleans are true, by name.
     pub thresholds: BTreeMap<String, f64>,
 }
@@ -41,14 +41,14 @@ impl Compatibility<'_> {
         for variable in &self.fmu.variables {
             let connected = self.matches.iter().filter_map(|(port, found)| match found {
                 Match::Found { variable: own, to_interface, threshold, .. } if own.name == variable.name => {
-                    Some((port, *to_interface, *threshold))
+                    Some((port, to_interface, *threshold))
                 }
                 _ => None,
             });
             let before = variables.len();
             for (port, function, threshold) in connected {
                 variables.push(translated(variable, port, function));
-                to_interface.insert(port.name().to_owned(), function);
+                to_interface.insert(port.name().to_owned(), function.clone());
                 thresholds.extend(threshold.map(|threshold| (port.name().to_owned(), threshold)));
             }
             if variables.len() > before {
@@ -74,17 +74,17 @@ impl Compatibility<'_> {
 }
 
 /// A variable by the interface's name, in its unit.
-fn translated(variable: &FmuVariable, port: &Port<'_>, function: Linear) -> FmuVariable {
-    let converted = |text: &str| match text.trim().parse::<f64>() {
+fn translated(variable: &FmuVariable, port: &Port<'_>, function: &Function) -> FmuVariable {
+    let converted = |text: &String| match text.trim().parse::<f64>() {
         Ok(value) => number(function.apply(value)),
         // Empty or not a number.
-        Err(_) => text.to_owned(),
+        Err(_) => text.clone(),
     };
-    let mut bounds = [converted(&variable.min), converted(&variable.max)];
-    if function.factor < 0.0 {
-        bounds.reverse();
-    }
-    let [min, max] = bounds;
+    let [min, max] = match function {
+        Function::Linear(linear) if linear.factor < 0.0 => [&variable.max, &variable.min].map(converted),
+        Function::Linear(_) => [&variable.min, &variable.max].map(converted),
+        Function::Table(_) => [String::new(), String::new()],
+    };
     FmuVariable {
         name: port.name().to_owned(),
         unit: port.unit().name,
@@ -161,7 +161,13 @@ mod tests {
             r#"<ScalarVariable name="on" causality="input"><Boolean/>"#,
         );
         let fmu = FmuDescription::parse(&boolean).unwrap();
-        for (more, expected) in [("", None), (", threshold = 0.5", Some(0.5))] {
+        // The seen value of true, whose input is 0 where it is exchanged.
+        for (more, expected, of_true) in [
+            ("", None, 1.0),
+            (", threshold = 0.5", Some(0.5), 1.0),
+            (", table = [[0, 1], [1, 0]]", None, 0.0),
+            (", factor = -1, offset = 1", None, 0.0),
+        ] {
             let connections = connected(&format!(
                 r#"{{ from = "plant:p", to = "controller:boost_pressure" }},
                    {{ from = "controller:hp_wastegate_pwm", to = "plant:shut", to_unit = "1" }},
@@ -169,7 +175,9 @@ mod tests {
             ));
             let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
             assert!(compatibility.fits(), "{compatibility}");
-            assert_eq!(compatibility.translation().thresholds.get("vacuum_pump").copied(), expected);
+            let Translation { conversions, thresholds, .. } = compatibility.translation();
+            assert_eq!(thresholds.get("vacuum_pump").copied(), expected);
+            assert_eq!(conversions["vacuum_pump"].apply(1.0).to_bits(), f64::to_bits(of_true), "{more}");
         }
     }
 

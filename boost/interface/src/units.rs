@@ -15,25 +15,33 @@ pub fn conversion(
     fmu: &FmuDescription,
     variable: &FmuVariable,
     to_interface: &Conversion,
-) -> Result<(Linear, bool), String> {
+) -> Result<(Function, bool), String> {
     let (from, to) = match to_interface {
-        Conversion::Function(Function::Linear(linear)) => return Ok((*linear, true)),
-        Conversion::Function(Function::Table(_)) => {
-            return Err("a table converts no physical quantity".to_owned());
-        }
+        Conversion::Function(function) => return Ok((function.clone(), true)),
         Conversion::Units { from, to } => (from, to),
     };
     let own = from.as_ref().unwrap_or(&variable.unit);
     if own.is_empty() {
-        return Ok((Linear::IDENTITY, false));
+        return Ok((Function::IDENTITY, false));
     }
     let wanted = port.unit();
     let to = (to.as_ref().unwrap_or(&wanted.name).as_str(), std::slice::from_ref(&wanted));
-    unit_conversion((own, &fmu.units), to).map(|conversion| (conversion, true))
+    unit_conversion((own, &fmu.units), to).map(|conversion| (conversion.into(), true))
+}
+
+/// How a port's values follow from a variable's, as text.
+pub fn relation(port: &Port<'_>, to_interface: &Function, variable: &str) -> String {
+    match to_interface {
+        Function::Linear(linear) => format!("{} = {}", port.name(), formula(*linear, variable)),
+        Function::Table(entries) => {
+            let entries = entries.iter().map(|(from, to)| format!("{} for {}", number(*to), number(*from)));
+            format!("{} = {}", port.name(), entries.collect::<Vec<_>>().join(", "))
+        }
+    }
 }
 
 /// A linear function as text.
-pub fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
+fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
     let product = format!("{} · {variable}", number(factor));
     match offset {
         0.0 => product,
@@ -46,10 +54,12 @@ pub fn formula(Linear { factor, offset }: Linear, variable: &str) -> String {
 pub fn mismatch(
     port: &Port<'_>,
     variable: &FmuVariable,
-    to_interface: Linear,
+    to_interface: &Function,
     is_certain: bool,
 ) -> Result<Option<String>, String> {
     let unit = &port.unit().name;
+    // What a table leaves unchanged has no bounds to compare.
+    let Function::Linear(to_interface) = to_interface else { return Ok(None) };
     let (min, max) = variable.range().map_err(|error| error.to_string())?;
     let (min, max) = (to_interface.apply(min), to_interface.apply(max));
     let own = (min.min(max), min.max(max));

@@ -18,7 +18,7 @@ use fmu_export::time::coincidence;
 use fmu_package::{Domain, Function, Value};
 
 use crate::importer::{Course, Ended, Fmu, Instance, Misfit, Selection};
-use crate::scenario::{Assignment, Member, ROUNDING, Signal, Stepping};
+use crate::scenario::{Assignment, Member, Signal, Stepping};
 
 /// Exchanges of outputs and inputs during initialization, at least: the outputs of one FMU, once it has its inputs, may
 /// change those of another, as a measured voltage changes a controller's duty. In a chain of more FMUs there are as many
@@ -153,32 +153,36 @@ impl Inputs {
 /// The courses of signals that continuous inputs of Model Exchange follow.
 pub struct Courses {
     signals: Vec<(Signal, Vec<f64>, Function)>,
+    /// The communication step (s).
+    step: f64,
     held_at: Rc<Cell<Option<f64>>>,
 }
 
 impl Courses {
     /// Of signals, with the conversions to the inputs.
-    fn new(signals: Vec<(Signal, Function)>, held_at: Rc<Cell<Option<f64>>>) -> Self {
+    fn new(signals: Vec<(Signal, Function)>, step: f64, held_at: Rc<Cell<Option<f64>>>) -> Self {
         let signals = signals.into_iter().map(|(signal, conversion)| {
             let jumps = signal.jumps();
             (signal, jumps, conversion)
         });
-        Self { signals: signals.collect(), held_at }
+        Self { signals: signals.collect(), step, held_at }
     }
 }
 
-/// The first jump after a time (s), to whose value rounding belongs.
-fn jump_after(jumps: &[f64], time: f64) -> Option<f64> {
-    jumps.get(jumps.partition_point(|jump| *jump <= time + ROUNDING)).copied()
+/// The first jump after a time (s), which is one of those until another time (s).
+fn jump_after(jumps: &[f64], until: f64) -> Option<f64> {
+    jumps.get(jumps.partition_point(|jump| *jump <= until)).copied()
 }
 
 impl Course for Courses {
     fn values(&self, from: f64, time: f64, values: &mut [f64]) {
+        let until = from + coincidence(self.step, from);
+        let at = |signal: &Signal, time: f64| signal.at_within(time, coincidence(self.step, time));
         for ((signal, jumps, conversion), value) in self.signals.iter().zip(values) {
             let own = match self.held_at.get() {
-                Some(held_at) => signal.at(held_at),
-                None if jumps.is_empty() || time <= from + ROUNDING => signal.at(time),
-                None => signal.before(jump_after(jumps, from).map_or(time, |jump| time.min(jump))),
+                Some(held_at) => at(signal, held_at),
+                None if jumps.is_empty() || time <= until => at(signal, time),
+                None => signal.before(jump_after(jumps, until).map_or(time, |jump| time.min(jump)), 0.0),
             };
             *value = converted(own, conversion);
         }
@@ -188,7 +192,8 @@ impl Course for Courses {
         if self.held_at.get().is_some() {
             return None;
         }
-        let jumps = self.signals.iter().filter_map(|(_, jumps, _)| jump_after(jumps, after));
+        let until = after + coincidence(self.step, after);
+        let jumps = self.signals.iter().filter_map(|(_, jumps, _)| jump_after(jumps, until));
         jumps.min_by(f64::total_cmp)
     }
 }
@@ -219,7 +224,7 @@ impl<'a> Coupling<'a> {
             let count = readings.names().len();
             instance.watch(readings)?;
             if let Some((selection, signals)) = followed {
-                instance.let_follow(selection, Box::new(Courses::new(signals, Rc::clone(&held_at))))?;
+                instance.let_follow(selection, Box::new(Courses::new(signals, step, Rc::clone(&held_at))))?;
             }
             members.push(Coupled { member, instance, first, outputs, inputs, texts, is_called: false });
             first += count;
@@ -236,6 +241,11 @@ impl<'a> Coupling<'a> {
     /// A value that is read of a member.
     pub fn reading(&self, member: usize, position: usize) -> f64 {
         self.readings[self.members[member].first + position]
+    }
+
+    /// The difference (s) within which a time is that of a communication point (s).
+    pub fn coincidence(&self, point: f64) -> f64 {
+        coincidence(self.step, point)
     }
 
     /// Holds the signals at their values of a time (s), or lets them go on.
@@ -264,6 +274,7 @@ impl<'a> Coupling<'a> {
         }
         for &index in &prompt {
             self.members[index].instance.leave_initialization()?;
+            self.read(index)?;
         }
         self.hold_signals(Some(start));
         for index in late {
@@ -277,10 +288,12 @@ impl<'a> Coupling<'a> {
             for step in 0..run_in.steps {
                 instance.step(begin + f64::from(step) * self.step, self.step)?;
             }
-            assign(instance, &run_in.after)?;
+            // What is set from here on is of the start's SET.
+            self.read(index)?;
+            assign(&mut self.members[index].instance, &run_in.after)?;
         }
         self.hold_signals(None);
-        (0..self.members.len()).try_for_each(|index| self.read(index))
+        Ok(())
     }
 
     /// Sets start values and enters initialization mode, for a begin, with the signals of the start and a stop time (s).
@@ -342,7 +355,9 @@ impl<'a> Coupling<'a> {
         let wires: Vec<_> = given.iter().map(|&index| &inputs.wires[index]).collect();
         let thresholds = wires.iter().map(|wire| wire.threshold);
         let mut selection = selection(instance.fmu(), names, thresholds)?;
-        let values = wires.iter().map(|wire| converted(wire.value(&self.readings, time), &wire.conversion));
+        let late = coincidence(self.step, time);
+        let values =
+            wires.iter().map(|wire| converted(wire.value(&self.readings, (time, late)), &wire.conversion));
         let mut values: Vec<_> = values.collect();
         selection.fit(&mut values).map_err(|misfit| wires[misfit.position].refused(&misfit, time))?;
         instance.write_fitted(&mut selection, &values)?;
@@ -375,11 +390,12 @@ impl<'a> Coupling<'a> {
 
     /// Computes the values of a member's inputs at a time (s) from what is read.
     fn connect(&mut self, taker: usize, time: f64) -> Result<()> {
-        let Self { members, readings, held_at, .. } = self;
+        let Self { members, readings, held_at, step, .. } = self;
         let Inputs { selection, wires, values, .. } = &mut members[taker].inputs;
         let signal_time = held_at.get().unwrap_or(time);
+        let late = coincidence(*step, signal_time);
         for (wire, value) in wires.iter_mut().zip(&mut *values) {
-            wire.brought = converted(wire.value(readings, signal_time), &wire.conversion);
+            wire.brought = converted(wire.value(readings, (signal_time, late)), &wire.conversion);
             *value = if wire.added == 0.0 { wire.brought } else { wire.brought + wire.added };
         }
         selection.fit(values).map_err(|misfit| wires[misfit.position].refused(&misfit, time))
@@ -392,7 +408,7 @@ impl<'a> Coupling<'a> {
 
     /// Whether an instance has events at a communication point (s), other than changes of inputs.
     pub fn has_due_events(&self, time: f64) -> bool {
-        let until = time + coincidence(self.step, time);
+        let until = time + self.coincidence(time);
         self.members.iter().any(|coupled| coupled.instance.has_due_events(until))
     }
 
@@ -400,7 +416,7 @@ impl<'a> Coupling<'a> {
     /// get their inputs; once no output changes by it, they handle their events. The outputs that these change reach one
     /// another, until nothing changes. Returns the first FMU that asks for the end there, if one does.
     pub fn settle(&mut self, time: f64) -> Result<Option<Ended>> {
-        let until = time + coincidence(self.step, time);
+        let until = time + self.coincidence(time);
         for round in 0..MOST_ROUNDS {
             self.connect_all(time)?;
             if self.set_new(time, until, round)? {
@@ -512,10 +528,10 @@ impl<'a> Coupling<'a> {
 }
 
 impl Wire {
-    /// The value of its source.
-    fn value(&self, readings: &[f64], time: f64) -> f64 {
+    /// The value of its source at a time (s), to which a signal's jumps belong up to `late` (s) after it.
+    fn value(&self, readings: &[f64], (time, late): (f64, f64)) -> f64 {
         match &self.source {
-            Source::Signal(signal) => signal.at(time),
+            Source::Signal(signal) => signal.at_within(time, late),
             Source::Output { reading, .. } => readings[*reading],
         }
     }

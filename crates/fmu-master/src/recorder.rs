@@ -3,6 +3,7 @@
 use std::cell::LazyCell;
 
 use anyhow::Result;
+use fmu_export::time::rounding;
 use fmu_package::Function;
 use fmu_record::{Column, Record};
 use fmu_terms::like;
@@ -68,8 +69,9 @@ impl Recorder {
     /// Keeps the row before the events of a communication point (s): what is read there, and the inputs of the step that
     /// ended.
     pub fn take_before(&mut self, time: f64, coupling: &Coupling<'_>) {
+        let late = coupling.coincidence(time);
         let value = |(source, last): (&Source, &f64)| match source {
-            Source::Signal(signal, conversion) => converted(signal.at(time), conversion),
+            Source::Signal(signal, conversion) => converted(signal.before(time, late), conversion),
             Source::Reading { member, position } => coupling.reading(*member, *position),
             Source::Input { .. } => *last,
         };
@@ -81,9 +83,10 @@ impl Recorder {
         for (rows, coupled) in self.events.iter_mut().zip(&mut coupling.members) {
             *rows = coupled.instance.take_events();
         }
+        let late = coupling.coincidence(time);
         for (column, (value, source)) in self.row.iter_mut().zip(&self.sources).enumerate() {
             *value = match source {
-                Source::Signal(signal, conversion) => converted(signal.at(time), conversion),
+                Source::Signal(signal, conversion) => converted(signal.at_within(time, late), conversion),
                 Source::Reading { member, position } => {
                     if self.record.columns()[column].is_text {
                         let texts = coupling.members[*member].instance.watched_texts(*position);
@@ -142,8 +145,13 @@ impl Recorder {
                 count -= 1;
             }
             for index in 0..count {
+                let is_before = at_time.iter().any(|rows| rows.get(index).is_some_and(|row| !row.is_after));
                 let value = |(column, course): (usize, &LazyCell<_, _>)| match &this.sources[column] {
-                    Source::Signal(signal, conversion) => converted(signal.at(time), conversion),
+                    Source::Signal(signal, conversion) => {
+                        let own =
+                            if is_before { signal.before(time, rounding(time)) } else { signal.at(time) };
+                        converted(own, conversion)
+                    }
                     Source::Input { .. } => this.last_row[column],
                     Source::Reading { member, position } => match at_time[*member].last() {
                         Some(last) if !this.is_noisy(column) => {

@@ -207,6 +207,7 @@ mod tests {
         <ScalarVariable name="size" causality="structuralParameter" initial="exact"><Integer min="40" max="40"/></ScalarVariable>
         <ScalarVariable name="level" causality="output"><Real/></ScalarVariable>
         <ScalarVariable name="warming" causality="parameter"><Real declaredType="Warming"/></ScalarVariable>
+        <ScalarVariable name="excess" causality="parameter"><Real unit="K" relativeQuantity="true"/></ScalarVariable>
         <ScalarVariable name="temperature" causality="parameter"><Real unit="K" displayUnit="degC"/></ScalarVariable>
       </ModelVariables></fmiModelDescription>"#;
 
@@ -244,13 +245,14 @@ mod tests {
     #[test]
     fn differences_are_converted_without_offsets() {
         let fmu = FmuDescription::parse(FMU).unwrap();
-        for (name, offset) in [("temperature", 273.15), ("warming", 0.0)] {
+        // Of a variable or its type.
+        for (name, offset) in [("temperature", 273.15), ("warming", 0.0), ("excess", 0.0)] {
             let variable = fmu.variable(name).unwrap();
             let degrees = Value::Real(10.0, Some("degC".to_owned()));
             assert_eq!(fit(name, degrees), Ok(Value::Real(10.0 + offset, Some("K".to_owned()))));
             assert_eq!(variable.conversion_from("degC", &fmu), Ok(Linear { factor: 1.0, offset }));
             let degrees = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -offset };
-            assert_eq!(fmu.display_unit(variable), Some(degrees));
+            assert_eq!(fmu.display_unit(variable), (name != "excess").then_some(degrees));
         }
     }
 

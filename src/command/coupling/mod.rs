@@ -3,4 +3,4 @@
 mod layout;
 mod system;
 
-pub use self::system::{Member, couple};
+pub use self::system::{Member, couple, linear};

@@ -6,8 +6,8 @@
 
 use boost_interface::{Compatibility, Match, Port, Role};
 use fmu_package::{
-    Connection, Connector, End, FmuVariable, Kind, Linear, System, SystemComponent, SystemPackage,
-    SystemStructure, Unit, ValueType,
+    Causality, Connection, Connector, End, FmuVariable, Function, Kind, Linear, System, SystemComponent,
+    SystemPackage, SystemStructure, Unit, ValueType,
 };
 
 use super::layout::{Counts, Layout, relative};
@@ -260,11 +260,28 @@ fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> 
         .filter(|(port, _)| port.kind == kind)
         .filter_map(|(port, found)| match found {
             Match::Found { variable, to_interface, .. } => {
-                Some(Wire { port, variable, to_interface: *to_interface })
+                Some(Wire { port, variable, to_interface: linear(variable, to_interface)? })
             }
             _ => None,
         })
         .collect()
+}
+
+/// The conversion of a variable's values as a system can have it, whose tables are of Booleans or of integers, but not
+/// between these and the interface's numbers. A table of a Boolean's two values is a line through both.
+pub fn linear(variable: &FmuVariable, to_interface: &Function) -> Option<Linear> {
+    let entries = match to_interface {
+        Function::Linear(linear) => return Some(*linear),
+        Function::Table(entries) => entries,
+    };
+    let ends = [0.0, 1.0].map(|truth| to_interface.apply(truth));
+    // An input refuses other numbers only if the line leads from 0 and 1.
+    let is_whole = variable.causality == Causality::Output
+        || entries.len() == 2 && ends.iter().all(|end| [0.0, 1.0].contains(end));
+    let [offset, end] = ends;
+    let factor = end - offset;
+    (variable.value_type() == ValueType::Boolean && is_whole && factor != 0.0)
+        .then_some(Linear { factor, offset })
 }
 
 fn transformation(function: Linear) -> Option<Linear> {

@@ -197,7 +197,8 @@ fn types_of_reals_are_defaults_of_variables() {
         {"name": "p", "causality": "output", "type": "SI.Pressure", "start": 2e5, "derivative": true},
         {"name": "q", "causality": "input", "type": "SI.Pressure", "display_unit": "kPa", "min": 1, "max": 1e7, "start": 1},
         {"name": "w", "causality": "parameter", "type": "Warming", "unit": "degC", "dimensions": [2], "start": 10},
-        {"name": "d", "causality": "parameter", "type": "Warming", "start": 10}
+        {"name": "d", "causality": "parameter", "type": "Warming", "start": 10},
+        {"name": "e", "causality": "parameter", "unit": "K", "relative_quantity": true, "start": 10}
     ]}"#;
     fs::write(&file, declaration).expect("the folder is writable");
     let generate = |version| {
@@ -225,6 +226,7 @@ fn types_of_reals_are_defaults_of_variables() {
             r#"<Real declaredType="Warming" unit="degC" start="10.0"/>"#,
             r#"<Real declaredType="Warming" unit="degC" start="10.0"/>"#,
             r#"<Real declaredType="Warming" start="10.0"/>"#,
+            r#"<Real unit="K" relativeQuantity="true" start="10.0"/>"#,
         ]
     );
     let xml = lines(Version::Three, &["Float64Type", "declaredType"]);

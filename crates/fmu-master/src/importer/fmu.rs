@@ -11,7 +11,7 @@ use fmu_export::integrator::Pattern;
 use fmu_io::{reading, terminal};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{
-    BuildConfiguration, FmuDescription, FmuVariable, Linear, MODEL_DESCRIPTION, Platform, read_xml,
+    BuildConfiguration, FmuDescription, FmuVariable, Function, MODEL_DESCRIPTION, Platform, read_xml,
 };
 use fmu_terms::{Causality, DataType, Interface, like};
 
@@ -31,7 +31,7 @@ pub struct Fmu {
     interface: Interface,
     description: FmuDescription,
     /// The conversions from the FMU's values, by name.
-    pub(super) conversions: BTreeMap<String, Linear>,
+    pub(super) conversions: BTreeMap<String, Function>,
     /// From which values on Booleans are true, by name.
     pub(super) thresholds: BTreeMap<String, f64>,
     /// Of Model Exchange.
@@ -138,10 +138,10 @@ impl Fmu {
     pub fn translated(
         &self,
         description: FmuDescription,
-        mut conversions: BTreeMap<String, Linear>,
+        mut conversions: BTreeMap<String, Function>,
         thresholds: BTreeMap<String, f64>,
     ) -> Arc<Self> {
-        conversions.retain(|_, conversion| *conversion != Linear::IDENTITY);
+        conversions.retain(|_, conversion| *conversion != Function::IDENTITY);
         Arc::new(Self {
             path: self.path.clone(),
             interface: self.interface,

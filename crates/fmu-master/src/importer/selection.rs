@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Error, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_package::{Domain, Element, FmuVariable, Linear, ValueType};
+use fmu_package::{Domain, Element, FmuVariable, Function, ValueType};
 
 use super::c_boundary::{Functions, NumberType};
 use super::fmu::{Fmu, reference};
@@ -62,8 +62,9 @@ impl Fmu {
                 groups.push(Group::new(&self.functions, number_type, values));
                 groups.len() - 1
             });
-            let conversion = self.conversions.get(name).map(|to_seen| (*to_seen, to_seen.inverse()));
-            groups[group].push(reference, variable.element, position, conversion);
+            let conversion =
+                self.conversions.get(name).map(|to_seen| (to_seen.clone(), to_seen.clone().inverse()));
+            groups[group].push(reference, variable.element, position, conversion.clone());
             let domain = match self.thresholds.get(name) {
                 Some(threshold) => Domain::with_threshold(variable, *threshold).map_err(Error::msg)?,
                 None => Domain::of(variable, self.description()),
@@ -98,7 +99,7 @@ struct Limit {
     position: usize,
     domain: Domain,
     /// From the FMU's value, and to it.
-    conversion: Option<(Linear, Linear)>,
+    conversion: Option<(Function, Function)>,
 }
 
 /// A value that its variable does not take.
@@ -164,7 +165,7 @@ struct Slot {
     /// Its index among the selection's.
     position: usize,
     /// From the FMU's value, and to it.
-    conversion: Option<(Linear, Linear)>,
+    conversion: Option<(Function, Function)>,
 }
 
 impl Group {
@@ -186,7 +187,7 @@ impl Group {
         reference: ValueReference,
         element: Option<Element>,
         position: usize,
-        conversion: Option<(Linear, Linear)>,
+        conversion: Option<(Function, Function)>,
     ) {
         let known = self.arrays.get(&reference).map(|places| places.start);
         let first = known.unwrap_or_else(|| {
@@ -213,7 +214,7 @@ impl Group {
     pub fn gather(&mut self, values: &[f64]) {
         for Slot { value, position, conversion } in &self.slots {
             let given = values[*position];
-            self.values.set(*value, conversion.map_or(given, |(_, to_own)| to_own.apply(given)));
+            self.values.set(*value, conversion.as_ref().map_or(given, |(_, to_own)| to_own.apply(given)));
         }
     }
 
@@ -233,7 +234,7 @@ impl Group {
                 if let Some(element) = variable.element {
                     let start = start(variable);
                     let to_seen = fmu.conversions.get(&variable.name);
-                    let own = to_seen.map_or(start, |to_seen| to_seen.inverse().apply(start));
+                    let own = to_seen.map_or(start, |to_seen| to_seen.clone().inverse().apply(start));
                     self.values.set(places.start + element.position, own);
                 }
             }
@@ -248,13 +249,10 @@ impl Group {
 
     pub fn scatter(&self, values: &mut [f64]) {
         for Slot { value, position, conversion } in &self.slots {
-            let own = self.values.get(*value);
-            values[*position] = match conversion {
-                Some((to_seen, _)) => to_seen.apply(own),
-                // Any other value than 0 is true.
-                None if self.function == BOOLEAN => f64::from(own != 0.0),
-                None => own,
-            };
+            let number = self.values.get(*value);
+            // Any other value than 0 is true.
+            let own = if self.function == BOOLEAN { f64::from(number != 0.0) } else { number };
+            values[*position] = conversion.as_ref().map_or(own, |(to_seen, _)| to_seen.apply(own));
         }
     }
 
@@ -291,7 +289,12 @@ impl Selection {
     }
 
     /// Restricts what a variable takes, from now on.
-    pub(crate) fn limit(&mut self, position: usize, domain: Domain, conversion: Option<(Linear, Linear)>) {
+    pub(crate) fn limit(
+        &mut self,
+        position: usize,
+        domain: Domain,
+        conversion: Option<(Function, Function)>,
+    ) {
         self.limits.retain(|limit| limit.position != position);
         if domain != Domain::Real {
             self.limits.push(Limit { position, domain, conversion });
@@ -305,10 +308,10 @@ impl Selection {
     pub(crate) fn fit(&self, values: &mut [f64]) -> Result<(), Misfit> {
         for Limit { position, domain, conversion } in &self.limits {
             let (position, value) = (*position, &mut values[*position]);
-            let own = conversion.map_or(*value, |(_, to_own)| to_own.apply(*value));
+            let own = conversion.as_ref().map_or(*value, |(_, to_own)| to_own.apply(*value));
             let taken = domain.take(own).map_err(|reason| Misfit { position, reason })?;
             if taken.to_bits() != own.to_bits() {
-                *value = conversion.map_or(taken, |(to_seen, _)| to_seen.apply(taken));
+                *value = conversion.as_ref().map_or(taken, |(to_seen, _)| to_seen.apply(taken));
             }
         }
         Ok(())

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Result;
-use fmu_package::{FmuDescription, Linear, Value};
+use fmu_package::{FmuDescription, Function, Linear, Value};
 use fmu_record::Record;
 
 use super::{CallFailed, Ended, Fmu, Instance, Interface, Status};
@@ -68,10 +68,13 @@ fn values_of_each_type_are_set_by_name() {
 fn a_translated_fmu_has_other_names_and_values() {
     let own = opened();
     let description = DESCRIPTION.replace("name=\"level\"", "name=\"pressure\"");
-    // pressure = 2 level + 1
-    let conversions = [("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 })].into();
+    // pressure = 2 level + 1; the flag is exchanged.
+    let conversions = [
+        ("pressure".to_owned(), Linear { factor: 2.0, offset: 1.0 }.into()),
+        ("flag".to_owned(), Function::Table(vec![(0.0, 1.0), (1.0, 0.0)])),
+    ];
     let description = FmuDescription::parse(&description).unwrap();
-    let seen = own.translated(description, conversions, [].into());
+    let seen = own.translated(description, conversions.into(), [].into());
     let mut instance = started(&seen).unwrap();
     let mut selections =
         [own.select(["input", "level"]).unwrap(), seen.select(["input", "pressure"]).unwrap()];
@@ -90,6 +93,16 @@ fn a_translated_fmu_has_other_names_and_values() {
     instance.write(&mut seen.select(["pressure", "input"]).unwrap(), &[9.0, 2.0]).unwrap();
     assert_eq!(values(&mut instance), expected(2.0, 4.0, 9.0));
     assert!(seen.variable("level").is_err());
+    let [mut of_own, mut of_seen] = [&own, &seen].map(|fmu| fmu.select(["flag"]).unwrap());
+    for number in [0.0, 1.0] {
+        instance.write(&mut of_seen, &[number]).unwrap();
+        let mut both = [f64::NAN; 2];
+        instance.read(&mut of_own, &mut both[..1]).unwrap();
+        instance.read(&mut of_seen, &mut both[1..]).unwrap();
+        assert_eq!(both.map(f64::to_bits), [1.0 - number, number].map(f64::to_bits));
+    }
+    let refused = instance.write(&mut of_seen, &[2.0]).unwrap_err().to_string();
+    assert!(refused.starts_with("flag: 2 is neither 0 nor 1"), "{refused}");
 }
 
 #[test]

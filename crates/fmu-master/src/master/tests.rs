@@ -229,6 +229,53 @@ fn rows_before_events_have_the_inputs_of_the_step() {
     assert_eq!(record.get("sampler:sum").unwrap(), [1.0, 1.0, 2.0, 2.0, 12.0, 12.0, 112.0, 112.0, 1112.0]);
 }
 
+/// An input that follows a signal has the value before its jump in the row before an event there, at a communication point
+/// and within a step.
+#[test]
+fn rows_before_events_have_the_value_before_a_jump_of_the_signal() {
+    for step in [0.25, 0.5] {
+        let text = format!(
+            "step = {step}\nstop_time = 1\nrecord = [\"u\", \"sum\"]\n{}[inputs]\nu = {POWERS}",
+            member("it", "me", "")
+        );
+        let record = with_scenario(&text, |scenario| {
+            let mut master = Master::new(&scenario, &mut LoadedFmus::default())?;
+            master.record_events();
+            Ok(master.run(|_, _| ())?.record)
+        });
+        let record = record.unwrap();
+        assert_eq!(record.time(), [0.0, 0.25, 0.25, 0.5, 0.5, 0.75, 0.75, 1.0, 1.0]);
+        let of_u = [1.0, 1.0, 10.0, 10.0, 100.0, 100.0, 1000.0, 1000.0, 10000.0];
+        assert_eq!(record.get("u").unwrap(), of_u, "{step}");
+        let of_sum = [1.0, 1.0, 11.0, 11.0, 111.0, 111.0, 1111.0, 1111.0, 11111.0];
+        assert_eq!(record.get("sum").unwrap(), of_sum, "{step}");
+    }
+}
+
+/// At 1.7e9 s doubles are 2.4e-7 s apart, and so is a point from the time that it means.
+#[test]
+fn late_points_take_the_signals_of_their_times() {
+    let text = format!(
+        "start_time = 1700000000\nstop_time = 1700000000.4\nstep = 0.1\nrecord = [\"u\", \"sum\"]\n{}[inputs]\n\
+         u = {{ steps = [[1700000000, 1], [1700000000.1, 10], [1700000000.2, 100], [1700000000.3, 1000], \
+         [1700000000.4, 10000]] }}",
+        member("it", "cs", "")
+    );
+    let run = run(&text).unwrap();
+    assert_eq!(values(&run, "u"), [1.0, 10.0, 100.0, 1000.0, 10000.0]);
+    assert_eq!(values(&run, "sum"), [0.0, 1.0, 11.0, 111.0, 1111.0]);
+}
+
+/// What the end of a run-in sets belongs to the start's SET: nothing is read between it and the step.
+#[test]
+fn what_a_run_in_sets_at_its_end_is_set_after_the_reading() {
+    let run_in = "run_in = { duration = 0.5, after = { offset = 2.0 } }";
+    for (interface, expected) in [("cs", [3.0, 5.0, 5.0, 5.0, 5.0]), ("me", [5.0; 5])] {
+        let text = format!("{}{}[inputs]\nu = 3.0", head("\"y\""), member("it", interface, run_in));
+        assert_eq!(values(&run(&text).unwrap(), "y"), expected, "{interface}");
+    }
+}
+
 /// Alone, an FMU that ends within a step has a row of that time; of several, the last row is one that all have reached.
 #[test]
 fn an_fmu_that_ends_within_a_step_has_no_row_of_others_times() {

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use fmu_io::reading::digest;
 use fmu_package::connection;
+use fmu_terms::Interface;
 
 use super::{Assignment, Input, Member, Noise, Recorded, RunIn, Scenario};
 
@@ -78,7 +79,10 @@ impl Member {
             self;
         let mut identity = of_inputs(name, inputs);
         identity.insert(format!("SHA-256 of {name}'s file"), digest(file)?);
-        identity.insert(format!("{name}'s interface"), format!("{interface:?}"));
+        identity.insert(
+            format!("{name}'s interface"),
+            interface.map_or("the default", Interface::name).to_owned(),
+        );
         identity.insert(format!("{name}'s early return"), returns_early.to_string());
         for (index, (set, _)) in parameters.iter().enumerate() {
             identity.insert(format!("{name}'s parameter set {}", index + 1), format!("{set:?}"));

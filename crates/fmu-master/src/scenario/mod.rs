@@ -37,6 +37,7 @@ mod signal;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use fmu_export::time::rounding;
 use fmu_io::document::{Document, Node, TomlTable};
 use fmu_io::reading;
 use fmu_io::terminal::number;
@@ -49,7 +50,6 @@ use crate::importer::Interface;
 
 pub use self::course::{Course, Measured};
 pub use self::identity::Identity;
-pub(crate) use self::signal::ROUNDING;
 pub use self::signal::Signal;
 pub use fmu_io::document::Location;
 
@@ -244,7 +244,7 @@ impl Scenario {
             return Err(stop.unexpected(&format!("a time after start_time, {} s", number(start_time))));
         }
         let step = root.required("step", "the communication step in s")?.positive("a time above 0 in s")?;
-        let (steps, rest) = stop.location().locate(steps_in(stop_time - start_time, step))?;
+        let (steps, rest) = stop.location().locate(steps_in(start_time, stop_time, step))?;
         let mut scenario = Self {
             title,
             description: description.map(str::to_owned),
@@ -310,7 +310,7 @@ impl Scenario {
         if stop_time <= self.start_time {
             bail!("expected a time after start_time, {} s", number(self.start_time));
         }
-        (self.steps, self.rest) = steps_in(stop_time - self.start_time, self.step)?;
+        (self.steps, self.rest) = steps_in(self.start_time, stop_time, self.step)?;
         self.stop_time = stop_time;
         Ok(())
     }
@@ -356,10 +356,12 @@ impl Scenario {
     }
 }
 
-/// The number of whole steps in a duration (s), and what remains after them; up to rounding, it may be nothing.
-fn steps_in(duration: f64, step: f64) -> Result<(u32, f64)> {
+/// The number of whole steps from a start to a stop (s), and what remains after them; up to rounding, it may be nothing.
+fn steps_in(start: f64, stop: f64, step: f64) -> Result<(u32, f64)> {
+    let duration = stop - start;
     let nearest = (duration / step).round();
-    let is_multiple = nearest > 0.0 && (nearest * step - duration).abs() <= 1e-9 * duration.max(1.0);
+    let tolerance = 1e-9 * duration.max(1.0) + rounding(start.abs().max(stop.abs()));
+    let is_multiple = nearest > 0.0 && (nearest * step - duration).abs() <= tolerance;
     let whole = if is_multiple { nearest } else { (duration / step).floor() };
     if !(0.0..=f64::from(u32::MAX)).contains(&whole) {
         bail!("{} communication steps of {} s: expected at most {}", number(whole), number(step), u32::MAX);
@@ -371,7 +373,7 @@ fn steps_in(duration: f64, step: f64) -> Result<(u32, f64)> {
 
 /// The number of steps in a duration (s) that is a multiple of the step.
 fn count(duration: f64, step: f64) -> Result<u32> {
-    match steps_in(duration, step)? {
+    match steps_in(0.0, duration, step)? {
         (steps, 0.0) => Ok(steps),
         _ => bail!("{} s is not a multiple of the communication step, {} s", number(duration), number(step)),
     }

@@ -3,11 +3,9 @@
 use std::f64::consts::TAU;
 
 use anyhow::Result;
+use fmu_export::time::rounding;
 use fmu_io::document::{Node, TomlTable};
 use fmu_io::terminal::number as shown;
-
-/// Communication points, rounded multiples of the step, may precede a signal's point by this much (s).
-pub(crate) const ROUNDING: f64 = 1e-9;
 
 /// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one. Two points of
 /// one time are a jump.
@@ -33,21 +31,26 @@ pub enum Signal {
 }
 
 impl Signal {
-    /// The value at a time (s).
+    /// The value at a time (s), from a jump at it on.
     ///
     /// # Panics
     /// When there are no points.
     #[must_use]
     pub fn at(&self, time: f64) -> f64 {
+        self.at_within(time, rounding(time))
+    }
+
+    /// The value at a time (s), from a jump on that is no more than a difference (s) after it.
+    pub(crate) fn at_within(&self, time: f64, difference: f64) -> f64 {
         match self {
             Self::Constant(value) => *value,
             Self::Steps(points) => {
-                let begun = points.partition_point(|&(begin, _)| begin <= time + ROUNDING);
+                let begun = points.partition_point(|&(begin, _)| begin <= time + difference);
                 points[begun.saturating_sub(1)].1
             }
             Self::Lines(points) => {
                 let reached = |time: f64| points.partition_point(|&(instant, _)| instant <= time);
-                let (after, begun) = (reached(time), reached(time + ROUNDING));
+                let (after, begun) = (reached(time), reached(time + difference));
                 // Both points of a jump that rounding put just after the time.
                 let after = if begun > after + 1 { begun } else { after };
                 let (Some(&(t0, y0)), Some(&(t1, y1))) =
@@ -63,12 +66,13 @@ impl Signal {
         }
     }
 
-    /// The value at a time (s), before a jump there.
-    pub(crate) fn before(&self, time: f64) -> f64 {
+    /// The value at a time (s), before a jump that is at it or no more than a difference (s) away.
+    pub(crate) fn before(&self, time: f64, difference: f64) -> f64 {
         let (Self::Steps(points) | Self::Lines(points)) = self else { return self.at(time) };
-        let after = points.partition_point(|&(instant, _)| instant < time);
+        let after = points.partition_point(|&(instant, _)| instant < time - difference);
         let first = points[after.saturating_sub(1)];
         match (self, points.get(after)) {
+            (Self::Lines(_), Some(&(t1, y1))) if after > 0 && time >= t1 => y1,
             (Self::Lines(_), Some(&(t1, y1))) if after > 0 => {
                 (y1 - first.1) / (t1 - first.0) * (time - first.0) + first.1
             }
@@ -194,13 +198,32 @@ mod tests {
     fn jumps_have_a_value_before_them() {
         let steps = Signal::Steps(vec![(0.0, 1.0), (1.0, 1.0), (2.0, 5.0)]);
         assert_eq!(steps.jumps(), [2.0]);
-        assert_eq!([1.0, 2.0, 3.0].map(|time| steps.before(time)), [1.0, 1.0, 5.0]);
+        assert_eq!([1.0, 2.0, 3.0].map(|time| steps.before(time, 0.0)), [1.0, 1.0, 5.0]);
         let lines = Signal::Lines(vec![(0.0, 1.0), (2.0, 3.0), (2.0, 8.0), (4.0, 10.0)]);
         assert_eq!(lines.jumps(), [2.0]);
         assert_eq!(
-            [-1.0, 0.0, 1.0, 2.0, 3.0, 5.0].map(|time| lines.before(time)),
+            [-1.0, 0.0, 1.0, 2.0, 3.0, 5.0].map(|time| lines.before(time, 0.0)),
             [1.0, 1.0, 2.0, 3.0, 9.0, 10.0]
         );
+        // Beside it by a rounding.
+        for signal in [steps, lines] {
+            for time in [2.0 + 1e-12, 2.0, 2.0 - 1e-12] {
+                // A line rises by 1 per s.
+                assert!((signal.before(time, 1e-9) - signal.before(2.0, 0.0)).abs() < 2e-12, "{time}");
+            }
+        }
+    }
+
+    /// Communication points, start + k · step, are rounded as the start is.
+    #[test]
+    fn late_points_have_the_values_of_their_jumps() {
+        let start = 1.7e9;
+        let steps = Signal::Steps((0..100).map(|k| (start + 0.7 * f64::from(k), f64::from(k))).collect());
+        for number in 0..100 {
+            // The tenth of a step, ten times as often.
+            let time = start + f64::from(10 * number) * 0.07;
+            assert_eq!(steps.at(time), f64::from(number), "{number}");
+        }
     }
 
     #[test]
