@@ -217,15 +217,18 @@ impl<I: Inputs> InputSignal<I> {
     #[inline]
     pub(crate) fn update(&mut self, watches: bool) {
         if !self.updated {
-            let value = |position: usize| bound::<I>(position, self.reals[position].set);
-            if watches {
-                let is_kept =
-                    |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
-                self.changed |= !(0..I::REALS.len()).all(is_kept);
-            }
-            self.bounded.set_reals(value);
-            self.updated = true;
+            self.take_set(watches);
         }
+    }
+
+    fn take_set(&mut self, watches: bool) {
+        let value = |position: usize| bound::<I>(position, self.reals[position].set);
+        if watches {
+            let is_kept = |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
+            self.changed |= !(0..I::REALS.len()).all(is_kept);
+        }
+        self.bounded.set_reals(value);
+        self.updated = true;
     }
 
     /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in the input's unit per s^order.

@@ -63,7 +63,7 @@ impl Origin {
 /// A model of equations as a [`Model`], with the built-in integrator for co-simulation.
 ///
 /// The integrator controls the error per step: that of each state, relative to the state and its `nominal` (default
-/// 1), is at most the importer's tolerance, or [`DEFAULT_TOLERANCE`](crate::DEFAULT_TOLERANCE).
+/// 1), is at most the tolerance of the importer, else of the JSON, else [`DEFAULT_TOLERANCE`](crate::DEFAULT_TOLERANCE).
 #[derive(Debug)]
 pub struct Integrated<E: Equations, I = Integrator> {
     /// The model of equations.
@@ -364,13 +364,14 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         self.integrator.restart();
     }
 
+    #[cold]
     fn leave_step(&mut self, variables: &mut Self::Variables, inputs: &InputSignal<InputsOf<Self>>) {
         if !mem::take(&mut self.origin.is_used) {
             return;
         }
         let Self { equations, origin: Origin { start, elapsed, time, states, .. }, .. } = self;
         let step = Step::new(*start, *elapsed, inputs);
-        Equated::new(equations, variables, &step).evaluate(*elapsed, *time, states);
+        Equated::new(equations, variables, &step).evaluate(*elapsed, *time, |state| states[state]);
         inputs.copy_set(variables.inputs_mut());
     }
 }
@@ -464,7 +465,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         context: &mut Context<'_>,
     ) -> Result<Option<Stop>, Error> {
         // Where the importer's number for the time reached is off by rounding, indicators must not go back.
-        if !time::goes_on(self.time, step.start, step.size) {
+        if self.time.to_bits() != step.start.to_bits() && !time::goes_on(self.time, step.start, step.size) {
             self.time = step.start;
         }
         let begin = self.time;
@@ -480,7 +481,6 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             is_evaluated &= states[state].to_bits() == value.to_bits();
             states[state] = value;
         });
-        self.origin.set(step.start, (0.0, begin), &states);
         // The importer may have changed inputs and tunable parameters since the last step.
         let asked = if is_evaluated {
             Ok(())
@@ -488,6 +488,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             evaluate_values(&self.equations, begin, variables);
             self.ask_again(variables, end.rounding())
         };
+        self.origin.set(step.start, (0.0, begin), &states);
         let crossed = asked.and_then(|()| self.find_changes(variables));
         // Where inputs change at each step, a step beyond its end would be in vain.
         let looks_ahead = I::LOOKS_AHEAD && step.inputs.is_kept();
@@ -522,7 +523,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         let stop = stop?;
         if stop.is_none() && !is_over {
             // Later by rounding if the last event was due there.
-            self.time = self.time.max(end.time);
+            self.time = if self.time > end.time { self.time } else { end.time };
             // Large inputs are copied into existing memory.
             let (_, mut inputs) = evaluated.unwrap_or_else(|| (self.time, variables.inputs().clone()));
             inputs.clone_from(variables.inputs());
@@ -668,7 +669,7 @@ impl<E: Equations, I: Integrate<E>> Evolution<'_, '_, E, I> {
     #[inline(always)]
     fn span(&self, target: f64) -> Span {
         let mut span = Span::from((self.model.elapsed, target));
-        if self.looks_ahead {
+        if I::LOOKS_AHEAD && self.looks_ahead {
             let last = self.model.events.next.into_iter().chain(self.context.experiment.stop_time);
             let last = last.fold(f64::INFINITY, f64::min) - self.step.start;
             let last = last.min(target + MOST_AHEAD * self.step.size);
@@ -833,10 +834,10 @@ impl<E: Equations, I: Integrate<E>> Trajectory for Evolution<'_, '_, E, I> {
         let Self { model, variables, step, states, begin, .. } = self;
         model.elapsed = elapsed;
         let time = if elapsed < step.size { step.start + elapsed } else { step.end() };
-        model.time = time.max(*begin);
+        model.time = if time > *begin { time } else { *begin };
         let mut system = Equated::new(&model.equations, variables, step);
         model.integrator.states_at(&mut system, elapsed, states);
-        system.evaluate(elapsed, model.time, states);
+        system.evaluate(elapsed, model.time, |state| states[state]);
         model.find_changes(variables)
     }
 }

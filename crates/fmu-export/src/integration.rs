@@ -2,7 +2,7 @@
 
 use crate::integrator::{AUTOMATIC, Method};
 
-/// The relative tolerance if the importer gives none.
+/// The relative tolerance if neither importer nor JSON gives one.
 pub const DEFAULT_TOLERANCE: f64 = 1e-6;
 
 /// The settings of the built-in integrator, for equations with variables of type `V`.
@@ -18,7 +18,7 @@ pub struct Integration<V> {
     /// The error of each state that a tolerance of 1 allows in a step; by default the sum of the state's magnitude and
     /// its nominal value.
     pub error_scales: Option<&'static [f64]>,
-    /// The tolerance; `asked` is the importer's.
+    /// The tolerance; `asked` is the importer's, or that of the JSON if it gives none.
     pub tolerance: fn(variables: &V, asked: Option<f64>) -> f64,
     /// Whether events sample inputs, and the equations use only the samples. If so, an event due at the end of a
     /// communication step belongs to the next step, with its inputs.
@@ -26,7 +26,7 @@ pub struct Integration<V> {
 }
 
 impl<V> Integration<V> {
-    /// The method chosen as phases turn out stiff or not, with the importer's tolerance, or [`DEFAULT_TOLERANCE`].
+    /// The method chosen as phases turn out stiff or not, with the tolerance of importer or JSON, or [`DEFAULT_TOLERANCE`].
     pub const DEFAULT: Self = Self {
         method: &AUTOMATIC,
         longest_step: f64::INFINITY,

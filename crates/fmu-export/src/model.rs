@@ -352,13 +352,15 @@ pub struct Step<'a, I> {
     pub inputs: &'a InputSignal<I>,
     /// The importer's clock at the end.
     pub(crate) ahead: Ahead,
+    /// The start of the experiment in s.
+    pub(crate) since: f64,
 }
 
 impl<'a, I> Step<'a, I> {
     /// A step from a start by a size, both in s.
     #[must_use]
     pub fn new(start: f64, size: f64, inputs: &'a InputSignal<I>) -> Self {
-        Self { start, size, inputs, ahead: Ahead::default().after(start, size) }
+        Self { start, size, inputs, ahead: Ahead::default(), since: start }
     }
 
     /// The time in seconds at which the step ends.
@@ -369,6 +371,6 @@ impl<'a, I> Step<'a, I> {
 
     /// The end, and what is the same time.
     pub(crate) fn instant_of_end(&self) -> End {
-        End::of_sum(self.start, self.size, self.ahead)
+        End::of_sum((self.start, self.size), self.ahead, self.since)
     }
 }

@@ -69,6 +69,7 @@ pub(crate) fn contain<T>(body: impl FnOnce() -> T) -> Result<T, Error> {
 }
 
 /// Runs code that may call the model where it need not be valid. A panic is none, and leaves no trace.
+#[inline(never)]
 pub(crate) fn attempt<T>(body: impl FnOnce() -> T) -> Option<T> {
     let (place, first) = (PLACE.get(), lock_first().is_some());
     match catch_unwind(AssertUnwindSafe(body)) {

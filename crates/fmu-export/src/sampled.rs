@@ -338,14 +338,13 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.retime(variables, step.start);
-        let period = if S::Variables::HAS_CLOCKS { Self::period(variables) } else { self.period };
-        let until = step.instant_of_end().begin(period);
         let mut last = f64::NEG_INFINITY;
         while let Some(due) = self.next_sample(variables) {
-            if due.time >= until {
+            // Mostly it is so long after the end that rounding does not matter.
+            if due.time >= step.end() || due.time >= step.instant_of_end().begin(due.period) {
                 break;
             }
-            check_number(&due, until)?;
+            check_number(&due, step.end())?;
             let due = due.join(&mut last);
             if step.inputs.is_constant() {
                 self.compute(due, variables, step.inputs.initial(), context)?;

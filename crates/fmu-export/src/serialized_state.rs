@@ -20,7 +20,7 @@ use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increment with every change of the runtime's content. (The GUID identifies the model's content.)
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
 

@@ -130,7 +130,7 @@ impl<F: Fmu> Simulation<F> {
         *left = None;
         let mut log = log_to(messages, *time);
         let ahead = reached.1.at_start(reached.0, *time).after(*time, size);
-        let step = Step { start: *time, size, inputs, ahead };
+        let step = Step { start: *time, size, inputs, ahead, since: experiment.start_time };
         let resources = Resources::of::<VariablesOf<F>>();
         let mut context =
             Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);

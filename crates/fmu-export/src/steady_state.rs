@@ -69,7 +69,7 @@ impl From<NoSteadyState> for Error {
 /// the rates are not linear; one much above passes over a steady state that is nearer.
 ///
 /// The guess decides which of several steady states is found: that which the model's transient reaches from there. If
-/// the rates are linear, any guess will do.
+/// the rates are linear, any guess will do, and the steady state is found though the transient leads away from it.
 ///
 /// # Errors
 /// Why there is none.
@@ -79,7 +79,20 @@ pub fn find<const N: usize>(
     scales: &[f64; N],
 ) -> Result<[f64; N], NoSteadyState> {
     let system = Scaled { rates, scales };
-    let mut y: [f64; N] = array::from_fn(|i| guess[i] / scales[i]);
+    let guess = array::from_fn(|i| guess[i] / scales[i]);
+    let found = match follow_transient(&system, guess) {
+        Err(NoSteadyState::NotConverged) => solve_linear(&system, guess),
+        found => found,
+    };
+    Ok(system.unscaled(&system.polish(found?)?))
+}
+
+/// The steady state that the transient from a guess reaches, both scaled.
+fn follow_transient<const N: usize>(
+    system: &Scaled<'_, impl Fn([Dual; N]) -> [Dual; N], N>,
+    guess: [f64; N],
+) -> Result<[f64; N], NoSteadyState> {
+    let mut y = guess;
     let (mut slopes, mut jacobian) = (system.rates(&y), system.jacobian(&y));
     let (mut step, mut settled) = (FIRST_STEP, false);
     for _ in 0..MOST_ITERATIONS {
@@ -92,9 +105,9 @@ pub fn find<const N: usize>(
             None if newton && settled => return Err(NoSteadyState::NotIsolated),
             None => return Err(NoSteadyState::NotConverged),
         };
-        settled = magnitude(&change) < CONVERGED * magnitude(&y).max(1.0);
+        settled = is_settled(&y, &change);
         if newton && settled {
-            return Ok(system.unscaled(&system.polish(y)?));
+            return Ok(y);
         }
         let next: [f64; N] = array::from_fn(|i| y[i] + change[i]);
         let next_slopes = system.rates(&next);
@@ -118,6 +131,19 @@ pub fn find<const N: usize>(
         }
     }
     Err(NoSteadyState::NotConverged)
+}
+
+/// The steady state of rates that are linear between it and a guess, both scaled: there, one Newton step leaves rates of
+/// rounding, or no second step, though rounding may be magnified in either.
+fn solve_linear<const N: usize>(
+    system: &Scaled<'_, impl Fn([Dual; N]) -> [Dual; N], N>,
+    guess: [f64; N],
+) -> Result<[f64; N], NoSteadyState> {
+    let first = system.newton(&guess).ok_or(NoSteadyState::NotConverged)?;
+    let y = array::from_fn(|i| guess[i] + first[i]);
+    let second = system.newton(&y).ok_or(NoSteadyState::NotConverged)?;
+    let are_zero = magnitude(&system.rates(&y)) <= CONVERGED * magnitude(&system.rates(&guess));
+    if are_zero || is_settled(&y, &second) { Ok(y) } else { Err(NoSteadyState::NotConverged) }
 }
 
 /// The unknowns that were found, as a function of all that the rates depend on, by the implicit function theorem: they
@@ -182,16 +208,19 @@ impl<F: Fn([Dual; N]) -> [Dual; N], const N: usize> Scaled<'_, F, N> {
     fn polish(&self, mut y: [f64; N]) -> Result<[f64; N], NoSteadyState> {
         let mut best = (f64::INFINITY, y);
         for _ in 0..POLISHING_ITERATIONS {
-            let slopes = self.rates(&y);
-            let residual = magnitude(&slopes);
+            let residual = magnitude(&self.rates(&y));
             if residual < best.0 {
                 best = (residual, y);
             }
-            let change = Factors::of(&self.jacobian(&y), 0.0).and_then(|factors| factors.solve(slopes));
-            let change = change.ok_or(NoSteadyState::NotIsolated)?;
+            let change = self.newton(&y).ok_or(NoSteadyState::NotIsolated)?;
             y = array::from_fn(|i| y[i] + change[i]);
         }
         Ok(best.1)
+    }
+
+    /// Newton's step, unless the Jacobian is singular.
+    fn newton(&self, y: &[f64; N]) -> Option<[f64; N]> {
+        Factors::of(&self.jacobian(y), 0.0)?.solve(self.rates(y))
     }
 }
 
@@ -226,6 +255,11 @@ impl<const N: usize> Factors<N> {
         dense::solve(self.matrix.as_flattened(), &self.pivots, &mut vector);
         vector.iter().all(|x| x.is_finite()).then_some(vector)
     }
+}
+
+/// Whether a change is none up to rounding.
+fn is_settled<const N: usize>(y: &[f64; N], change: &[f64; N]) -> bool {
+    magnitude(change) < CONVERGED * magnitude(y).max(1.0)
 }
 
 /// Whether a change is so short that it follows the transient where the rates are not linear.
@@ -328,6 +362,47 @@ mod tests {
     }
 
     #[test]
+    fn a_linear_system_converges_though_states_grow() {
+        fn check<const N: usize>(random: &mut impl FnMut() -> f64) {
+            for number in 0..200 {
+                // Symmetric with as many growing directions as signs, by Sylvester's law of inertia, or any, with
+                // oscillations.
+                let signs: [f64; N] = array::from_fn(|_| random().signum());
+                let lower: [[f64; N]; N] = array::from_fn(|_| array::from_fn(|_| random()));
+                let matrix: [[f64; N]; N] = array::from_fn(|row| {
+                    array::from_fn(|column| match number % 3 {
+                        0 => (0..N).map(|i| lower[row][i] * signs[i] * lower[column][i]).sum(),
+                        1 => lower[row][column],
+                        _ => lower[row][column] + if row == column { 3.0 } else { 0.0 },
+                    })
+                });
+                let rest: [f64; N] = array::from_fn(|_| 10.0_f64.powf(6.0 * random()) * random().signum());
+                let guess = array::from_fn(|i| rest[i] + 1e6 * random());
+                let rates = |x: [Dual; N]| -> [Dual; N] {
+                    array::from_fn(|row| (0..N).map(|i| (x[i] - rest[i]) * matrix[row][i]).sum())
+                };
+                let found = find(rates, guess, &[1.0; N]).unwrap();
+                // Of N products and sums.
+                let rounding = 4.0 * N as f64 * f64::EPSILON * magnitude(&rest);
+                let left = magnitude(&rates(found.map(Dual::from)).map(|rate| rate.value));
+                assert!(left <= N as f64 * rounding, "{left} at {found:?}");
+            }
+        }
+        let mut seed = 1_u32;
+        let mut random = || {
+            // As above.
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed) / 2.0_f64.powi(31) - 1.0
+        };
+        check::<1>(&mut random);
+        check::<2>(&mut random);
+        check::<3>(&mut random);
+        check::<4>(&mut random);
+        check::<5>(&mut random);
+        check::<6>(&mut random);
+    }
+
+    #[test]
     fn unknowns_may_be_negative_and_cross_zero() {
         // x' = −8 − x³, from both sides of 0 and from rest.
         for guess in [-3.0, -1.0, 0.0, 1.5] {
@@ -352,6 +427,7 @@ mod tests {
     #[test]
     fn endless_growth_is_an_error() {
         assert_eq!(find(|_| [1.0.into()], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
-        assert_eq!(find(|[x]: [Dual; 1]| [x + 1.0], [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
+        let growing = |[x]: [Dual; 1]| [x + x * x * x + 1.0];
+        assert_eq!(find(growing, [1.0], &[1.0]), Err(NoSteadyState::NotConverged));
     }
 }

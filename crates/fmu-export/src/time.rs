@@ -51,20 +51,18 @@ pub(crate) fn ends_by(last: f64, end: f64, size: f64) -> bool {
     end <= last + START * size + summed_rounding(last)
 }
 
-/// By how many seconds an importer's clock is ahead of the sum of its steps, and how it rounds.
+/// By how many seconds an importer's clock is ahead of the sum of its steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ahead {
     seconds: f64,
-    /// The largest magnitude of its times (s): start + k·h rounds as the start does, even where it passes zero.
-    largest: f64,
 }
 
-crate::persistent!(Ahead { seconds, largest });
+crate::persistent!(Ahead { seconds });
 
 impl Ahead {
     /// At the start (s) of a step from the time reached (s). One that begins elsewhere is no sum of the steps before.
     pub(crate) fn at_start(self, reached: f64, start: f64) -> Self {
-        if start.to_bits() == reached.to_bits() { self } else { Self { seconds: 0.0, ..self } }
+        if start.to_bits() == reached.to_bits() { self } else { Self::default() }
     }
 
     /// After a step from a start by a size, both in s.
@@ -72,10 +70,7 @@ impl Ahead {
     pub(crate) fn after(self, start: f64, size: f64) -> Self {
         // The rounding of the sum, exactly if the start is not smaller than the size (Dekker, A floating-point technique
         // for extending the available precision, 1971).
-        let seconds = self.seconds + ((start + size - start) - size);
-        // Start and end are at most a size apart.
-        let magnitude = start.abs() + size;
-        Self { seconds, largest: if magnitude > self.largest { magnitude } else { self.largest } }
+        Self { seconds: self.seconds + ((start + size - start) - size) }
     }
 
     /// What the importer means by a time (s).
@@ -102,10 +97,16 @@ impl End {
         Self { time, rounding: coincidence(size, time), ahead: 0.0 }
     }
 
-    /// Of a step from a start by a size, both in s, with the importer's clock at its end.
-    pub(crate) fn of_sum(start: f64, size: f64, Ahead { seconds, largest }: Ahead) -> Self {
+    /// Of a step from a start by a size, with the importer's clock at its end, in an experiment since a time, all in s:
+    /// since + k·h rounds as the larger of both ends does, even where it passes zero.
+    pub(crate) fn of_sum((start, size): (f64, f64), Ahead { seconds }: Ahead, since: f64) -> Self {
+        let (time, since) = (start + size, since.abs());
         let is_ahead = seconds > 0.0 && seconds <= MOST_AHEAD * size;
-        Self { time: start + size, rounding: rounding(largest), ahead: if is_ahead { seconds } else { 0.0 } }
+        Self {
+            time,
+            rounding: rounding(if time.abs() > since { time } else { since }),
+            ahead: if is_ahead { seconds } else { 0.0 },
+        }
     }
 
     /// The difference (s) within which a time is the same.

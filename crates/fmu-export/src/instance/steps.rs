@@ -52,7 +52,8 @@ impl<M: Model> Instance<M> {
         });
         let ahead = memory.ahead.at_start(memory.time, start);
         let ahead_at_end = ahead.after(start, size);
-        let of_inputs = Step { start, size, inputs: &memory.inputs, ahead: ahead_at_end };
+        let since = memory.experiment.start_time;
+        let of_inputs = Step { start, size, inputs: &memory.inputs, ahead: ahead_at_end, since };
         // If an error or a panic interrupts the step, the instance stays in this state.
         memory.phase = Phase::Error;
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);

@@ -36,8 +36,8 @@ impl<'a, E: Equations> Equated<'a, E> {
     }
 
     /// Evaluates at a time in s, and so long after the start.
-    pub(super) fn evaluate(&mut self, elapsed: f64, time: f64, states: &[f64]) {
-        self.set(elapsed, |state| states[state]);
+    pub(super) fn evaluate(&mut self, elapsed: f64, time: f64, states: impl Fn(usize) -> f64) {
+        self.set(elapsed, states);
         evaluate_values(self.equations, time, self.variables);
     }
 
