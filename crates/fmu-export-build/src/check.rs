@@ -198,7 +198,7 @@ fn texts(declaration: &Declaration, refusals: &mut Refusals) {
         }
     }
     for (number, enumeration) in declaration.enumerations.iter().enumerate() {
-        check(format!("enumerations[{number}].description"), Some(&enumeration.description));
+        check(format!("enumerations[{number}].description"), enumeration.description.as_ref());
         for (item_number, item) in enumeration.items.iter().enumerate() {
             let key = format!("enumerations[{number}].items[{item_number}].description");
             check(key, item.description.as_ref());

@@ -338,7 +338,7 @@ pub(crate) struct EnumerationDeclaration {
     pub(crate) name: String,
     /// Its name in Rust, in the form `TypeName`, if another one is wanted.
     pub(crate) rust_name: Option<String>,
-    pub(crate) description: String,
+    pub(crate) description: Option<String>,
     pub(crate) items: Vec<ItemDeclaration>,
 }
 

@@ -171,7 +171,7 @@ impl Reading<'_> {
             let nearest = nearest(&name, self.anchors.keys());
             place.refuse(format!("the model has no variable '{}'{nearest}", &*name))
         })?;
-        self.fragment.markup += &format!("<a href=\"#{anchor}\"><var>");
+        self.fragment.markup += &format!("<a href=\"#{}\"><var>", escape::escape(anchor));
         self.text(&breakable(&name), in_heading);
         Ok(())
     }

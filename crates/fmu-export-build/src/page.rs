@@ -257,7 +257,8 @@ impl<'m, 'a> Page<'m, 'a> {
                 let (name, meaning) = (&item.name, escape(item.description.as_deref().unwrap_or_default()));
                 format!("<tr><td>{value}</td><th scope=\"row\"><code>{name}</code></th><td>{meaning}</td></tr>")
             }));
-            let (name, meaning) = (&enumeration.name, escape(&enumeration.description));
+            let [name, meaning] =
+                [&enumeration.name, enumeration.description.as_deref().unwrap_or_default()].map(escape);
             format!(
                 "<table id=\"{name}\">\n<caption><code>{name}</code> {meaning}</caption>\n<tbody>\n{items}\n</tbody>\n</table>"
             )

@@ -22,7 +22,7 @@ use crate::dependencies::Structure;
 use crate::model::Model;
 use crate::names::variant_name;
 use crate::type_names::PLACES;
-use generator::{Generator, markdown};
+use generator::{Generator, described, markdown};
 
 /// The lints that do not apply to generated code.
 const LINTS: &str =
@@ -110,7 +110,7 @@ pub enum {name} {{
 
 ::fmu_export::enumeration!({name} {{ {} }});
 ",
-        markdown(&enumeration.description),
+        described(enumeration.description.as_deref(), &enumeration.name),
         values.join(", ")
     )
 }

@@ -126,7 +126,8 @@ fn write_types(writer: &mut XmlWriter, model: &Model<'_>) -> io::Result<()> {
                     empty(writer, "Item", attributes)
                 })
             };
-            let attributes = described(&enumeration.name, &enumeration.description);
+            let (name, description) = (Some(enumeration.name.clone()), enumeration.description.clone());
+            let attributes = given([("name", name), ("description", description)]);
             match model.fmi.version {
                 Version::Two => element(writer, "SimpleType", attributes, |writer| {
                     element(writer, "Enumeration", vec![], items)

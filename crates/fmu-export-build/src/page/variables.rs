@@ -149,7 +149,7 @@ impl<'m, 'a> Page<'m, 'a> {
                     text,
                     "<tr class=\"component\"><th colspan=\"{}\" scope=\"rowgroup\"><code>{}</code> {}</th></tr>",
                     head.len(),
-                    part.name,
+                    escape(&part.name),
                     escape(part.description.as_deref().unwrap_or_default())
                 );
             }
@@ -249,7 +249,7 @@ impl<'m, 'a> Page<'m, 'a> {
             }
             ValueType::Enumeration(enumeration) => {
                 let name = &self.model.declaration.enumerations[enumeration].name;
-                format!("<a href=\"#{name}\">{}</a>", breakable(name))
+                format!("<a href=\"#{}\">{}</a>", escape(name), breakable(name))
             }
             ValueType::Standard(_) => field.declaration.data_type.clone(),
         }
@@ -333,7 +333,7 @@ impl<'m, 'a> Page<'m, 'a> {
         } else {
             format!("<p>{}</p>", starts.join(", "))
         };
-        let name = &field.declaration.name;
+        let name = escape(&field.declaration.name);
         format!("<details><summary>Start values of <code>{name}</code></summary>{starts}</details>")
     }
 
@@ -350,7 +350,7 @@ impl<'m, 'a> Page<'m, 'a> {
         let mut links: Vec<_> = knowns
             .iter()
             .map(|&position| &self.anchors[&self.model.scalars[position].name])
-            .map(|anchor| format!("<a href=\"#{anchor}\">{}</a>", code(anchor)))
+            .map(|anchor| format!("<a href=\"#{}\">{}</a>", escape(anchor), code(anchor)))
             .collect();
         links.dedup();
         let links = if links.is_empty() { "no input or state".to_owned() } else { links.join(", ") };
