@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{HTML, JOURNAL, JSON};
 use crate::interface::open;
 use crate::study::case::Rig;
-use crate::study::draw::Cases;
+use crate::study::draw::{Cases, known_plants};
 use crate::study::{Study, StudyReport, csv, outside};
 use anyhow::Result;
 use boost_interface::Role;
@@ -15,7 +15,8 @@ use clap::Args;
 use fmu_io::reading::digest;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
-use fmu_package::connection;
+use fmu_master::Fmu;
+use fmu_package::{FmuVariable, ParameterSet, connection};
 
 const CSV: &str = "results.csv";
 
@@ -32,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.toml")]
     connections: Vec<PathBuf>,
     /// Parameters of a plant: values are drawn between the FMU's and those of each set; may be given several times
-    /// [default: those in this repository's parameters/]
+    /// [default: those in this repository's parameters/]. A set of the controller's parameters applies to all cases
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
     /// The controller's strategy [default: its start value]
@@ -107,11 +108,40 @@ impl Arguments {
         let connections = connection::read_all(&self.connections)?;
         let plant = open(&self.plant, Role::Plant, &connections)?;
         let controller = open(&self.controller, Role::Controller, &connections)?;
-        let sets = super::plants(&self.parameters)?;
-        let rig = Rig::new(plant, controller, self.seed)?;
+        let (of_plant, of_controller) = self.sets(&plant, &controller)?;
+        let sets = if of_plant.is_empty() { known_plants()? } else { of_plant };
+        let mut rig = Rig::new(plant, controller, self.seed)?;
+        rig.controller_sets = of_controller;
         let cases = Cases::draw(rig.plant.description(), &sets, self.cases as usize, self.seed)?;
         let strategies = [self.strategy.clone()].into_iter().chain(self.beside.clone().map(Some));
         Ok(Study { rig, cases, strategies: strategies.collect() })
+    }
+
+    /// The parameter sets of the plant, and the files of those of the controller.
+    fn sets(&self, plant: &Fmu, controller: &Fmu) -> Result<(Vec<ParameterSet>, Vec<PathBuf>)> {
+        let (mut of_plant, mut of_controller) = (vec![], vec![]);
+        for file in &self.parameters {
+            let set = ParameterSet::read(file)?;
+            let [is_plants, is_controllers] = [plant, controller].map(|fmu| {
+                let is_known =
+                    |name: &str| fmu.description().variable(name).is_some_and(FmuVariable::is_settable);
+                set.parameters.iter().any(|parameter| is_known(&parameter.name))
+            });
+            if is_plants && is_controllers {
+                anyhow::bail!(
+                    "{}: has parameters of both plant and controller; plants are drawn, the controller's parameters \
+                     apply to all cases: write two sets",
+                    file.display()
+                );
+            }
+            if is_controllers {
+                // A case is the text of a scenario, which may be run from anywhere.
+                of_controller.push(std::path::absolute(file)?);
+            } else {
+                of_plant.push(set);
+            }
+        }
+        Ok((of_plant, of_controller))
     }
 
     /// Everything that the results depend on. Taken apart without `..`, so that a new argument does not compile until it is

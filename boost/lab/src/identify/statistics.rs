@@ -7,7 +7,7 @@
 //! Methodology 28, 2002. The larger one is used.
 
 use anyhow::{Result, bail};
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
@@ -69,13 +69,31 @@ pub fn nonlinear(
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
-        bail!("the Levenberg-Marquardt method did not converge: {:?}", report.termination);
+        bail!("the Levenberg-Marquardt method did not converge: {}", reason(&report.termination));
     }
     let jacobian = problem.derivatives();
     let root = inverse_root(&jacobian)?;
     let residuals = problem.values(&problem.parameters);
     let covariance = covariance(&jacobian, &residuals, phases, &root, least_variance);
     Ok(Solution { parameters: problem.parameters, covariance })
+}
+
+/// Why the method gave up, and what to do.
+fn reason(termination: &TerminationReason) -> String {
+    match termination {
+        TerminationReason::LostPatience => format!(
+            "it evaluated the residuals {PATIENCE} times per parameter without an end; the data may not determine all parameters, or the plant's values, from which it starts, may be too far from them"
+        ),
+        TerminationReason::Numerical(what) => {
+            format!("{what} is not finite; the data or the plant's values may be out of range")
+        }
+        TerminationReason::NoImprovementPossible(bound) => {
+            format!("rounding ends it before {bound} is met; the data may not determine all parameters")
+        }
+        TerminationReason::NoParameters => "there is no parameter to fit".to_owned(),
+        TerminationReason::NoResiduals => "there is no measurement to fit".to_owned(),
+        other => format!("{other:?}"),
+    }
 }
 
 /// A solution for the parameters determined by the data.

@@ -5,7 +5,7 @@
 //! knows the plant, which is tried on the plant itself, from its state at that moment ([`OpenLoop::fastest`]). Between
 //! two references the pressure may be anywhere between them, until [`ALLOWANCE`] after that control has arrived.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -37,6 +37,8 @@ pub struct Rig {
     pub plant: Arc<Fmu>,
     pub controller: Arc<Fmu>,
     pub seed: u64,
+    /// The files of the controller's parameter sets.
+    pub controller_sets: Vec<PathBuf>,
     /// Whether the plant can be tried from a saved state.
     pub saves_states: bool,
 }
@@ -102,14 +104,21 @@ impl Rig {
         for (file, fmu) in [(PLANT, &plant), (CONTROLLER, &controller)] {
             fmus.insert(file.into(), Arc::clone(fmu));
         }
-        Ok(Self { saves_states: plant.has_capability("canGetAndSetFMUstate"), plant, controller, fmus, seed })
+        Ok(Self {
+            saves_states: plant.has_capability("canGetAndSetFMUstate"),
+            plant,
+            controller,
+            controller_sets: vec![],
+            fmus,
+            seed,
+        })
     }
 
     /// A case as the text of a scenario.
     pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
         let fmus = [&*self.plant, &*self.controller];
         let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, Causality::Input, name));
-        case.scenario(strategy, has_input, &recorded(fmus), self.seed)
+        case.scenario(strategy, &self.controller_sets, has_input, &recorded(fmus), self.seed)
     }
 
     /// A case as a scenario; its FMUs are the controller and the plant.

@@ -2,6 +2,7 @@
 //! reference and supply voltage.
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
@@ -262,6 +263,7 @@ impl Case {
     pub fn scenario(
         &self,
         strategy: Option<&str>,
+        controller_sets: &[PathBuf],
         has_input: impl Fn(&str) -> bool,
         recorded: &[&str],
         seed: u64,
@@ -271,6 +273,9 @@ impl Case {
              [[fmu]]\nname = \"controller\"\nfile = \"{CONTROLLER}\"\n",
             self.number, self.stop_time
         );
+        if !controller_sets.is_empty() {
+            let _ = writeln!(text, "parameters = {controller_sets:?}");
+        }
         if let Some(strategy) = strategy {
             let _ = writeln!(text, "values = {{ strategy = \"{strategy}\" }}");
         }
