@@ -80,6 +80,42 @@ def test_an_interrupted_study_continues_with_the_same_results(
     assert "cases was 6, is 7" in refused.stderr
 
 
+def test_a_set_of_controller_parameters_applies_to_all_cases(
+    lab: Run, exported: Path, tmp_path: Path
+) -> None:
+    paper = Path("parameters/paper_structure.ssv").resolve()
+    study(lab, exported, tmp_path / "plain", cases=3)
+    done = study(lab, exported, tmp_path / "paper", "--parameters", str(paper), cases=3)
+    assert "ignored" not in done.stderr
+    plain, other = ([float(row["deviation"]) for row in rows(tmp_path / name)] for name in ("plain", "paper"))
+    # On the same plants, the paper's structure overshoots by kilopascals more.
+    assert all(one != another for one, another in zip(plain, other, strict=True)), (plain, other)
+    both = tmp_path / "both.ssv"
+    tank = '<ssv:Parameter name="tank.volume"><ssv:Real value="0.002" unit="m3"/></ssv:Parameter>'
+    end = "</ssv:Parameters>"
+    both.write_text(paper.read_text().replace(end, tank + end))
+    refused = study(lab, exported, tmp_path / "both", "--parameters", str(both), cases=1)
+    assert refused.returncode == 2
+    assert "has parameters of both plant and controller" in refused.stderr
+
+
+@pytest.mark.parametrize("situation", ["noisy-ramps", "steps", "tip-in", "rest", "empty-tank", "faults"])
+def test_a_case_of_each_situation_is_measured(
+    lab: Run, exported: Path, tmp_path: Path, situation: str
+) -> None:
+    done = study(lab, exported, tmp_path, "--situation", situation, cases=1)
+    assert done.returncode in {0, 1}, done.stderr
+    report = json.loads((tmp_path / "report.json").read_text())
+    criteria = {criterion["name"]: criterion["found"] for criterion in report["strategies"][0]["criteria"]}
+    assert criteria["cases that ran"] == "1 of 1"
+    # The FMUs tell everything that is judged; a bound for other engine speeds or faults has no case.
+    (row,) = rows(tmp_path)
+    needed = {"rest": ["tank_pressure", "pump_share"], "empty-tank": ["boost_without_vacuum"]}
+    needed["faults"] = ["fault", "excess", "excess_without_limp_home", "shaft", "deficit"]
+    needed["steps"] = needed["tip-in"] = ["dip", "rise_time"]
+    assert all(row[name] for name in needed.get(situation, ["deviation"])), row
+
+
 @pytest.mark.parametrize(
     ("swapped", "message"),
     [("--plant", "has no input hp_wastegate_pwm"), ("--controller", "boost_reference")],

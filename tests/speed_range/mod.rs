@@ -11,7 +11,7 @@ use fmu_export::Variables as _;
 use fmu_package::{ParameterSet, Value};
 
 use crate::random::Random;
-use crate::{Loop, Order, STEP, follow};
+use crate::{Loop, Order, STEP, follow, on_reference_day};
 
 const PRESSURES: [f64; 5] = [120e3, 130e3, 145e3, 155e3, 165e3];
 
@@ -21,6 +21,9 @@ const RATES: [f64; 5] = [100.0, 250.0, 500.0, 1000.0, 2000.0];
 /// The largest deviations (kPa) on these ramps; the paper allows 5 kPa.
 const RAMPS: [f64; 5] = [0.3, 0.4, 0.8, 1.1, 1.6];
 
+/// The same with the shaft's sensor: its limit takes more than the ramp.
+const WITH_SHAFT_SENSOR: [f64; 5] = [0.3, 0.5, 0.8, 1.2, 2.4];
+
 /// Time from any start to rest (s).
 const SETTLING: f64 = 10.0;
 
@@ -28,6 +31,8 @@ const SETTLING: f64 = 10.0;
 #[derive(Clone, Copy)]
 enum Disturbance {
     None,
+    /// The shaft's limit: the controller measures its speed and ambient conditions.
+    ShaftLimit,
     /// Of the measured boost pressure.
     Noise,
     /// Supply voltage steps as in Fig. 14, every 5 s from the start of the ramp.
@@ -78,10 +83,15 @@ fn supply(time: f64) -> f64 {
 fn worst_between_2500_and_4500_rpm(rate: f64, disturbance: Disturbance, plant: &plant::Parameters) -> f64 {
     let mut worst: f64 = 0.0;
     for (seed, pressure) in (1..).zip(PRESSURES) {
-        let mut control = at(pressure, 2500.0, plant);
+        let mut control = if let Disturbance::ShaftLimit = disturbance {
+            on_reference_day(2500.0, pressure)
+        } else {
+            at(pressure, 2500.0, plant)
+        };
         if let Disturbance::Noise = disturbance {
             control.noise = Some(Random(seed));
         }
+        control.run(SETTLING, |_| {});
         for to in [4500.0, 2500.0] {
             worst = worst.max(ramp(&mut control, to, rate, disturbance));
         }
@@ -99,6 +109,12 @@ fn assert_ramps(what: &str, disturbance: Disturbance, most: [f64; 5]) {
 #[test]
 fn ramps_of_engine_speed() {
     assert_ramps("ramps", Disturbance::None, RAMPS);
+}
+
+/// At 165 kPa the fastest ramps bring the shaft to its limit, which takes boost.
+#[test]
+fn ramps_of_engine_speed_with_the_shafts_sensor() {
+    assert_ramps("ramps with the shaft's sensor", Disturbance::ShaftLimit, WITH_SHAFT_SENSOR);
 }
 
 #[test]

@@ -18,7 +18,7 @@ use fmu_export::time::coincidence;
 use fmu_package::{Domain, Function, Value};
 
 use crate::importer::{Course, Ended, Fmu, Instance, Misfit, Selection};
-use crate::scenario::{Assignment, Member, Signal, Stepping};
+use crate::scenario::{Assignment, Member, RunIn, Signal, Stepping};
 
 /// Exchanges of outputs and inputs during initialization, at least: the outputs of one FMU, once it has its inputs, may
 /// change those of another, as a measured voltage changes a controller's duty. In a chain of more FMUs there are as many
@@ -46,6 +46,7 @@ pub struct Coupling<'a> {
 /// An instance with its inputs.
 pub struct Coupled<'a> {
     pub member: &'a Member,
+    run_in: Option<&'a RunIn>,
     pub instance: Instance,
     /// The first of its readings.
     first: usize,
@@ -206,6 +207,7 @@ pub fn converted(value: f64, conversion: &Function) -> f64 {
 /// What a member needs to be coupled.
 pub struct Parts<'a> {
     pub member: &'a Member,
+    pub run_in: Option<&'a RunIn>,
     pub instance: Instance,
     /// What is read of it; the outputs that others get come first.
     pub readings: Selection,
@@ -220,13 +222,22 @@ impl<'a> Coupling<'a> {
     pub fn new(parts: Vec<Parts<'a>>, stepping: Stepping, step: f64) -> Result<Self> {
         let held_at = Rc::new(Cell::new(None));
         let (mut members, mut first): (Vec<Coupled<'_>>, _) = (vec![], 0);
-        for Parts { member, mut instance, readings, outputs, inputs, followed, texts } in parts {
+        for Parts { member, run_in, mut instance, readings, outputs, inputs, followed, texts } in parts {
             let count = readings.names().len();
             instance.watch(readings)?;
             if let Some((selection, signals)) = followed {
                 instance.let_follow(selection, Box::new(Courses::new(signals, step, Rc::clone(&held_at))))?;
             }
-            members.push(Coupled { member, instance, first, outputs, inputs, texts, is_called: false });
+            members.push(Coupled {
+                member,
+                run_in,
+                instance,
+                first,
+                outputs,
+                inputs,
+                texts,
+                is_called: false,
+            });
             first += count;
         }
         let firsts: Vec<_> = members.iter().map(|coupled| coupled.first).collect();
@@ -257,7 +268,7 @@ impl<'a> Coupling<'a> {
     /// the others, with their outputs. The FMUs get the stop time (s), if there is one.
     pub fn initialize(&mut self, start: f64, stop: Option<f64>) -> Result<()> {
         let (late, prompt): (Vec<_>, Vec<_>) =
-            (0..self.members.len()).partition(|&index| self.members[index].member.run_in.is_some());
+            (0..self.members.len()).partition(|&index| self.members[index].run_in.is_some());
         for &index in &prompt {
             self.begin(index, (start, start, stop), &[])?;
         }
@@ -278,7 +289,7 @@ impl<'a> Coupling<'a> {
         }
         self.hold_signals(Some(start));
         for index in late {
-            let Some(run_in) = &self.members[index].member.run_in else { continue };
+            let Some(run_in) = self.members[index].run_in else { continue };
             let begin = start - run_in.duration;
             self.begin(index, (begin, start, stop), &run_in.during)?;
             self.read_sources(index, &prompt)?;

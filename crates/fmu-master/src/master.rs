@@ -3,15 +3,15 @@
 //!
 //! A signal for a single FMU takes precedence over a connection.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_export::time::rounding;
 use fmu_io::terminal::number;
-use fmu_package::{Function, ValueType};
-use fmu_terms::{Causality, like};
+use fmu_package::{FmuVariable, Function, ValueType};
+use fmu_terms::{Causality, Variability, like};
 
 use crate::columns::{Columns, Found};
 use crate::coupling::{self, Coupling, Inputs, Parts, TextWire, Wire};
@@ -19,7 +19,7 @@ use crate::importer::{Ended, Fmu, Instance, Interface, Message};
 use crate::links::{Link, links, refuse_ambiguous_unit};
 use crate::noise::NoiseSource;
 use crate::recorder::{Recorder, Source};
-use crate::scenario::{Input, Member, Scenario, Signal, Tolerance};
+use crate::scenario::{Input, Member, RunIn, Scenario, Signal, Tolerance};
 use fmu_record::{Column, Record};
 
 /// The flag of FMUs for co-simulation whose steps may differ in size.
@@ -156,6 +156,7 @@ impl<'a> Master<'a> {
                 .unzip();
             parts.push(Parts {
                 member,
+                run_in: run_in(scenario, member, fmu, &mut notes),
                 instance,
                 readings: fmu.select_with_texts(names.iter().map(String::as_str))?,
                 outputs: fmu.select_with_texts(names[..outputs[index]].iter().map(String::as_str))?,
@@ -470,7 +471,7 @@ impl Taken {
         }
         let mut inputs: Vec<(&str, &Input, Function, Option<f64>)> = vec![];
         for input in &member.inputs {
-            if take_note(scenario, has_input(fmu, &input.name), input, notes)? {
+            if take_note(scenario, can_be_driven(fmu, &input.name), input, notes)? {
                 inputs.push((&input.name, input, Function::IDENTITY, None));
             }
         }
@@ -520,14 +521,21 @@ impl Taken {
     }
 }
 
-/// The inputs that get outputs: the place, the member's name and the input's.
-fn connected<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, &'a str)> {
+/// The inputs that are held over a step: the place, the member's name and the input's.
+fn driven<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, &'a str)> {
     coupling.members.iter().enumerate().flat_map(|(member, coupled)| {
-        let wires = coupled.inputs.wires.iter().zip(coupled.inputs.names()).enumerate();
-        let outputs = wires.filter(|(_, (wire, _))| matches!(wire.source, coupling::Source::Output { .. }));
-        outputs.map(move |(position, (_, name))| {
+        let names = coupled.inputs.names().iter().enumerate();
+        names.map(move |(position, name)| {
             (At { member, position }, coupled.member.name.as_str(), name.as_str())
         })
+    })
+}
+
+/// Those of them that get outputs.
+fn connected<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, &'a str)> {
+    driven(coupling).filter(|(at, ..)| {
+        let wire = &coupling.members[at.member].inputs.wires[at.position];
+        matches!(wire.source, coupling::Source::Output { .. })
     })
 }
 
@@ -543,6 +551,25 @@ fn take_note(scenario: &Scenario, found: Result<()>, input: &Input, notes: &mut 
     }
 }
 
+/// A member's run-in. If its FMU was replaced by one that lacks what the run-in sets, it is left out, with a note.
+fn run_in<'a>(
+    scenario: &Scenario,
+    member: &'a Member,
+    fmu: &Fmu,
+    notes: &mut Vec<String>,
+) -> Option<&'a RunIn> {
+    let run_in = member.run_in.as_ref()?;
+    let is_missing = |name: &&str| fmu.description().variable(name).is_none();
+    let set = run_in.during.iter().chain(&run_in.after).map(|assignment| assignment.name.as_str());
+    let missing: BTreeSet<_> = set.filter(is_missing).collect();
+    if !scenario.has_replaced_fmus || missing.is_empty() {
+        return Some(run_in);
+    }
+    let missing = missing.into_iter().collect::<Vec<_>>().join(", ");
+    notes.push(format!("the run_in of {} is left out: the FMU has no {missing}", member.name));
+    None
+}
+
 /// Rejects a signal that no input takes, except in a system without FMUs, of which only signals are recorded.
 fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
     if scenario.fmus.is_empty() || links.iter().any(|link| link.is_from(&input.name)) {
@@ -556,12 +583,18 @@ fn drives(input: &Input, scenario: &Scenario, links: &[Link]) -> Result<()> {
     })
 }
 
-/// Rejects an input that an FMU does not have.
-fn has_input(fmu: &Fmu, name: &str) -> Result<()> {
-    if fmu.names(Causality::Input).any(|known| known == name) {
+/// Rejects what a signal cannot drive: it drives inputs and tunable parameters.
+fn can_be_driven(fmu: &Fmu, name: &str) -> Result<()> {
+    let is_tunable = |variable: &FmuVariable| {
+        variable.causality == Causality::Parameter && variable.variability == Variability::Tunable
+    };
+    let is_driven = |variable: &FmuVariable| variable.causality == Causality::Input || is_tunable(variable);
+    if fmu.description().variable(name).is_some_and(is_driven) {
         return Ok(());
     }
-    bail!("no FMU has an input {name}{}", like(name, fmu.names(Causality::Input)))
+    let driven = fmu.description().variables.iter().filter(|variable| is_driven(variable));
+    let like = like(name, driven.map(|variable| variable.name.as_str()));
+    bail!("no FMU has an input or a tunable parameter {name}{like}")
 }
 
 /// The last, shorter step of a scenario (s), if it has one and its FMUs can make it.
@@ -586,18 +619,21 @@ fn rest(scenario: &Scenario, fmus: &[Arc<Fmu>], notes: &mut Vec<String>) -> Resu
     Ok(None)
 }
 
-/// The noise of a scenario, on every connection of the name.
+/// The noise of a scenario: on every connection from another FMU to inputs of the name, or on one FMU's input, written
+/// `FMU:input`, whatever drives it.
 fn noise(scenario: &Scenario, coupling: &Coupling<'_>) -> Result<Vec<NoiseOn>> {
     let mut all = vec![];
     for noise in &scenario.noise {
+        let own = driven(coupling).filter(|(_, member, name)| format!("{member}:{name}") == noise.name);
+        let places = connected(coupling).filter(|(.., name)| *name == noise.name).chain(own);
         let before = all.len();
-        for (at, _, name) in connected(coupling) {
-            if name == noise.name {
-                all.push(NoiseOn { at, source: NoiseSource::new(noise)? });
-            }
+        for (at, ..) in places {
+            all.push(NoiseOn { at, source: NoiseSource::new(noise)? });
         }
         if all.len() == before {
-            let like = like(&noise.name, connected(coupling).map(|(.., name)| name));
+            let own = driven(coupling).map(|(_, member, name)| format!("{member}:{name}"));
+            let known: Vec<_> = connected(coupling).map(|(.., name)| name.to_owned()).chain(own).collect();
+            let like = like(&noise.name, known.iter().map(String::as_str));
             return Err(noise.location.error(format!("no FMU gets {} from another{like}", noise.name)));
         }
     }

@@ -228,7 +228,8 @@ impl FmuVariable {
     /// Whether its value changes at events only.
     #[must_use]
     pub fn is_discrete(&self) -> bool {
-        self.variability == Variability::Discrete || self.value_type() != ValueType::Real
+        matches!(self.variability.meaning(), Some(Variability::Discrete | Variability::Tunable))
+            || self.value_type() != ValueType::Real
     }
 
     /// The type of its values.

@@ -6,7 +6,8 @@ use super::{HTML, JOURNAL, JSON};
 use crate::interface::open;
 use crate::study::case::Rig;
 use crate::study::draw::{Cases, known_plants};
-use crate::study::{Study, StudyReport, csv, outside};
+use crate::study::situation::Situation;
+use crate::study::{Study, StudyReport, csv};
 use anyhow::Result;
 use boost_interface::Role;
 use cargo_fmu::run::journal::{Identity, Journal};
@@ -36,6 +37,9 @@ pub struct Arguments {
     /// [default: those in this repository's parameters/]. A set of the controller's parameters applies to all cases
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
+    /// What the cases go through
+    #[arg(long, value_name = "NAME", default_value = "ramps")]
+    situation: Situation,
     /// The controller's strategy [default: its start value]
     #[arg(long, value_name = "NAME")]
     strategy: Option<String>,
@@ -85,7 +89,7 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<bool> {
         }
     }
     let threads = super::threads(arguments.workers.number, [&*study.rig.plant, &study.rig.controller])?;
-    let bar = super::progress_bar(outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
+    let bar = super::progress_bar(study.outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
     let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
 
@@ -112,7 +116,8 @@ impl Arguments {
         let sets = if of_plant.is_empty() { known_plants()? } else { of_plant };
         let mut rig = Rig::new(plant, controller, self.seed)?;
         rig.controller_sets = of_controller;
-        let cases = Cases::draw(rig.plant.description(), &sets, self.cases as usize, self.seed)?;
+        let cases =
+            Cases::draw(self.situation, rig.plant.description(), &sets, self.cases as usize, self.seed)?;
         let strategies = [self.strategy.clone()].into_iter().chain(self.beside.clone().map(Some));
         Ok(Study { rig, cases, strategies: strategies.collect() })
     }
@@ -152,6 +157,7 @@ impl Arguments {
             controller,
             connections,
             parameters,
+            situation,
             strategy,
             beside,
             cases,
@@ -169,6 +175,7 @@ impl Arguments {
             ("SHA-256 of the plant's file", digest(plant)?),
             ("SHA-256 of the controller's file", digest(controller)?),
             ("connections", connection::in_line(&connection::read_all(connections)?)),
+            ("situation", format!("{situation:?}")),
             ("strategy", format!("{strategy:?}")),
             ("strategy beside it", format!("{beside:?}")),
             ("cases", cases.to_string()),

@@ -69,7 +69,10 @@ pub fn nonlinear(
     let (problem, report) =
         LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE).minimize(problem);
     if !report.termination.was_successful() {
-        bail!("the Levenberg-Marquardt method did not converge: {}", reason(&report.termination));
+        bail!(
+            "the Levenberg-Marquardt method did not converge: {}",
+            reason(&report.termination, start.len())
+        );
     }
     let jacobian = problem.derivatives();
     let root = inverse_root(&jacobian)?;
@@ -78,11 +81,13 @@ pub fn nonlinear(
     Ok(Solution { parameters: problem.parameters, covariance })
 }
 
-/// Why the method gave up, and what to do.
-fn reason(termination: &TerminationReason) -> String {
+/// Why the method gave up on a number of parameters, and what to do.
+fn reason(termination: &TerminationReason, parameters: usize) -> String {
     match termination {
         TerminationReason::LostPatience => format!(
-            "it evaluated the residuals {PATIENCE} times per parameter without an end; the data may not determine all parameters, or the plant's values, from which it starts, may be too far from them"
+            "it has not ended after {} evaluations; the data may not determine all parameters, or the plant's values, \
+             from which it starts, are too far from theirs",
+            PATIENCE * (parameters + 1)
         ),
         TerminationReason::Numerical(what) => {
             format!("{what} is not finite; the data or the plant's values may be out of range")
@@ -92,7 +97,10 @@ fn reason(termination: &TerminationReason) -> String {
         }
         TerminationReason::NoParameters => "there is no parameter to fit".to_owned(),
         TerminationReason::NoResiduals => "there is no measurement to fit".to_owned(),
-        other => format!("{other:?}"),
+        TerminationReason::User(what) | TerminationReason::WrongDimensions(what) => (*what).to_owned(),
+        TerminationReason::ResidualsZero
+        | TerminationReason::Orthogonal
+        | TerminationReason::Converged { .. } => "it did converge".to_owned(),
     }
 }
 
@@ -291,6 +299,15 @@ mod tests {
         let observed = DVector::from_element(10, 1.0);
         assert!(linear(&design, &observed, &[10]).is_err());
         assert!(linear(&design.rows(0, 2).into_owned(), &observed.rows(0, 2).into_owned(), &[2]).is_err());
+    }
+
+    /// Rosenbrock's valley, from far away: the way along it takes hundreds of evaluations.
+    #[test]
+    fn a_fit_without_an_end_says_why_in_a_sentence() {
+        let valley = |p: &[f64]| vec![10.0 * (p[1] - p[0] * p[0]), 1.0 - p[0]];
+        let message = nonlinear(&[-1e3, 1e3], &[2], 0.0, valley).unwrap_err().to_string();
+        assert!(message.contains("it has not ended after 30 evaluations; the data may"), "{message}");
+        assert!(!message.contains("LostPatience"), "{message}");
     }
 
     #[test]

@@ -11,9 +11,11 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use super::draw::{CONTROLLER, Case, Event, PLANT, SETTLING, STEP};
-use super::names::{ALARM, BOOST, FLOWS, SHAFT, has, recorded};
+use super::draw::{CONTROLLER, Case, PLANT, Variant};
+use super::fault::{self, FaultKind};
+use super::names::{ALARM, BOOST, DUTY, FLOWS, LIMP_HOME, PUMP, SHAFT, TANK, TRUE_BOOST, has, recorded};
 use super::reach::{DOWN, Measured, OpenLoop, Reach, SHAFT_LIMIT, TURNING_STEPS, UP, VALVES};
+use super::situation::{Event, Experiment, SETTLING, STEP, Situation};
 use fmu_master::Fmu;
 use fmu_master::measure::{greatest, least};
 use fmu_master::scenario::{Scenario, Signal};
@@ -30,6 +32,13 @@ const CYCLE: usize = 2 * TURNING_STEPS;
 const ARRIVES_WITHIN: f64 = 100.0;
 /// Overshoot counts for this time after a step (s), or until the next event.
 const OVERSHOOT_WITHIN: f64 = 3.0;
+/// The share of a step after which boost has risen.
+const RISEN: f64 = 0.95;
+/// The tank's pressure (Pa) above which its vacuum does not open the wastegate: the controller's
+/// `diagnosis.vacuum_lost_above`.
+const NO_VACUUM: f64 = 50e3;
+/// How long a loop that found a fault may take to take back the excess of boost (s).
+const TAKES_BACK: f64 = 3.0;
 
 /// The FMUs of a study.
 pub struct Rig {
@@ -49,6 +58,8 @@ pub struct Simulated {
     /// The edges of the reachable reference at each row (Pa).
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
+    /// The reference at each row as far as the plant can hold it (Pa).
+    pub attainable: Vec<f64>,
     /// Communication points at which something starts.
     pub events: Vec<usize>,
 }
@@ -71,6 +82,49 @@ pub struct Measures {
     pub least_flow: Option<f64>,
     /// The largest `fault_code`.
     pub alarm: Option<f64>,
+    /// How far boost moves back on its way to a new reference (Pa).
+    pub dip: f64,
+    /// The time (s) from a reference step up until boost has risen by 95 % of what the plant can hold of it.
+    pub rise: Option<f64>,
+    /// The vacuum tank's highest pressure from [`SETTLING`] on (Pa), the share of the time with the pump on, and the way of
+    /// the duty (%/s).
+    pub tank: Option<f64>,
+    pub pump: Option<f64>,
+    pub duty_travel: Option<f64>,
+    pub unaided: Option<Unaided>,
+    pub faulty: Option<Faulty>,
+}
+
+/// The loop while the vacuum tank cannot open the wastegate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Unaided {
+    pub engine_speed: f64,
+    /// The highest boost pressure (Pa), and shaft speed (rpm).
+    pub boost: f64,
+    pub shaft: Option<f64>,
+}
+
+/// The loop with a fault.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Faulty {
+    pub kind: FaultKind,
+    /// With limp-home, and without, if the controller can do without.
+    pub with: Extremes,
+    pub without: Option<Extremes>,
+    /// The time from the fault to the first code (s), and the largest excess of boost before it (Pa).
+    pub code_after: Option<f64>,
+    pub excess_before_code: f64,
+    /// The deviation from the reference some seconds after the code (Pa).
+    pub after_code: Option<f64>,
+}
+
+/// How far a loop with a fault goes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Extremes {
+    /// The largest excess of boost over the reference, and the largest deficit (Pa).
+    pub excess: f64,
+    pub deficit: f64,
+    pub shaft: Option<f64>,
 }
 
 /// The plant's response to a control that knows it, from some moment.
@@ -114,18 +168,24 @@ impl Rig {
         })
     }
 
+    /// A controller's strategy with limp-home.
+    pub fn variant<'a>(&'a self, strategy: Option<&'a str>) -> Variant<'a> {
+        Variant { strategy, ignores_findings: false, sets: &self.controller_sets }
+    }
+
     /// A case as the text of a scenario.
-    pub fn text(&self, case: &Case, strategy: Option<&str>) -> String {
+    pub fn text(&self, case: &Case, variant: Variant<'_>) -> String {
         let fmus = [&*self.plant, &*self.controller];
         let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, Causality::Input, name));
-        case.scenario(strategy, &self.controller_sets, has_input, &recorded(fmus), self.seed)
+        let plant_has = |name: &str| self.plant.description().variable(name).is_some();
+        case.scenario(variant, has_input, plant_has, &recorded(fmus), self.seed)
     }
 
     /// A case as a scenario; its FMUs are the controller and the plant.
-    pub fn scenario(&self, case: &Case, strategy: Option<&str>) -> Result<Scenario> {
+    pub fn scenario(&self, case: &Case, variant: Variant<'_>) -> Result<Scenario> {
         let none = Path::new("");
         let name = format!("case {}", case.number);
-        Scenario::parse(&name, &self.text(case, strategy), none, none)
+        Scenario::parse(&name, &self.text(case, variant), none, none)
     }
 
     /// The closed loop from the start to a communication point.
@@ -138,10 +198,22 @@ impl Rig {
         Ok(master)
     }
 
-    /// Runs a case, with a strategy of the controller.
-    pub fn simulate(&self, case: &Case, reach: &Reach, strategy: Option<&str>) -> Result<Simulated> {
-        let scenario = self.scenario(case, strategy)?;
-        let mut events = case.events.clone();
+    /// Runs a case with a strategy of the controller, and measures it.
+    pub fn measure(&self, case: &Case, reach: &Reach, strategy: Option<&str>) -> Result<Measures> {
+        let variant = self.variant(strategy);
+        let mut measures = self.simulate(case, reach, variant)?.measures(case)?;
+        let has_limp_home = self.controller.description().variable(LIMP_HOME).is_some();
+        if let Some(faulty) = measures.faulty.as_mut().filter(|_| has_limp_home) {
+            let without = self.simulate(case, reach, Variant { ignores_findings: true, ..variant })?;
+            faulty.without = Some(without.extremes(case)?);
+        }
+        Ok(measures)
+    }
+
+    /// Runs a case.
+    pub fn simulate(&self, case: &Case, reach: &Reach, variant: Variant<'_>) -> Result<Simulated> {
+        let scenario = self.scenario(case, variant)?;
+        let mut events = case.experiment.events.clone();
         events.sort_by(|a, b| a.begin.total_cmp(&b.begin));
         let begins: Vec<_> = events.iter().map(|event| point(event.begin)).collect();
         let steps = scenario.steps as usize;
@@ -155,8 +227,20 @@ impl Rig {
             }
             master.step()?;
         }
-        let (lower, upper) = band(case, reach, &fastest, steps);
-        Ok(Simulated { record: master.record().clone(), lower, upper, events: begins })
+        let (lower, upper) = if case.situation.is_benchmarked() {
+            band(case, reach, &fastest, steps)
+        } else {
+            band_above(case, reach, steps)
+        };
+        let attainable = (0..=steps).map(|row| {
+            let time = (row as f64 - 0.5) * STEP;
+            let [speed, throttle] =
+                [&case.experiment.engine_speed, &case.experiment.throttle].map(|signal| signal.at(time));
+            let (lowest, highest) = (reach.lowest(speed, throttle), reach.highest(speed, throttle));
+            case.experiment.reference.at(time).max(lowest).min(highest)
+        });
+        let attainable = attainable.collect();
+        Ok(Simulated { record: master.record().clone(), lower, upper, attainable, events: begins })
     }
 
     fn fastest(
@@ -172,10 +256,12 @@ impl Rig {
             return Ok(fastest);
         }
         let time = |row: usize| row as f64 * STEP;
-        let reference = |row: usize| case.reference.at(time(row));
-        let speed = |row: usize| case.engine_speed.at(time(row));
-        let moves =
-            |row: usize| case.events.iter().any(|event| event.begin < time(row) && time(row) < event.end);
+        let reference = |row: usize| case.experiment.reference.at(time(row));
+        let speed = |row: usize| case.experiment.engine_speed.at(time(row));
+        let throttle = |row: usize| case.experiment.throttle.at(time(row));
+        let moves = |row: usize| {
+            case.experiment.events.iter().any(|event| event.begin < time(row) && time(row) < event.end)
+        };
         let mut plant = OpenLoop::new(master.instance("plant")?, case)?;
         let shaft_limit = plant.measured()?.shaft.max(SHAFT_LIMIT);
         fastest.up = plant.fastest(
@@ -183,7 +269,8 @@ impl Rig {
             (first, last),
             |row, now: Measured| now.boost <= reference(row) && now.shaft <= shaft_limit,
             |row, boost| {
-                !moves(row) && boost >= reference(row).min(reach.highest(speed(row))) - ARRIVES_WITHIN
+                !moves(row)
+                    && boost >= reference(row).min(reach.highest(speed(row), throttle(row))) - ARRIVES_WITHIN
             },
         )?;
         fastest.down = plant.fastest(
@@ -191,7 +278,8 @@ impl Rig {
             (first, last),
             |row, now: Measured| now.boost >= reference(row),
             |row, boost| {
-                !moves(row) && boost <= reference(row).max(reach.lowest(speed(row))) + ARRIVES_WITHIN
+                !moves(row)
+                    && boost <= reference(row).max(reach.lowest(speed(row), throttle(row))) + ARRIVES_WITHIN
             },
         )?;
         for pressures in [&mut fastest.up, &mut fastest.down] {
@@ -218,27 +306,29 @@ fn smooth(pressures: &mut [f64], reference: impl Fn(usize) -> f64) {
 
 /// The edges of the reachable reference at each row.
 fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f64>, Vec<f64>) {
+    let Experiment { engine_speed, throttle, reference, .. } = &case.experiment;
+    // What starts at a row acts from the next one.
+    let before = |time: f64| time - 0.5 * STEP;
+    let edges_at = |time: f64, reference: f64| {
+        let (speed, throttle) = (engine_speed.at(time), throttle.at(before(time)));
+        (reference.min(reach.highest(speed, throttle)), reference.max(reach.lowest(speed, throttle)))
+    };
     let row = |row: usize| {
         let time = row as f64 * STEP;
-        let speed = case.engine_speed.at(time);
-        let edges_at = |speed: f64, reference: f64| {
-            (reference.min(reach.highest(speed)), reference.max(reach.lowest(speed)))
-        };
-        let edges = |reference: f64| edges_at(speed, reference);
-        // What starts at a row acts from the next one.
-        let (mut lower, mut upper) = edges(case.reference.at(time - 0.5 * STEP));
+        let edges = |reference: f64| edges_at(time, reference);
+        let (mut lower, mut upper) = edges(reference.at(before(time)));
         let Some(Fastest { event, first, up, down }) = fastest.iter().rfind(|fastest| fastest.first < row)
         else {
             return (lower, upper);
         };
         if event.is_step {
-            let before = case.reference.at(event.begin - 0.5 * STEP);
+            let old = reference.at(before(event.begin));
             let row_of = |index: usize| first + 1 + index;
             let goals = |index: usize| {
                 let time = row_of(index) as f64 * STEP;
-                edges_at(case.engine_speed.at(time), case.reference.at(time - 0.5 * STEP))
+                edges_at(time, reference.at(before(time)))
             };
-            let is_up = case.reference.at(event.begin) > before;
+            let is_up = reference.at(event.begin) > old;
             let arrived = |(index, boost): (usize, &f64)| {
                 let (lower, upper) = goals(index);
                 if is_up { *boost >= lower - ARRIVES_WITHIN } else { *boost <= upper + ARRIVES_WITHIN }
@@ -246,7 +336,11 @@ fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f
             let fastest = if is_up { up } else { down };
             let arrival = fastest.iter().enumerate().position(arrived).map_or(first + fastest.len(), row_of);
             if row <= arrival + point(ALLOWANCE) {
-                let (old_lower, old_upper) = edges(before);
+                let (mut old_lower, old_upper) = edges(old);
+                // As a throttle opens, boost falls first: the old reference belongs to the engine before.
+                if throttle.at(event.begin).to_bits() != throttle.at(before(event.begin)).to_bits() {
+                    old_lower = f64::NEG_INFINITY;
+                }
                 (lower, upper) = (lower.min(old_lower), upper.max(old_upper));
             }
         }
@@ -254,6 +348,18 @@ fn band(case: &Case, reach: &Reach, fastest: &[Fastest], steps: usize) -> (Vec<f
         (lower.min(at(up).unwrap_or(f64::INFINITY)), upper.max(at(down).unwrap_or(f64::NEG_INFINITY)))
     };
     (0..=steps).map(row).unzip()
+}
+
+/// The edges where boost is judged only where it is too high: above the reference, and the one before until
+/// [`ALLOWANCE`] after it, as far as the plant can go down to it.
+fn band_above(case: &Case, reach: &Reach, steps: usize) -> (Vec<f64>, Vec<f64>) {
+    let Experiment { engine_speed, throttle, reference, .. } = &case.experiment;
+    let upper = (0..=steps).map(|row| {
+        let time = row as f64 * STEP;
+        let wanted = reference.at(time).max(reference.at(time - ALLOWANCE));
+        wanted.max(reach.lowest(engine_speed.at(time), throttle.at(time)))
+    });
+    (vec![f64::NEG_INFINITY; steps + 1], upper.collect())
 }
 
 impl Simulated {
@@ -269,7 +375,7 @@ impl Simulated {
     }
 
     pub fn boost(&self) -> Result<&[f64]> {
-        self.record.get(BOOST)
+        self.record.get(TRUE_BOOST).or_else(|_| self.record.get(BOOST))
     }
 
     /// The valve commands in effect during a communication step.
@@ -298,17 +404,108 @@ impl Simulated {
             shaft_in_transients: of(SHAFT, &|time| !case.is_at_rest(time)).map(greatest),
             least_flow: (!flows.is_empty()).then(|| least(flows)),
             alarm: of(ALARM, &|_| true).map(greatest),
+            dip: self.dip(case, boost),
+            rise: self.rise(case, boost),
+            tank: of(TANK, &|time| time >= SETTLING).map(greatest),
+            pump: of(PUMP, &|time| time >= SETTLING).map(mean),
+            duty_travel: of(DUTY, &|time| time >= SETTLING)
+                .map(|duties| mean(duties.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()) / STEP),
+            unaided: (case.situation == Situation::EmptyTank).then(|| self.unaided(case, boost)).flatten(),
+            faulty: self.faulty(case, boost)?,
         })
+    }
+
+    /// The reference steps: when, from which reference, to which, and until which row boost is on its way.
+    fn reference_steps(&self, case: &Case, rows: usize) -> Vec<(usize, f64, f64, usize)> {
+        let Signal::Steps(steps) = &case.experiment.reference else { return vec![] };
+        let steps = steps.windows(2).map(|pair| {
+            let ((_, before), (begin, after)) = (pair[0], pair[1]);
+            let first = point(begin);
+            let next = self.events.iter().find(|&&event| event > first).copied().unwrap_or(rows);
+            (first, before, after, next.min(rows))
+        });
+        steps.collect()
+    }
+
+    /// The largest movement back on the way to a new reference, or to what of it the plant can hold. While engine speed
+    /// moves, boost may have to go back.
+    fn dip(&self, case: &Case, boost: &[f64]) -> f64 {
+        let steps = self.reference_steps(case, boost.len()).into_iter();
+        let is_constant = |first: &usize| case.is_steady(*first as f64 * STEP);
+        let dips = steps.filter(|(first, ..)| is_constant(first)).map(|(first, before, after, next)| {
+            let sign = (after - before).signum();
+            let mut most = f64::NEG_INFINITY;
+            greatest((first + 1..next).map(|row| {
+                most = most.max(sign * boost[row]);
+                most.min(sign * self.attainable[row]) - sign * boost[row]
+            }))
+        });
+        greatest(dips).max(0.0)
+    }
+
+    /// The longest time in which boost rises.
+    fn rise(&self, case: &Case, boost: &[f64]) -> Option<f64> {
+        let steps = self.reference_steps(case, boost.len()).into_iter();
+        let steps =
+            steps.filter(|&(first, before, after, _)| after > before && case.is_steady(first as f64 * STEP));
+        let rises = steps.filter_map(|(first, _, _, next)| {
+            let goal = boost[first] + RISEN * (self.attainable[next - 1] - boost[first]);
+            (first..next).find(|&row| boost[row] >= goal).map(|row| (row - first) as f64 * STEP)
+        });
+        rises.max_by(f64::total_cmp)
+    }
+
+    /// The loop until the tank has a vacuum.
+    fn unaided(&self, case: &Case, boost: &[f64]) -> Option<Unaided> {
+        let tank = self.record.get(TANK).ok()?;
+        let has_vacuum = tank.iter().position(|pressure| *pressure < NO_VACUUM).unwrap_or(tank.len());
+        let most = |values: &[f64]| greatest(values[..has_vacuum].iter().copied());
+        Some(Unaided {
+            engine_speed: case.speeds().next()?,
+            boost: most(boost),
+            shaft: self.record.get(SHAFT).ok().map(most),
+        })
+    }
+
+    /// How far the loop goes from the fault on.
+    fn extremes(&self, case: &Case) -> Result<Extremes> {
+        let boost = self.boost()?;
+        let rows = point(fault::BEGIN)..boost.len();
+        let wanted = |row: usize| {
+            let time = row as f64 * STEP;
+            let reference = &case.experiment.reference;
+            reference.at(time).min(reference.at(time - ALLOWANCE)).min(self.attainable[row])
+        };
+        let shaft = self.record.get(SHAFT).ok();
+        Ok(Extremes {
+            excess: greatest(rows.clone().map(|row| boost[row] - self.upper[row])),
+            deficit: greatest(rows.clone().map(|row| wanted(row) - boost[row])),
+            shaft: shaft.map(|speeds| greatest(speeds[rows].iter().copied())),
+        })
+    }
+
+    fn faulty(&self, case: &Case, boost: &[f64]) -> Result<Option<Faulty>> {
+        let Some(fault) = &case.experiment.fault else { return Ok(None) };
+        let begin = point(fault::BEGIN);
+        let codes = self.record.get(ALARM).ok();
+        let found = codes.and_then(|codes| (begin..codes.len()).find(|&row| codes[row] != 0.0));
+        let before = begin..found.unwrap_or(boost.len());
+        let later = found.map(|row| row + point(TAKES_BACK)).filter(|row| *row < boost.len());
+        Ok(Some(Faulty {
+            kind: fault.kind,
+            with: self.extremes(case)?,
+            without: None,
+            code_after: found.map(|row| (row - begin) as f64 * STEP),
+            excess_before_code: greatest(before.map(|row| boost[row] - self.upper[row])).max(0.0),
+            after_code: later.map(|row| (boost[row] - self.attainable[row]).abs()),
+        }))
     }
 
     /// The largest overshoot over the new reference, or its reachable part, in the direction of the step.
     fn overshoot(&self, case: &Case, boost: &[f64]) -> f64 {
-        let Signal::Steps(steps) = &case.reference else { return 0.0 };
-        let overshoot = steps.windows(2).map(|pair| {
-            let ((_, before), (begin, after)) = (pair[0], pair[1]);
-            let first = point(begin);
-            let next = self.events.iter().find(|&&event| event > first).copied().unwrap_or(boost.len());
-            let rows = first..next.min(first + point(OVERSHOOT_WITHIN)).min(boost.len());
+        let steps = self.reference_steps(case, boost.len()).into_iter();
+        let overshoot = steps.map(|(first, before, after, next)| {
+            let rows = first..next.min(first + point(OVERSHOOT_WITHIN));
             greatest(rows.map(|row| {
                 if after > before {
                     boost[row] - self.upper[row].max(after)
@@ -319,6 +516,10 @@ impl Simulated {
         });
         greatest(overshoot).max(0.0)
     }
+}
+
+fn mean(values: Vec<f64>) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
-//! The random cases, from one Latin hypercube: a plant, ambient conditions, and a manoeuvre of engine speed, boost
-//! reference and supply voltage.
+//! The random cases, from one Latin hypercube: a plant, and the quantities of a [`Situation`].
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -9,57 +8,18 @@ use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use cargo_fmu::run::{Range, latin_fractions};
+use super::names::{LIMP_HOME, SHAFT, TANK_START};
+use super::situation::{Event, Experiment, STEP, Situation};
+use cargo_fmu::run::latin_fractions;
 use fmu_master::scenario::Signal;
 
 /// The FMUs' files in a case's scenario.
 pub const CONTROLLER: &str = "BoostController.fmu";
 pub const PLANT: &str = "BoostPlant.fmu";
-/// The communication step (s): the controller's sample time.
-pub const STEP: f64 = 0.0125;
-/// Time from the start to the first reference step (s), when judging starts: a plant that differs from the controller's
-/// maps starts off its reference.
-pub const SETTLING: f64 = 5.0;
-/// Time between changes of reference or engine speed (s).
-const HOLD: f64 = 5.0;
-/// Time from the end of the last ramp to the end (s).
-const END: f64 = 6.0;
 /// The loop is at rest after this time without changes (s).
 pub const AT_REST_AFTER: f64 = 3.0;
-
-type Quantity = (&'static str, &'static str, Range);
-
-const fn range(name: &'static str, unit: &'static str, from: f64, to: f64) -> Quantity {
-    (name, unit, Range { from, to, is_logarithmic: false })
-}
-
-const fn logarithmic(name: &'static str, unit: &'static str, from: f64, to: f64) -> Quantity {
-    (name, unit, Range { from, to, is_logarithmic: true })
-}
-
-/// All random quantities except plant parameters: name in the results' columns, unit and range.
-const RANGES: [Quantity; 13] = [
-    // 0 to 3000 m of altitude.
-    range("ambient_pressure", "Pa", 70e3, 101_325.0),
-    // -20 to 40 degrees Celsius.
-    range("ambient_temperature", "K", 253.15, 313.15),
-    // The extremes of the paper's Fig. 14.
-    range("supply_voltage_1", "V", 11.1, 13.5),
-    range("supply_voltage_2", "V", 11.1, 13.5),
-    range("noise", "Pa", 0.0, 100.0),
-    range("engine_speed_1", "rpm", 2000.0, 5500.0),
-    range("engine_speed_2", "rpm", 2000.0, 5500.0),
-    range("engine_speed_3", "rpm", 2000.0, 5500.0),
-    logarithmic("ramp_rate_1", "rpm/s", 250.0, 2000.0),
-    logarithmic("ramp_rate_2", "rpm/s", 250.0, 2000.0),
-    range("boost_reference_1", "Pa", 115e3, 215e3),
-    // The largest step of the paper's Fig. 13.
-    range("reference_step_1", "Pa", -20e3, 20e3),
-    range("reference_step_2", "Pa", -20e3, 20e3),
-];
-
-/// The range of references, to which steps are limited (Pa).
-const REFERENCES: (f64, f64) = (115e3, 215e3);
+/// Noises of different inputs have seeds that are farther apart than there are cases.
+const SEEDS_APART: usize = 1_000_000;
 
 /// The plants: parameters are drawn between the plant's values and those of each set.
 const PLANTS: [&str; 10] = [
@@ -88,10 +48,11 @@ struct Direction {
 
 /// The random cases.
 pub struct Cases {
+    pub situation: Situation,
     directions: Vec<Direction>,
     /// The plant's own values of the parameters that vary, in the plant's order.
     own: Vec<(String, f64)>,
-    /// For each case the positions in the ranges, from 0 to 1: the sets, then [`RANGES`].
+    /// For each case the positions in the ranges, from 0 to 1: the sets, then the situation's quantities.
     fractions: Vec<Vec<f64>>,
     /// Notes for readers.
     pub notes: Vec<String>,
@@ -102,31 +63,33 @@ pub struct Cases {
 pub struct Case {
     /// From 0.
     pub number: usize,
+    pub situation: Situation,
     /// Everything drawn, by column.
     pub drawn: Vec<(String, f64)>,
     pub parameters: Vec<(String, f64)>,
-    pub ambient: [f64; 2],
-    pub supply: Signal,
-    pub noise: f64,
-    pub engine_speed: Signal,
-    pub reference: Signal,
-    /// When reference or engine speed start to change (s).
-    pub events: Vec<Event>,
-    pub stop_time: f64,
+    pub experiment: Experiment,
 }
 
-/// A change of the reference or of engine speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
-    pub begin: f64,
-    /// The end of a ramp; for a step, its start.
-    pub end: f64,
-    pub is_step: bool,
+/// What of the controller a case runs with.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant<'a> {
+    /// None for the controller's default.
+    pub strategy: Option<&'a str>,
+    /// Whether findings of its diagnosis have no effect.
+    pub ignores_findings: bool,
+    /// The files of parameter sets.
+    pub sets: &'a [PathBuf],
 }
 
 impl Cases {
     /// Draws cases for a plant. Parameters that the plant lacks are ignored.
-    pub fn draw(plant: &FmuDescription, sets: &[ParameterSet], count: usize, seed: u64) -> Result<Self> {
+    pub fn draw(
+        situation: Situation,
+        plant: &FmuDescription,
+        sets: &[ParameterSet],
+        count: usize,
+        seed: u64,
+    ) -> Result<Self> {
         let mut own: Vec<(String, f64)> = vec![];
         let mut directions = vec![];
         let mut notes = vec![];
@@ -162,12 +125,12 @@ impl Cases {
         }
         let mut generator = Pcg64::seed_from_u64(seed);
         let mut fractions = vec![vec![]; count];
-        for _ in 0..directions.len() + RANGES.len() {
+        for _ in 0..directions.len() + situation.quantities().len() {
             for (case, fraction) in fractions.iter_mut().zip(latin_fractions(count, &mut generator)) {
                 case.push(fraction);
             }
         }
-        Ok(Self { directions, own, fractions, notes })
+        Ok(Self { situation, directions, own, fractions, notes })
     }
 
     pub fn len(&self) -> usize {
@@ -177,12 +140,14 @@ impl Cases {
     /// The drawn values, by column of the results.
     pub fn columns(&self) -> Vec<String> {
         let sets = self.directions.iter().map(|direction| direction.set.clone());
-        sets.chain(RANGES.iter().map(|(name, ..)| (*name).to_owned())).collect()
+        let quantities = self.situation.quantities().iter();
+        sets.chain(quantities.map(|(name, ..)| (*name).to_owned())).collect()
     }
 
     /// The unit of each column: parameter sets are drawn by their share, from 0 (the FMU's value) to 1.
     pub fn units(&self) -> Vec<&'static str> {
-        self.directions.iter().map(|_| "1").chain(RANGES.iter().map(|(_, unit, _)| *unit)).collect()
+        let quantities = self.situation.quantities().iter();
+        self.directions.iter().map(|_| "1").chain(quantities.map(|(_, unit, _)| *unit)).collect()
     }
 
     pub fn case(&self, number: usize) -> Case {
@@ -195,116 +160,132 @@ impl Cases {
                 }
             }
         }
-        let values: Vec<_> = RANGES.iter().zip(places).map(|((.., range), place)| range.at(*place)).collect();
+        let quantities = self.situation.quantities().iter().zip(places);
+        let values: Vec<_> = quantities.map(|((.., range), place)| range.at(*place)).collect();
         let drawn = self.columns().into_iter().zip(weights.iter().copied().chain(values.iter().copied()));
-        let [pressure, temperature, supply_1, supply_2, noise, speeds @ .., first, step_1, step_2] =
-            values.as_slice()
-        else {
-            unreachable!("RANGES has more quantities than these")
-        };
-        let limited = |reference: f64| reference.clamp(REFERENCES.0, REFERENCES.1);
-        let references = [*first, limited(first + step_1), limited(limited(first + step_1) + step_2)];
-        let duration =
-            |ramp: usize| whole((speeds[ramp + 1] - speeds[ramp]).abs() / speeds[3 + ramp]).max(STEP);
-        let ramp_1 = SETTLING + HOLD;
-        let ramp_1_end = ramp_1 + duration(0);
-        let ramp_2 = ramp_1_end + HOLD;
-        let ramp_2_end = ramp_2 + duration(1);
-        let second_step = whole(0.5 * (ramp_2 + ramp_2_end));
-        let ramp = |begin, end| Event { begin, end, is_step: false };
-        let step = |begin| Event { begin, end: begin, is_step: true };
         Case {
             number,
+            situation: self.situation,
             drawn: drawn.collect(),
             parameters,
-            ambient: [*pressure, *temperature],
-            supply: Signal::Steps(vec![(0.0, *supply_1), (whole(ramp_1_end + 0.5 * HOLD), *supply_2)]),
-            noise: *noise,
-            engine_speed: Signal::Lines(vec![
-                (ramp_1, speeds[0]),
-                (ramp_1_end, speeds[1]),
-                (ramp_2, speeds[1]),
-                (ramp_2_end, speeds[2]),
-            ]),
-            reference: Signal::Steps(vec![
-                (0.0, references[0]),
-                (SETTLING, references[1]),
-                (second_step, references[2]),
-            ]),
-            events: vec![
-                step(SETTLING),
-                ramp(ramp_1, ramp_1_end),
-                ramp(ramp_2, ramp_2_end),
-                step(second_step),
-            ],
-            stop_time: whole(ramp_2_end + END),
+            experiment: self.situation.experiment(&values),
         }
     }
-}
-
-/// A multiple of the communication step.
-fn whole(time: f64) -> f64 {
-    (time / STEP).round() * STEP
 }
 
 impl Case {
     /// The engine speeds at rest (rpm).
     pub fn speeds(&self) -> impl Iterator<Item = f64> {
-        self.engine_speed.points().iter().map(|(_, speed)| *speed)
+        levels(&self.experiment.engine_speed)
+    }
+
+    /// The throttle openings.
+    pub fn throttles(&self) -> impl Iterator<Item = f64> {
+        levels(&self.experiment.throttle)
+    }
+
+    /// Whether engine speed is constant around a time (s).
+    pub fn is_steady(&self, time: f64) -> bool {
+        let moves =
+            |event: &Event| !event.is_step && (event.begin..event.end + AT_REST_AFTER).contains(&time);
+        !self.experiment.events.iter().any(moves)
     }
 
     /// Whether nothing has moved for [`AT_REST_AFTER`].
     pub fn is_at_rest(&self, time: f64) -> bool {
         let moves = |event: &Event| (event.begin..event.end + AT_REST_AFTER).contains(&time);
-        time >= AT_REST_AFTER && !self.events.iter().any(moves)
+        time >= AT_REST_AFTER && !self.experiment.events.iter().any(moves)
     }
 
-    /// The case as a scenario for `cargo fmu simulate`, with the inputs and records that the FMUs have.
+    /// The case as a scenario for `cargo fmu simulate`, with the inputs and records that the FMUs have: `has_input` tells
+    /// whether one of them has an input, `plant_has` whether the plant has a variable.
     pub fn scenario(
         &self,
-        strategy: Option<&str>,
-        controller_sets: &[PathBuf],
+        variant: Variant<'_>,
         has_input: impl Fn(&str) -> bool,
+        plant_has: impl Fn(&str) -> bool,
         recorded: &[&str],
         seed: u64,
     ) -> String {
+        let Experiment { ambient: [pressure, temperature], fault, .. } = &self.experiment;
+        let fault_name = fault.as_ref().map_or_else(String::new, |fault| format!(": {}", fault.kind.name()));
         let mut text = format!(
-            "title = \"Case {} of the study with the seed {seed}\"\nstep = {STEP:?}\nstop_time = {:?}\nrecord = {recorded:?}\n\n\
-             [[fmu]]\nname = \"controller\"\nfile = \"{CONTROLLER}\"\n",
-            self.number, self.stop_time
+            "title = \"Case {} of the study with the seed {seed}{fault_name}\"\nstep = {STEP:?}\nstop_time = {:?}\n\
+             record = {recorded:?}\n\n[[fmu]]\nname = \"controller\"\nfile = \"{CONTROLLER}\"\n",
+            self.number, self.experiment.stop_time
         );
-        if !controller_sets.is_empty() {
-            let _ = writeln!(text, "parameters = {controller_sets:?}");
+        if !variant.sets.is_empty() {
+            let _ = writeln!(text, "parameters = {:?}", variant.sets);
         }
-        if let Some(strategy) = strategy {
-            let _ = writeln!(text, "values = {{ strategy = \"{strategy}\" }}");
+        let strategy = variant.strategy.map(|strategy| format!("strategy = \"{strategy}\""));
+        let limp_home = variant.ignores_findings.then(|| format!("\"{LIMP_HOME}\" = false"));
+        let values: Vec<_> = strategy.into_iter().chain(limp_home).collect();
+        if !values.is_empty() {
+            let _ = writeln!(text, "values = {{ {} }}", values.join(", "));
+        }
+        if !self.experiment.measures_shaft && has_input(SHAFT) {
+            let _ = writeln!(text, "inputs = {{ {SHAFT} = 0 }}");
         }
         let _ = writeln!(text, "\n[[fmu]]\nname = \"plant\"\nfile = \"{PLANT}\"\n\n[fmu.values]");
         for (name, value) in &self.parameters {
             let _ = writeln!(text, "\"{name}\" = {value:?}");
         }
+        if let Some(pressure) = self.experiment.tank_pressure.filter(|_| plant_has(TANK_START)) {
+            let _ = writeln!(text, "\"{TANK_START}\" = {pressure:?}");
+        }
+        if let Some(fault) = fault {
+            text += "\n[fmu.inputs]\n";
+            for (name, signal) in &fault.signals {
+                let _ = writeln!(text, "\"{name}\" = {}", written(signal));
+            }
+        }
         text += "\n[inputs]\n";
-        let pairs = |points: &[(f64, f64)]| {
-            let pairs: Vec<_> = points.iter().map(|(time, value)| format!("[{time:?}, {value:?}]")).collect();
-            pairs.join(", ")
-        };
         let inputs = [
-            ("boost_reference", format!("{{ steps = [{}] }}", pairs(self.reference.points()))),
-            ("engine_speed", format!("{{ points = [{}] }}", pairs(self.engine_speed.points()))),
-            ("supply_voltage", format!("{{ steps = [{}] }}", pairs(self.supply.points()))),
-            ("ambient_pressure", format!("{:?}", self.ambient[0])),
-            ("ambient_temperature", format!("{:?}", self.ambient[1])),
+            ("boost_reference", &self.experiment.reference),
+            ("engine_speed", &self.experiment.engine_speed),
+            ("supply_voltage", &self.experiment.supply),
+            ("throttle", &self.experiment.throttle),
+            ("ambient_pressure", &Signal::Constant(*pressure)),
+            ("ambient_temperature", &Signal::Constant(*temperature)),
         ];
         for (name, signal) in inputs.into_iter().filter(|(name, _)| has_input(name)) {
-            let _ = writeln!(text, "{name} = {signal}");
+            let _ = writeln!(text, "{name} = {}", written(signal));
         }
-        let _ = writeln!(
-            text,
-            "\n[noise]\nboost_pressure = {{ standard_deviation = {:?}, seed = {} }}",
-            self.noise, self.number
-        );
+        text += "\n[noise]\n";
+        for (index, (name, deviation)) in self.experiment.noise.iter().enumerate() {
+            if has_input(name) {
+                let seed = self.number + SEEDS_APART * index;
+                let _ = writeln!(
+                    text,
+                    "\"controller:{name}\" = {{ standard_deviation = {deviation:?}, seed = {seed} }}"
+                );
+            }
+        }
         text
     }
+}
+
+/// The values of a signal's points.
+fn levels(signal: &Signal) -> impl Iterator<Item = f64> {
+    let constant = if let Signal::Constant(value) = signal { Some(*value) } else { None };
+    constant.into_iter().chain(signal.points().iter().map(|(_, value)| *value))
+}
+
+/// A signal as a scenario has it.
+fn written(signal: &Signal) -> String {
+    let key = match signal {
+        Signal::Constant(value) => return format!("{value:?}"),
+        Signal::Steps(_) => "steps",
+        Signal::Lines(_) => "points",
+        Signal::Sine { mean, amplitude, frequency, phase } => {
+            return format!(
+                "{{ sine = {{ mean = {mean:?}, amplitude = {amplitude:?}, frequency = {frequency:?}, phase = {phase:?} }} }}"
+            );
+        }
+    };
+    let points: Vec<_> =
+        signal.points().iter().map(|(time, value)| format!("[{time:?}, {value:?}]")).collect();
+    format!("{{ {key} = [{}] }}", points.join(", "))
 }
 
 #[cfg(test)]
@@ -330,7 +311,7 @@ mod tests {
 
     #[test]
     fn plants_lie_between_the_default_and_the_sets() {
-        let cases = Cases::draw(&plant(), &known_plants().unwrap(), 40, 1).unwrap();
+        let cases = Cases::draw(Situation::Ramps, &plant(), &known_plants().unwrap(), 40, 1).unwrap();
         // Two turbines and two wastegates; the other sets have no parameters of this plant.
         assert_eq!(cases.notes.len(), 6);
         let values = |index: usize| {
@@ -351,7 +332,7 @@ mod tests {
     #[test]
     fn equal_seeds_draw_equal_cases() {
         let drawn = |seed| {
-            let cases = Cases::draw(&plant(), &known_plants().unwrap(), 5, seed).unwrap();
+            let cases = Cases::draw(Situation::Ramps, &plant(), &known_plants().unwrap(), 5, seed).unwrap();
             (0..5).map(|number| cases.case(number).drawn).collect::<Vec<_>>()
         };
         assert_eq!(drawn(1), drawn(1));
@@ -360,10 +341,10 @@ mod tests {
 
     #[test]
     fn a_case_is_at_rest_between_its_events() {
-        let case = Cases::draw(&plant(), &[], 1, 3).unwrap().case(0);
-        let [step, ramp, second, _] = case.events.as_slice() else { panic!("{:?}", case.events) };
+        let case = Cases::draw(Situation::Ramps, &plant(), &[], 1, 3).unwrap().case(0);
+        let [step, ramp, second, _] = case.experiment.events.as_slice() else { panic!("{case:?}") };
         assert!(case.is_at_rest(step.begin - STEP) && !case.is_at_rest(step.begin));
         assert!(case.is_at_rest(ramp.begin - STEP) && !case.is_at_rest(ramp.end));
-        assert!(case.is_at_rest(second.begin - STEP) && case.is_at_rest(case.stop_time));
+        assert!(case.is_at_rest(second.begin - STEP) && case.is_at_rest(case.experiment.stop_time));
     }
 }

@@ -1,5 +1,6 @@
 //! A pass/fail study of a controller on random plants, ambient conditions and manoeuvres.
 //!
+//! - [`situation`] has what the cases may go through, [`fault`] the faults.
 //! - [`draw`] draws the cases from a Latin hypercube.
 //! - [`names`] are the variables of a study.
 //! - [`reach`] finds what a case's plant can reach.
@@ -13,10 +14,12 @@
 pub mod case;
 pub mod criteria;
 pub mod draw;
+mod fault;
 pub mod names;
 mod optimum;
 mod reach;
 mod report;
+pub mod situation;
 
 use anyhow::Result;
 use rayon::ThreadPool;
@@ -24,6 +27,7 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use self::case::{Measures, Rig, Simulated};
+use self::criteria::Criteria;
 use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
@@ -64,7 +68,7 @@ pub struct Explained {
     pub case: Case,
     pub measures: Measures,
     pub simulated: Simulated,
-    /// None where the plant cannot save its state.
+    /// None where the plant cannot save its state, or a better control is not searched.
     pub optimum: Option<Optimum>,
 }
 
@@ -99,7 +103,7 @@ impl Study {
         let reach = Reach::of(&case, &self.rig.plant);
         let run = |strategy: &Option<String>| {
             let reach = reach.as_ref().map_err(|error| anyhow::anyhow!("{error:#}"))?;
-            self.rig.simulate(&case, reach, strategy.as_deref())?.measures(&case)
+            self.rig.measure(&case, reach, strategy.as_deref())
         };
         let runs = self.strategies.iter().map(|strategy| match run(strategy) {
             Ok(measures) => Run { error: None, measures: Some(measures) },
@@ -115,29 +119,37 @@ impl Study {
         threads: &ThreadPool,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Explained>> {
-        let mut outside = outside(outcomes);
+        let mut outside = self.outside(outcomes);
         outside.truncate(MOST_EXPLAINED);
         threads.install(|| {
             let explain = |(number, measures): &(usize, Measures)| {
                 let case = self.cases.case(*number);
                 let strategy = self.strategies[0].as_deref();
                 let reach = Reach::of(&case, &self.rig.plant)?;
-                let simulated = self.rig.simulate(&case, &reach, strategy)?;
-                let search = || optimum::search(&self.rig, &case, strategy, &simulated, measures);
-                let optimum = self.rig.saves_states.then(search).transpose()?;
+                let variant = self.rig.variant(strategy);
+                let simulated = self.rig.simulate(&case, &reach, variant)?;
+                let search = || optimum::search(&self.rig, &case, variant, &simulated, measures);
+                let is_searched = self.rig.saves_states && case.situation.is_searched();
+                let optimum = is_searched.then(search).transpose()?;
                 progress();
                 Ok(Explained { case, measures: measures.clone(), simulated, optimum })
             };
             outside.par_iter().map(explain).collect()
         })
     }
-}
 
-/// The cases outside the criteria with the judged strategy, worst first.
-pub fn outside(outcomes: &[Outcome]) -> Vec<(usize, Measures)> {
-    let measures = |outcome: &Outcome| Some((outcome.case, outcome.runs.first()?.measures.clone()?));
-    let mut outside: Vec<_> =
-        outcomes.iter().filter_map(measures).filter(|(_, measures)| criteria::is_outside(measures)).collect();
-    outside.sort_by(|(_, a), (_, b)| b.deviation.total_cmp(&a.deviation));
-    outside
+    /// What is required of the cases.
+    pub fn required(&self) -> Criteria {
+        Criteria::of(self.cases.situation)
+    }
+
+    /// The cases outside the criteria with the judged strategy, worst first.
+    pub fn outside(&self, outcomes: &[Outcome]) -> Vec<(usize, Measures)> {
+        let required = self.required();
+        let measures = |outcome: &Outcome| Some((outcome.case, outcome.runs.first()?.measures.clone()?));
+        let outside = outcomes.iter().filter_map(measures);
+        let mut outside: Vec<_> = outside.filter(|(_, measures)| required.is_outside(measures)).collect();
+        outside.sort_by(|(_, a), (_, b)| b.deviation.total_cmp(&a.deviation));
+        outside
+    }
 }

@@ -4,11 +4,13 @@ use fmu_master::Fmu;
 use fmu_terms::Causality;
 
 /// The variables recorded for each case, if the FMUs have them.
-const RECORDED: [&str; 13] = [
+const RECORDED: [&str; 15] = [
     "boost_reference",
-    "boost_pressure",
+    BOOST,
+    TRUE_BOOST,
+    TANK,
     "engine_speed",
-    "hp_wastegate_pwm",
+    DUTY,
     "lp_wastegate",
     "hp_bypass",
     SHAFT,
@@ -20,6 +22,15 @@ const RECORDED: [&str; 13] = [
     "supply_voltage_measured",
 ];
 pub const BOOST: &str = "boost_pressure";
+/// Boost pressure without faults of its sensor.
+pub const TRUE_BOOST: &str = "intercooler.outlet_pressure";
+pub const TANK: &str = "tank_pressure";
+/// The plant's start value of it.
+pub const TANK_START: &str = "tank.pressure";
+/// The high-pressure wastegate's duty (%).
+pub const DUTY: &str = "hp_wastegate_pwm";
+/// The controller's parameter that lets the findings of its diagnosis act.
+pub const LIMP_HOME: &str = "diagnosis.limp_home";
 pub const SHAFT: &str = "hp_turbo_speed";
 /// Negative when a compressor surges.
 pub const FLOWS: [&str; 2] = ["hp_compressor.mass_flow", "lp_compressor.mass_flow"];

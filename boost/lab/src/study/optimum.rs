@@ -12,9 +12,10 @@ use rand_pcg::Pcg64;
 
 use super::case::{Measures, Rig, Simulated, point};
 use super::criteria::{FAST_AT_REST, NEAR};
-use super::draw::{Case, SETTLING, STEP};
+use super::draw::{Case, Variant};
 use super::names::SHAFT;
 use super::reach::{OpenLoop, VALVES, Valves};
+use super::situation::{SETTLING, STEP};
 use fmu_master::measure::greatest;
 
 /// The window: from this time (s) before boost leaves the reachable reference and before the event preceding its worst
@@ -52,7 +53,7 @@ type Corrections = [[f64; NODES]; 3];
 pub fn search(
     rig: &Rig,
     case: &Case,
-    strategy: Option<&str>,
+    variant: Variant<'_>,
     simulated: &Simulated,
     measures: &Measures,
 ) -> Result<Optimum> {
@@ -63,7 +64,7 @@ pub fn search(
     let left = (0..worst).rfind(is_within).unwrap_or(0);
     let first = event.min(left).min(worst).saturating_sub(point(BEFORE));
     let last = (worst + point(AFTER)).min(simulated.lower.len() - 1);
-    let scenario = rig.scenario(case, strategy)?;
+    let scenario = rig.scenario(case, variant)?;
     let mut master = rig.run_to(&scenario, first)?;
     let mut plant = OpenLoop::new(master.instance("plant")?, case)?;
     let saved = plant.instance().save()?;

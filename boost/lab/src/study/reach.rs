@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
-use super::draw::{Case, STEP};
+use super::draw::Case;
 use super::names::{BOOST, SHAFT, has};
+use super::situation::STEP;
 use fmu_master::measure::interpolate;
 use fmu_master::scenario::Signal;
 use fmu_master::{Fmu, Instance, Selection};
@@ -47,8 +48,13 @@ pub const DOWN: Stops = Stops { drive: OPEN, back: SHUT };
 /// The inputs' names and maximum values.
 pub const VALVES: [(&str, f64); 3] = [("hp_wastegate_pwm", 100.0), ("lp_wastegate", 1.0), ("hp_bypass", 1.0)];
 
-/// The boost pressure range that can be held, over engine speed (Pa over rpm).
+/// The boost pressure range that can be held, at each of a case's throttle openings.
 pub struct Reach {
+    ranges: Vec<(f64, Range)>,
+}
+
+/// The range at a throttle opening, over engine speed (Pa over rpm).
+struct Range {
     highest: Vec<(f64, f64)>,
     lowest: Vec<(f64, f64)>,
 }
@@ -62,21 +68,32 @@ impl Reach {
         speeds.extend(case.speeds());
         speeds.sort_by(f64::total_cmp);
         speeds.dedup();
-        let bench = Bench { case, plant };
-        let (mut highest, mut lowest) = (vec![], vec![]);
-        for speed in speeds {
-            highest.push((speed, bench.highest(speed)?));
-            lowest.push((speed, bench.lowest(speed)?));
+        let mut ranges = vec![];
+        for throttle in case.throttles() {
+            let bench = Bench { case, plant, throttle };
+            let mut range = Range { highest: vec![], lowest: vec![] };
+            for &speed in &speeds {
+                range.highest.push((speed, bench.highest(speed)?));
+                range.lowest.push((speed, bench.lowest(speed)?));
+            }
+            ranges.push((throttle, range));
         }
-        Ok(Self { highest, lowest })
+        Ok(Self { ranges })
     }
 
-    pub fn highest(&self, engine_speed: f64) -> f64 {
-        interpolate(&self.highest, engine_speed)
+    fn range(&self, throttle: f64) -> Option<&Range> {
+        let nearest = |(one, _): &&(f64, Range), (other, _): &&(f64, Range)| {
+            (one - throttle).abs().total_cmp(&(other - throttle).abs())
+        };
+        self.ranges.iter().min_by(nearest).map(|(_, range)| range)
     }
 
-    pub fn lowest(&self, engine_speed: f64) -> f64 {
-        interpolate(&self.lowest, engine_speed)
+    pub fn highest(&self, engine_speed: f64, throttle: f64) -> f64 {
+        self.range(throttle).map_or(f64::NAN, |range| interpolate(&range.highest, engine_speed))
+    }
+
+    pub fn lowest(&self, engine_speed: f64, throttle: f64) -> f64 {
+        self.range(throttle).map_or(f64::NAN, |range| interpolate(&range.lowest, engine_speed))
     }
 }
 
@@ -92,6 +109,7 @@ pub struct Measured {
 struct Bench<'a> {
     case: &'a Case,
     plant: &'a Arc<Fmu>,
+    throttle: f64,
 }
 
 impl Bench<'_> {
@@ -150,8 +168,9 @@ impl Bench<'_> {
         }
         let constant = [
             ("engine_speed", engine_speed),
-            ("ambient_pressure", self.case.ambient[0]),
-            ("ambient_temperature", self.case.ambient[1]),
+            ("throttle", self.throttle),
+            ("ambient_pressure", self.case.experiment.ambient[0]),
+            ("ambient_temperature", self.case.experiment.ambient[1]),
         ];
         let inputs = VALVES.iter().zip(valves).map(|((name, _), value)| (*name, value)).chain(constant);
         let inputs: Vec<_> = inputs.filter(|(name, _)| has(self.plant, Causality::Input, name)).collect();
@@ -212,7 +231,11 @@ impl<'a> OpenLoop<'a> {
         let fmu = Arc::clone(plant.fmu());
         let known: Vec<_> =
             (0..VALVES.len()).filter(|&valve| has(&fmu, Causality::Input, VALVES[valve].0)).collect();
-        let driven = [("engine_speed", &case.engine_speed), ("supply_voltage", &case.supply)];
+        let driven = [
+            ("engine_speed", &case.experiment.engine_speed),
+            ("supply_voltage", &case.experiment.supply),
+            ("throttle", &case.experiment.throttle),
+        ];
         let driven: Vec<_> =
             driven.into_iter().filter(|(name, _)| has(&fmu, Causality::Input, name)).collect();
         Ok(Self {

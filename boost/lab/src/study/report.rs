@@ -5,13 +5,13 @@ use std::iter;
 
 use serde::Serialize;
 
-use super::case::Measures;
-use super::criteria::{
-    Criterion, FAR, FARTHEST, FAST_AT_REST, NEAR, SHARE_FAR, SHARE_NEAR, is_failed, is_outside, judge,
-};
+use super::case::{Faulty, Measures};
+use super::criteria::{Criterion, FAST_AT_REST, NEAR};
 use super::draw::Case;
-use super::names::{MODEL, SHAFT};
-use super::{Explained, Outcome, Study, outside};
+use super::fault::FaultKind;
+use super::names::{BOOST, MODEL, SHAFT, TRUE_BOOST};
+use super::situation::Situation;
+use super::{Explained, Outcome, Study};
 use fmu_master::measure::greatest;
 use fmu_plot::{Cell, Figure, Line, Panel, Report, Table, color, escaped};
 use fmu_record::numbers::{axis, number, quantity};
@@ -26,13 +26,20 @@ const PLOTTED: usize = 6;
 type Get = fn(&Measures) -> Option<f64>;
 
 /// The measures with a distribution: name, unit, factor to it, and value.
-const DISTRIBUTIONS: [(&str, &str, f64, Get); 4] = [
+const DISTRIBUTIONS: [(&str, &str, f64, Get); 11] = [
     ("worst deviation from the reachable reference", "kPa", 1e-3, |measures| Some(measures.deviation)),
     ("largest overshoot over a reference step", "kPa", 1e-3, |measures| Some(measures.overshoot)),
     ("maximum high-pressure shaft speed at rest", "krpm", 1e-3, |measures| measures.shaft_at_rest),
     ("maximum high-pressure shaft speed in transients", "krpm", 1e-3, |measures| {
         measures.shaft_in_transients
     }),
+    ("movement back on the way to a new reference", "kPa", 1e-3, |measures| Some(measures.dip)),
+    ("longest rise to 95 % of what can be held", "s", 1.0, |measures| measures.rise),
+    ("highest tank pressure", "kPa", 1e-3, |measures| measures.tank),
+    ("share of the time with the pump on", "%", 100.0, |measures| measures.pump),
+    ("way of the duty", "%/s", 1.0, |measures| measures.duty_travel),
+    ("highest boost without vacuum", "kPa", 1e-3, |measures| Some(measures.unaided.as_ref()?.boost)),
+    ("maximum shaft speed without vacuum", "krpm", 1e-3, |measures| measures.unaided.as_ref()?.shaft),
 ];
 
 /// A study with its results.
@@ -70,6 +77,30 @@ struct JsonCase {
     cause: Option<String>,
 }
 
+/// The worst of the cases with a fault, of which [`FAULT_COLUMNS`] names the numbers.
+struct ByFault {
+    fault: &'static str,
+    cases: usize,
+    worst: [String; 9],
+}
+
+const FAULT_COLUMNS: [&str; 9] = [
+    "with a code",
+    "latest code (s)",
+    "excess before the code (kPa)",
+    "excess (kPa)",
+    "without limp-home",
+    "deficit (kPa)",
+    "without limp-home",
+    "shaft (krpm)",
+    "without limp-home",
+];
+
+/// A number to a tenth.
+fn number_of(value: f64) -> String {
+    format!("{value:.1}")
+}
+
 /// How many of a number of values are up to the quantile of a share.
 fn rank(share: f64, values: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // from 0 to the number of values
@@ -92,7 +123,7 @@ impl StudyReport<'_> {
     }
 
     pub fn criteria(&self, strategy: usize) -> Vec<Criterion> {
-        judge(&self.measures(strategy))
+        self.study.required().judge(&self.measures(strategy))
     }
 
     /// Whether the judged strategy meets all criteria.
@@ -138,7 +169,46 @@ impl StudyReport<'_> {
             }
         }
         text += &format!("  quantiles: {}\n", join(self.shares().map(share_name)));
+        for ByFault { fault, cases, worst } in self.by_fault() {
+            let worst = FAULT_COLUMNS.iter().zip(worst).map(|(name, value)| format!("{name} {value}"));
+            text += &format!("  {fault}: {cases} cases; {}\n", join(worst));
+        }
         text
+    }
+
+    /// The worst of each fault's cases, of the judged strategy.
+    fn by_fault(&self) -> Vec<ByFault> {
+        let faulty: Vec<_> = self
+            .outcomes
+            .iter()
+            .filter_map(|outcome| outcome.runs.first()?.measures.as_ref()?.faulty.as_ref())
+            .collect();
+        let of_kind = |kind: &FaultKind| {
+            let cases: Vec<_> = faulty.iter().filter(|faulty| faulty.kind == *kind).collect();
+            let worst = |factor: f64, get: &dyn Fn(&Faulty) -> Option<f64>| {
+                let values = cases.iter().filter_map(|faulty| get(faulty));
+                values
+                    .max_by(f64::total_cmp)
+                    .map_or_else(|| "\u{2013}".to_owned(), |value| number_of(factor * value))
+            };
+            let found = cases.iter().filter(|faulty| faulty.code_after.is_some()).count();
+            (!cases.is_empty()).then(|| ByFault {
+                fault: kind.name(),
+                cases: cases.len(),
+                worst: [
+                    format!("{found}"),
+                    worst(1.0, &|faulty| faulty.code_after),
+                    worst(1e-3, &|faulty| Some(faulty.excess_before_code)),
+                    worst(1e-3, &|faulty| Some(faulty.with.excess)),
+                    worst(1e-3, &|faulty| Some(faulty.without.as_ref()?.excess)),
+                    worst(1e-3, &|faulty| Some(faulty.with.deficit)),
+                    worst(1e-3, &|faulty| Some(faulty.without.as_ref()?.deficit)),
+                    worst(1e-3, &|faulty| faulty.with.shaft),
+                    worst(1e-3, &|faulty| faulty.without.as_ref()?.shaft),
+                ],
+            })
+        };
+        FaultKind::ALL.iter().filter_map(of_kind).collect()
     }
 
     pub fn json(&self) -> anyhow::Result<String> {
@@ -154,13 +224,13 @@ impl StudyReport<'_> {
                 })
                 .collect(),
         });
-        let outside = outside(self.outcomes).into_iter().map(|(case, measures)| {
+        let outside = self.study.outside(self.outcomes).into_iter().map(|(case, measures)| {
             let explained = self.explained.iter().find(|explained| explained.case.number == case);
             JsonCase {
                 case,
                 measures,
                 optimum: explained.and_then(|explained| Some(explained.optimum.as_ref()?.deviation)),
-                cause: explained.map(cause),
+                cause: explained.map(|explained| self.cause(explained)),
             }
         });
         let report = Json {
@@ -200,16 +270,25 @@ impl StudyReport<'_> {
         let verdict =
             if passes { "Passed: all criteria are met." } else { "Failed: a criterion is not met." };
         report.verdict(verdict, passes);
+        let situation = self.study.cases.situation;
+        let judged = if situation.is_benchmarked() {
+            format!(
+                "A case is judged by its largest deviation from the <em>reachable</em> reference, the reference clipped to \
+                 what the plant can hold at rest: from above with its wastegates shut or its shaft at 205 krpm, from below \
+                 with all valves open. {bound} After a reference step, any pressure between the old and the new reference \
+                 is accepted until 1.5 s after boost could have reached the new one."
+            )
+        } else {
+            "The deviation is how far boost exceeds its reference, or where that is below it what the plant can hold; \
+             boost that is too low does not count."
+                .to_owned()
+        };
         report.html(&format!(
             "<p>Plant: {}. The cases are a Latin hypercube (seed {}) of plant parameters between the FMU's values and \
-             those of each set, ambient pressure and temperature, supply voltage, measurement noise, and a manoeuvre \
-             of engine speed and boost reference; results.csv has every drawn value. A case is judged by its largest \
-             deviation from the <em>reachable</em> reference, the reference clipped to what the plant can hold at rest: \
-             from above with its wastegates shut or its shaft at 205 krpm, from below with all valves open. {bound} \
-             After a reference step, any pressure between the old and the new reference is accepted until 1.5 s after \
-             boost could have reached the new one.</p>\n",
+             those of each set, and the other quantities of results.csv. What happens: {}. {judged}</p>\n",
             escaped(self.study.rig.plant.description().attribute("modelName")),
             self.study.rig.seed,
+            escaped(&situation.description()),
         ));
         for note in &self.study.cases.notes {
             report.paragraph(note);
@@ -230,6 +309,15 @@ impl StudyReport<'_> {
             table.row([criterion.name.into(), (&criterion.required).into()].into_iter().chain(found));
         }
         report.table(&table);
+        if self.study.cases.situation == Situation::Faults {
+            report.section("Faults");
+            let mut table = Table::new(["fault", "cases"].into_iter().chain(FAULT_COLUMNS));
+            for ByFault { fault, cases, worst } in self.by_fault() {
+                let numbers = iter::once(cases.to_string()).chain(worst);
+                table.row(iter::once(fault.into()).chain(numbers.map(|text| Cell::number(&text))));
+            }
+            report.table(&table);
+        }
         report.section("Quantiles");
         let mut table = Table::new(iter::once(String::new()).chain(self.shares().map(share_name)));
         for (measure, (name, unit, ..)) in DISTRIBUTIONS.iter().enumerate() {
@@ -317,7 +405,7 @@ impl StudyReport<'_> {
     }
 
     fn one_by_one(&self, report: &mut Report) {
-        let all = outside(self.outcomes);
+        let all = self.study.outside(self.outcomes);
         report.section("Cases outside the bounds");
         for outcome in self.outcomes {
             if let Some(error) = &outcome.runs[0].error {
@@ -325,15 +413,10 @@ impl StudyReport<'_> {
             }
         }
         report.paragraph(&format!(
-            "{} of {} cases deviate by more than {} kPa or violate another bound; {:.0} % may deviate that much, {:.1} % \
-             by more than {} kPa, and none by more than {} kPa.",
+            "{} of {} cases are outside. Allowed are: {}.",
             all.len(),
             self.outcomes.len(),
-            1e-3 * NEAR,
-            100.0 * (1.0 - SHARE_NEAR),
-            100.0 * SHARE_FAR,
-            1e-3 * FAR,
-            1e-3 * FARTHEST
+            self.study.required().sentence()
         ));
         if all.len() > self.explained.len() {
             report.paragraph(&format!("Shown: the worst {}; results.csv has all.", self.explained.len()));
@@ -350,11 +433,11 @@ impl StudyReport<'_> {
             &format!("case-{number}"),
             &format!("Case {number}: {:.2} kPa", 1e-3 * measures.deviation),
         );
-        report.paragraph(&cause(explained));
+        report.paragraph(&self.cause(explained));
         report.figure(
             &traces(explained),
-            "Closed loop, and best control found, from a second before boost left the reachable range. Shaded: from a \
-             second before the worst moment to half a second after it.",
+            "Closed loop, and best control found, if it was searched, from a second before boost left the reachable \
+             range. Shaded: from a second before the worst moment to half a second after it.",
         );
         let drawn = case.drawn.iter().zip(self.study.cases.units());
         let drawn: Vec<_> =
@@ -362,72 +445,80 @@ impl StudyReport<'_> {
         let mut table = Table::default().class("pairs");
         drawn.chunks(DRAWN_IN_ROW).for_each(|row| table.row(row.concat()));
         report.table(&table);
-        let scenario = self.study.rig.text(case, self.study.strategies[0].as_deref());
+        let rig = &self.study.rig;
+        let scenario = rig.text(case, rig.variant(self.study.strategies[0].as_deref()));
         report.details("Scenario for cargo fmu simulate", &scenario);
     }
-}
 
-/// Why a case is outside, as far as the numbers show.
-fn cause(explained: &Explained) -> String {
-    let Explained { case, measures, simulated, optimum } = explained;
-    let time = measures.deviation_time;
-    let row = super::case::point(time);
-    let [duty, low_pressure, bypass] = simulated.valves(row.saturating_sub(1));
-    let begun = case.events.iter().filter(|event| event.begin <= time);
-    let after = match begun.max_by(|a, b| a.begin.total_cmp(&b.begin)) {
-        Some(event) if event.is_step => format!("{:.2} s after a reference step", time - event.begin),
-        Some(event) if time <= event.end => {
-            format!("{:.2} s into an engine speed ramp", time - event.begin)
-        }
-        Some(event) => format!("{:.2} s after an engine speed ramp", time - event.end),
-        None => "before anything moves".to_owned(),
-    };
-    let side = if measures.is_above { "high" } else { "low" };
-    let mut text = format!(
-        "Boost is {:.2} kPa too {side} at {time:.2} s, {after}, at {:.0} rpm ({:+.0} rpm/s), with {duty:.1} % \
-         high-pressure wastegate duty, the low-pressure wastegate {:.0} % and the bypass {:.0} % open. ",
-        1e-3 * measures.deviation,
-        case.engine_speed.at(time),
-        (case.engine_speed.at(time) - case.engine_speed.at(time - 0.1)) / 0.1,
-        100.0 * low_pressure,
-        100.0 * bypass,
-    );
-    let aim = simulated.record.get(MODEL).ok().map(|pressures| pressures[row]);
-    if let Some(aim) = aim.filter(|aim| !measures.is_above && *aim < simulated.lower[row] - NEAR) {
-        text += &format!(
-            "The controller aims at only {:.1} of {:.1} kPa reachable. ",
-            1e-3 * aim,
-            1e-3 * simulated.lower[row]
-        );
-    }
-    if let Some(optimum) = optimum {
-        let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
-        text += &if optimum.deviation > NEAR {
-            format!(
-                "Not explained by the search: the best valve movement found, with full knowledge, deviates by {best:.2} kPa."
-            )
-        } else if optimum.deviation > 0.5 * optimum.closed_loop {
-            format!(
-                "Mostly the plant's limit: the best valve movement found, with full knowledge, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
-            )
-        } else {
-            format!(
-                "Within the plant's reach: a control with full knowledge stays within {best:.2} kPa, the loop within {own:.2} kPa."
-            )
+    /// Why a case is outside, as far as the numbers show.
+    fn cause(&self, explained: &Explained) -> String {
+        let Explained { case, measures, simulated, optimum } = explained;
+        let time = measures.deviation_time;
+        let row = super::case::point(time);
+        let [duty, low_pressure, bypass] = simulated.valves(row.saturating_sub(1));
+        let begun = case.experiment.events.iter().filter(|event| event.begin <= time);
+        let after = match begun.max_by(|a, b| a.begin.total_cmp(&b.begin)) {
+            Some(event) if event.is_step => format!("{:.2} s after a reference step", time - event.begin),
+            Some(event) if time <= event.end => {
+                format!("{:.2} s into an engine speed ramp", time - event.begin)
+            }
+            Some(event) => format!("{:.2} s after an engine speed ramp", time - event.end),
+            None => "before anything moves".to_owned(),
         };
+        let fault = case
+            .experiment
+            .fault
+            .as_ref()
+            .map_or_else(String::new, |fault| format!("Fault: {}. ", fault.kind.name()));
+        let side = if measures.is_above { "high" } else { "low" };
+        let mut text = format!(
+            "{fault}Boost is {:.2} kPa too {side} at {time:.2} s, {after}, at {:.0} rpm ({:+.0} rpm/s), with {duty:.1} % \
+             high-pressure wastegate duty, the low-pressure wastegate {:.0} % and the bypass {:.0} % open. ",
+            1e-3 * measures.deviation,
+            case.experiment.engine_speed.at(time),
+            (case.experiment.engine_speed.at(time) - case.experiment.engine_speed.at(time - 0.1)) / 0.1,
+            100.0 * low_pressure,
+            100.0 * bypass,
+        );
+        let aim = simulated.record.get(MODEL).ok().map(|pressures| pressures[row]);
+        if let Some(aim) = aim.filter(|aim| !measures.is_above && *aim < simulated.lower[row] - NEAR) {
+            text += &format!(
+                "The controller aims at only {:.1} of {:.1} kPa reachable. ",
+                1e-3 * aim,
+                1e-3 * simulated.lower[row]
+            );
+        }
+        if let Some(optimum) = optimum {
+            let (best, own) = (1e-3 * optimum.deviation, 1e-3 * optimum.closed_loop);
+            text += &if optimum.deviation > NEAR {
+                format!(
+                    "Not explained by the search: the best valve movement found, with full knowledge, deviates by {best:.2} kPa."
+                )
+            } else if optimum.deviation > 0.5 * optimum.closed_loop {
+                format!(
+                    "Mostly the plant's limit: the best valve movement found, with full knowledge, deviates by {best:.2} kPa, the loop by {own:.2} kPa."
+                )
+            } else {
+                format!(
+                    "Within the plant's reach: a control with full knowledge stays within {best:.2} kPa, the loop within {own:.2} kPa."
+                )
+            };
+        }
+        let required = self.study.required();
+        if required.is_failed(measures) {
+            if let Some(code) = measures.alarm.filter(|code| *code != 0.0) {
+                text += &format!(" Alarm: fault_code {code}.");
+            }
+            if let Some(flow) = measures.least_flow.filter(|flow| *flow < 0.0) {
+                text += &format!(" A compressor surges: {:.2} g/s.", 1e3 * flow);
+            }
+            if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > FAST_AT_REST) {
+                text += &format!(" Shaft speed at rest: {:.1} krpm.", 1e-3 * speed);
+            }
+            text += &format!(" It is among the {}.", join(required.violated(measures).map(str::to_owned)));
+        }
+        text
     }
-    if is_failed(measures) {
-        if let Some(code) = measures.alarm.filter(|code| *code != 0.0) {
-            text += &format!(" Alarm: fault_code {code}.");
-        }
-        if let Some(flow) = measures.least_flow.filter(|flow| *flow < 0.0) {
-            text += &format!(" A compressor surges: {:.2} g/s.", 1e3 * flow);
-        }
-        if let Some(speed) = measures.shaft_at_rest.filter(|speed| *speed > FAST_AT_REST) {
-            text += &format!(" Shaft speed at rest: {:.1} krpm.", 1e-3 * speed);
-        }
-    }
-    text
 }
 
 fn traces(explained: &Explained) -> Figure {
@@ -448,7 +539,7 @@ fn traces(explained: &Explained) -> Figure {
         Some(edge(&simulated.lower).label("reachable, from")),
         Some(edge(&simulated.upper).dashed().label("to")),
         colored(own("boost_reference", 1e-3), "reference", color::INK),
-        colored(own("boost_pressure", 1e-3), "closed loop", color::BLUE),
+        colored(own(TRUE_BOOST, 1e-3).or_else(|| own(BOOST, 1e-3)), "closed loop", color::BLUE),
         colored(found.and_then(|found| best(kilopascal(&found.boost))), "best found", color::VERMILION),
     ];
     let speed = [colored(own("engine_speed", 1.0), "engine speed", color::INK)];
@@ -512,7 +603,7 @@ fn confidence(correlation: f64, count: usize) -> Option<(f64, f64)> {
 }
 
 /// The numbers in the table of all cases.
-const NUMBERS: [(&str, Get); 7] = [
+const NUMBERS: [(&str, Get); 22] = [
     ("deviation", |measures| Some(measures.deviation)),
     ("deviation_time", |measures| Some(measures.deviation_time)),
     ("overshoot", |measures| Some(measures.overshoot)),
@@ -520,6 +611,21 @@ const NUMBERS: [(&str, Get); 7] = [
     ("shaft_in_transients", |measures| measures.shaft_in_transients),
     ("least_compressor_flow", |measures| measures.least_flow),
     ("fault_code", |measures| measures.alarm),
+    ("dip", |measures| Some(measures.dip)),
+    ("rise_time", |measures| measures.rise),
+    ("tank_pressure", |measures| measures.tank),
+    ("pump_share", |measures| measures.pump),
+    ("duty_travel", |measures| measures.duty_travel),
+    ("boost_without_vacuum", |measures| Some(measures.unaided.as_ref()?.boost)),
+    ("shaft_without_vacuum", |measures| measures.unaided.as_ref()?.shaft),
+    ("code_after", |measures| measures.faulty.as_ref()?.code_after),
+    ("excess_before_code", |measures| Some(measures.faulty.as_ref()?.excess_before_code)),
+    ("excess", |measures| Some(measures.faulty.as_ref()?.with.excess)),
+    ("excess_without_limp_home", |measures| Some(measures.faulty.as_ref()?.without.as_ref()?.excess)),
+    ("deficit", |measures| Some(measures.faulty.as_ref()?.with.deficit)),
+    ("deficit_without_limp_home", |measures| Some(measures.faulty.as_ref()?.without.as_ref()?.deficit)),
+    ("shaft", |measures| measures.faulty.as_ref()?.with.shaft),
+    ("shaft_without_limp_home", |measures| measures.faulty.as_ref()?.without.as_ref()?.shaft),
 ];
 
 /// The table of all cases: a row for each case and strategy.
@@ -528,16 +634,18 @@ pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
     let columns = report.study.cases.columns();
     let mut names: Vec<_> = NUMBERS.iter().map(|(name, _)| *name).collect();
     names.insert(2, "is_above");
-    let names = ["case", "strategy", "verdict"].into_iter().chain(names).chain(["error"]);
+    let required = report.study.required();
+    let names = ["case", "strategy", "verdict", "fault"].into_iter().chain(names).chain(["error"]);
     csv.write_record(names.chain(columns.iter().map(String::as_str)))?;
     for outcome in report.outcomes {
-        let drawn = report.study.cases.case(outcome.case).drawn;
+        let Case { drawn, experiment, .. } = report.study.cases.case(outcome.case);
+        let fault = experiment.fault.map_or("", |fault| fault.kind.name());
         for (strategy, run) in outcome.runs.iter().enumerate() {
             let text = |value: f64| format!("{value:?}");
             let measured = run.measures.as_ref();
             let verdict = match measured {
-                Some(measures) if is_failed(measures) => "fail",
-                Some(measures) if is_outside(measures) => "beyond 2 kPa",
+                Some(measures) if required.is_failed(measures) => "fail",
+                Some(measures) if required.is_outside(measures) => "beyond 2 kPa",
                 Some(_) => "pass",
                 None => "error",
             };
@@ -545,7 +653,8 @@ pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
             let mut numbers: Vec<_> = numbers.collect();
             numbers.insert(2, measured.map(|measures| measures.is_above.to_string()).unwrap_or_default());
             let strategy = report.study.strategies[strategy].clone().unwrap_or_default();
-            let row = [outcome.case.to_string(), strategy, verdict.to_owned()].into_iter().chain(numbers);
+            let row = [outcome.case.to_string(), strategy, verdict.to_owned(), fault.to_owned()].into_iter();
+            let row = row.chain(numbers);
             let row = row.chain([run.error.clone().unwrap_or_default()]);
             csv.write_record(row.chain(drawn.iter().map(|(_, value)| text(*value))))?;
         }

@@ -13,8 +13,9 @@ use super::{CellOrigin, Tuning};
 use crate::study::case::Rig;
 use crate::study::draw::Case;
 use crate::study::names::{ALARM, PUMP, has};
+use crate::study::situation::{Experiment, Situation};
 use fmu_master::measure::{between, greatest};
-use fmu_master::scenario::{Assignment, Scenario, Signal};
+use fmu_master::scenario::{Assignment, Scenario};
 use fmu_terms::Causality;
 
 /// The standard deviation of the noise (Pa).
@@ -37,8 +38,10 @@ pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Resu
         return Ok(None);
     }
     let cases = at_rest(rig, tuning);
-    let scenarios: Vec<_> =
-        cases.iter().map(|case| tuned(rig.scenario(case, None)?, tuning)).collect::<Result<_>>()?;
+    let scenarios: Vec<_> = cases
+        .iter()
+        .map(|case| tuned(rig.scenario(case, rig.variant(None))?, tuning))
+        .collect::<Result<_>>()?;
     let mut hundredths = (PER_SECOND * lag).ceil();
     while hundredths <= PER_SECOND * longest {
         let lambda = hundredths / PER_SECOND;
@@ -56,7 +59,6 @@ pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Resu
 /// The loop at rest with noise: at each engine speed, at the middle one of the identified references.
 fn at_rest(rig: &Rig, tuning: &Tuning) -> Vec<Case> {
     let schedule = &tuning.task.schedule;
-    let constant = |value| Signal::Steps(vec![(0.0, value)]);
     let ambient = ["ambient_pressure", "ambient_temperature"].map(|name| {
         let start = rig.plant.description().variable(name).and_then(|variable| variable.start.parse().ok());
         start.unwrap_or_default()
@@ -68,17 +70,15 @@ fn at_rest(rig: &Rig, tuning: &Tuning) -> Vec<Case> {
             .filter(|cell| cell.column == column && cell.basis == CellOrigin::Identified)
             .map(|cell| schedule.boost_references[cell.row]);
         let references: Vec<_> = identified.collect();
+        let reference = *references.get(references.len() / 2)?;
+        let (supply, stop_time) = (schedule.nominal_voltage, SETTLING + JUDGED);
+        let at_rest = Experiment::at_rest(ambient, supply, engine_speed, NOISE, reference);
         Some(Case {
             number: column,
+            situation: Situation::Rest,
             drawn: vec![],
             parameters: vec![],
-            ambient,
-            supply: constant(schedule.nominal_voltage),
-            noise: NOISE,
-            engine_speed: Signal::Lines(vec![(0.0, engine_speed)]),
-            reference: constant(*references.get(references.len() / 2)?),
-            events: vec![],
-            stop_time: SETTLING + JUDGED,
+            experiment: Experiment { stop_time, ..at_rest },
         })
     };
     schedule.engine_speeds.iter().enumerate().filter_map(case).collect()

@@ -610,6 +610,24 @@ fn signals_are_recorded_where_a_replaced_fmu_lacks_the_input() {
     assert!(table.ends_with("\n1.0,2.0,5.0,1.0\n"), "{table}");
 }
 
+/// Fig. 13 begins with a run-in that sets `initialization.mode`, which another plant does not have.
+#[test]
+fn a_run_in_is_left_out_where_a_replaced_fmu_lacks_its_variables() {
+    let bench = Bench::new();
+    bench.scenario(
+        1.0,
+        "run_in = { duration = 1, during = { mode = 1 }, after = { frozen = false, mode = 0 } }",
+    );
+    let message = bench.refusal(&["simulate", "scenario.toml"]);
+    assert!(message.contains("mode"), "{message}");
+    let output =
+        bench.run(&["simulate", "scenario.toml", "--fmu", "alone=careless.fmu", "--out", "record.csv"]);
+    let notes = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{notes}");
+    assert!(notes.contains("note: the run_in of alone is left out: the FMU has no frozen, mode"), "{notes}");
+    assert!(bench.read("record.csv").lines().count() > 4);
+}
+
 #[test]
 fn records_are_compared_as_numbers_and_in_a_plot() {
     let bench = Bench::new();

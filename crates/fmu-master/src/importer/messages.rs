@@ -80,14 +80,22 @@ pub struct Message {
 }
 
 impl Message {
-    /// The message of an FMU or instance, with its time.
+    /// The message of an FMU or instance, with its time: that of the text, if it begins with one as the messages of
+    /// `fmu-export` do, since an event may be within the step.
     #[must_use]
     pub fn of(&self, name: &str) -> String {
         match self.time {
+            _ if begins_with_time(&self.text) => format!("{name} {}", self.text),
             Some(time) => format!("{name} at {} s: {}", Seconds(time), self.text),
             None => format!("{name}: {}", self.text),
         }
     }
+}
+
+/// Whether a text begins as in `at 0.5 s: `.
+fn begins_with_time(text: &str) -> bool {
+    let time = text.strip_prefix("at ").and_then(|rest| rest.split_once(" s: "));
+    time.is_some_and(|(time, _)| time.parse::<f64>().is_ok())
 }
 
 /// The messages that explain a failed call: warnings and errors, else the last messages.
@@ -226,3 +234,19 @@ impl fmt::Display for Ended {
 }
 
 impl std::error::Error for Ended {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_has_its_time_once() {
+        let of = |text: &str, time| Message { status: Status::WARNING, text: text.to_owned(), time }.of("it");
+        assert_eq!(of("low", Some(0.25)), "it at 0.25 s: low");
+        assert_eq!(of("low", None), "it: low");
+        // The event is within the step.
+        assert_eq!(of("at 0.3125 s: low", Some(0.25)), "it at 0.3125 s: low");
+        assert_eq!(of("at -1e-3 s: low", None), "it at -1e-3 s: low");
+        assert_eq!(of("at last s: low", Some(0.25)), "it at 0.25 s: at last s: low");
+    }
+}

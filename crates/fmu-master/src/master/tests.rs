@@ -186,6 +186,42 @@ fn a_recorded_input_is_its_connections_value() {
     }
 }
 
+/// Noise on one FMU's input disturbs what a signal brings, for this FMU alone.
+#[test]
+fn noise_on_an_fmus_input_disturbs_its_signal() {
+    let text = |noise: &str| {
+        let members = ["sensor", "engine"].map(|name| member(name, "cs", "")).concat();
+        let record = "\"sensor:u\", \"engine:u\", \"sensor:y\", \"engine:y\"";
+        format!("{}{members}[inputs]\nu = {POWERS}\n[noise]\n{noise}", head(record))
+    };
+    let run = run(&text("\"sensor:u\" = { standard_deviation = 0.5, seed = 3 }")).unwrap();
+    let [noisy, clean] = ["sensor:u", "engine:u"].map(|name| values(&run, name));
+    assert_eq!(clean, [1.0, 10.0, 100.0, 1000.0, 10000.0]);
+    for (index, (noisy, clean)) in noisy.iter().zip(&clean).enumerate() {
+        // Five standard deviations.
+        assert!(noisy != clean && (noisy - clean).abs() < 2.5, "{noisy} in row {index}");
+    }
+    assert_eq!(values(&run, "sensor:y")[1..], noisy[..4]);
+    assert_eq!(values(&run, "engine:y")[1..], clean[..4]);
+    let refused = with_scenario(&text("\"sensor:v\" = { standard_deviation = 1 }"), |scenario| {
+        Master::new(&scenario, &mut LoadedFmus::default()).map(|_| ())
+    });
+    assert!(refusal(refused).contains("noise.sensor:v: no FMU gets sensor:v from another; did you mean"));
+}
+
+/// A tunable parameter takes a signal of its own from the point of a change on; a fixed one is refused.
+#[test]
+fn a_signal_changes_a_tunable_parameter() {
+    let own = |name: &str| format!("inputs = {{ {name} = {{ steps = [[0, 0], [0.5, 3]] }} }}");
+    for (interface, expected) in [("me", [1.0, 1.0, 4.0, 4.0, 4.0]), ("cs", [1.0, 1.0, 1.0, 4.0, 4.0])] {
+        let text = format!("{}{}[inputs]\nu = 1", head("\"y\""), member("it", interface, &own("offset")));
+        assert_eq!(values(&run(&text).unwrap(), "y"), expected, "{interface}");
+    }
+    let text = format!("{}{}[inputs]\nu = 1", head("\"y\""), member("it", "cs", &own("period")));
+    let message = refusal(run(&text));
+    assert!(message.contains("no FMU has an input or a tunable parameter period"), "{message}");
+}
+
 /// A continuous input follows its signal within the step: with dx/dt = u the integral is exact, across a jump within a
 /// step, too.
 #[test]
