@@ -104,6 +104,25 @@ def test_numbers_of_the_law_are_those_of_the_controller(tuned: Path, controller_
     assert source == "the shortest with which the pump sustains noise at rest"
 
 
+def test_the_loop_before_and_after_is_the_same_on_the_controllers_plant(tuned: Path) -> None:
+    """The maps found differ by less than 0.01 %, which moves boost by far less than 50 Pa."""
+    compared = json.loads((tuned / "report.json").read_text())["comparison"]
+    assert [row["measure"] for row in compared] == [
+        "largest overshoot up",
+        "largest overshoot down",
+        "slowest 90 %",
+        "largest deviation",
+        "within 2 kPa",
+        "median deviation",
+        "largest deviation",
+    ]
+    for row in compared:
+        assert row["after"] == pytest.approx(row["before"], abs=0.05), row
+    # As tests of the controller have it: Fig. 13 overshoots by 0.3 kPa at most.
+    assert 0.0 < compared[0]["before"] < 0.3
+    assert "Before and after" in (tuned / "report.html").read_text()
+
+
 def test_calibration_tools_read_the_same_values(tuned: Path) -> None:
     """schedule.dcm by another reader of the format: the numbers of schedule.ssv."""
     reader = DcmReader()

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::{HTML, JOURNAL, JSON};
 use crate::interface::open;
 use crate::study::case::Rig;
+use crate::tune::comparison::{self, Compared};
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
 use boost_interface::Role;
@@ -34,8 +35,8 @@ pub struct Arguments {
     /// Plant parameters; may be given several times
     #[arg(long, value_name = "FILE.ssv")]
     parameters: Vec<PathBuf>,
-    /// The controller; its start values give grid and nominal voltage [default: this repository's], and runs with it
-    /// the feedback's lambda of `split_range`
+    /// The controller; its start values give grid and nominal voltage [default: this repository's], and runs with it the
+    /// feedback's lambda of `split_range`, and a comparison of the loop before and after
     #[arg(long, value_name = "FILE.fmu")]
     controller: Option<PathBuf>,
     /// The strategy whose schedule is tuned
@@ -80,25 +81,35 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     let mut tuning = task.run(&journal, &workers, &|duration| bar.inc(whole(duration)))?;
     bar.finish_and_clear();
     drop(workers);
-    if let (Some(controller), None, Strategy::SplitRange) =
-        (&arguments.controller, arguments.lambda, arguments.strategy)
-    {
+    let mut loop_to_run = None;
+    if let Some(controller) = &arguments.controller {
         let rig = Rig::new(Arc::clone(&tuning.task.plant), run::open(controller)?, 0)?;
         let threads = super::threads(arguments.workers.number, [&*rig.plant, &*rig.controller])?;
-        if let Some(lambda) = rest::shortest_lambda(&rig, &tuning, &threads)? {
-            tuning.task.schedule.find_lambda(lambda);
-        } else {
-            complain("note: no feedback_lambda was found with which a vacuum pump sustains noise at rest");
+        if arguments.lambda.is_none() && arguments.strategy == Strategy::SplitRange {
+            match rest::shortest_lambda(&rig, &tuning, &threads)? {
+                Some(lambda) => tuning.task.schedule.find_lambda(lambda),
+                None => tuning.notes.push(
+                    "no feedback_lambda was found with which a vacuum pump sustains noise at rest".to_owned(),
+                ),
+            }
+        }
+        loop_to_run = Some((rig, threads));
+    }
+    let set = tuning.parameter_set(SET);
+    super::write(out, [(SET_FILE, set.to_xml()), (DCM_FILE, dcm(&set, &tuning.task.schedule))])?;
+    if let Some((rig, threads)) = loop_to_run {
+        match comparison::compare(&rig, &tuning, &out.join(SET_FILE), &threads) {
+            Ok(compared) => tuning.comparison = compared,
+            Err(error) => tuning.notes.push(format!("the loop was not run before and after: {error:#}")),
         }
     }
     for note in &tuning.notes {
         complain(&format!("note: {note}"));
     }
-
-    let set = tuning.parameter_set(SET);
-    let dcm = dcm(&set, &tuning.task.schedule);
-    let texts = [(SET_FILE, set.to_xml()), (DCM_FILE, dcm), (HTML, html(&tuning)), (JSON, json(&tuning)?)];
-    super::write(out, texts)?;
+    super::write(out, [(HTML, html(&tuning)), (JSON, json(&tuning)?)])?;
+    for Compared { experiment, measure, unit, before, after } in &tuning.comparison {
+        print(&format!("{experiment}: {measure} {before:.2} {unit} before, {after:.2} {unit} after\n"))?;
+    }
     let [identified, others] = tuning.counts();
     Ok(print(&format!("{identified} of {} points identified; {others}\n", tuning.cells.len()))?)
 }

@@ -37,8 +37,6 @@ const RISEN: f64 = 0.95;
 /// The tank's pressure (Pa) above which its vacuum does not open the wastegate: the controller's
 /// `diagnosis.vacuum_lost_above`.
 const NO_VACUUM: f64 = 50e3;
-/// How long a loop that found a fault may take to take back the excess of boost (s).
-const TAKES_BACK: f64 = 3.0;
 
 /// The FMUs of a study.
 pub struct Rig {
@@ -114,8 +112,6 @@ pub struct Faulty {
     /// The time from the fault to the first code (s), and the largest excess of boost before it (Pa).
     pub code_after: Option<f64>,
     pub excess_before_code: f64,
-    /// The deviation from the reference some seconds after the code (Pa).
-    pub after_code: Option<f64>,
 }
 
 /// How far a loop with a fault goes.
@@ -198,9 +194,8 @@ impl Rig {
         Ok(master)
     }
 
-    /// Runs a case with a strategy of the controller, and measures it.
-    pub fn measure(&self, case: &Case, reach: &Reach, strategy: Option<&str>) -> Result<Measures> {
-        let variant = self.variant(strategy);
+    /// Runs a case and measures it; with a fault, beside the same loop whose findings have no effect.
+    pub fn measure(&self, case: &Case, reach: &Reach, variant: Variant<'_>) -> Result<Measures> {
         let mut measures = self.simulate(case, reach, variant)?.measures(case)?;
         let has_limp_home = self.controller.description().variable(LIMP_HOME).is_some();
         if let Some(faulty) = measures.faulty.as_mut().filter(|_| has_limp_home) {
@@ -490,14 +485,12 @@ impl Simulated {
         let codes = self.record.get(ALARM).ok();
         let found = codes.and_then(|codes| (begin..codes.len()).find(|&row| codes[row] != 0.0));
         let before = begin..found.unwrap_or(boost.len());
-        let later = found.map(|row| row + point(TAKES_BACK)).filter(|row| *row < boost.len());
         Ok(Some(Faulty {
             kind: fault.kind,
             with: self.extremes(case)?,
             without: None,
             code_after: found.map(|row| (row - begin) as f64 * STEP),
             excess_before_code: greatest(before.map(|row| boost[row] - self.upper[row])).max(0.0),
-            after_code: later.map(|row| (boost[row] - self.attainable[row]).abs()),
         }))
     }
 

@@ -17,7 +17,7 @@ pub mod draw;
 mod fault;
 pub mod names;
 mod optimum;
-mod reach;
+pub mod reach;
 mod report;
 pub mod situation;
 
@@ -103,7 +103,7 @@ impl Study {
         let reach = Reach::of(&case, &self.rig.plant);
         let run = |strategy: &Option<String>| {
             let reach = reach.as_ref().map_err(|error| anyhow::anyhow!("{error:#}"))?;
-            self.rig.measure(&case, reach, strategy.as_deref())
+            self.rig.measure(&case, reach, self.rig.variant(strategy.as_deref()))
         };
         let runs = self.strategies.iter().map(|strategy| match run(strategy) {
             Ok(measures) => Run { error: None, measures: Some(measures) },

@@ -7,6 +7,7 @@
 
 mod actuator_fit;
 mod bench;
+pub mod comparison;
 mod dcm;
 mod fit;
 mod journal;
@@ -35,6 +36,7 @@ use fmu_master::measure::{greatest, least};
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};
+use self::comparison::Compared;
 pub use self::dcm::dcm;
 pub use self::fit::{Estimate, FirstOrder};
 pub use self::journal::{TuningJob, TuningJournal, TuningPart};
@@ -145,6 +147,8 @@ pub struct Tuning {
     pub lift_offs: Vec<f64>,
     /// For each column, the limit of the boost reference (Pa); none for the strategy `by_speed`.
     pub boost_limits: Vec<f64>,
+    /// The loop before and after, if there is a controller to run.
+    pub comparison: Vec<Compared>,
     pub notes: Vec<String>,
 }
 
@@ -230,7 +234,8 @@ impl Task {
         let lift_offs = sweeps.iter().map(|sweep| self.lift_off(sweep)).collect();
         let boost_limits = sweeps.iter().filter_map(|sweep| self.boost_limit(sweep)).collect();
         let notes = bench.notes;
-        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, notes })
+        let comparison = vec![];
+        Ok(Tuning { task: self, sweeps, points, cells, lift_offs, boost_limits, comparison, notes })
     }
 
     /// Does a worker's job.

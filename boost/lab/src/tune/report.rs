@@ -6,6 +6,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use super::bench::drawn_samples;
+use super::comparison::Compared;
 use super::{Cell, CellOrigin, Point, Procedure, Schedule, ScheduleTable, Sweep, Tuning};
 use fmu_master::measure::greatest;
 use fmu_plot::{Figure, Line, Panel, Report, Table, color, escaped};
@@ -39,6 +40,8 @@ struct TuningReport<'a> {
     dynamics: BTreeMap<&'static str, f64>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     boost_limits: &'a [f64],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    comparison: &'a [Compared],
     notes: &'a [String],
     sweeps: &'a [Sweep],
     cells: Vec<JsonCell<'a>>,
@@ -73,6 +76,7 @@ pub fn json(tuning: &Tuning) -> Result<String> {
             .filter_map(|(name, _, _, value)| Some((name, value?)))
             .collect(),
         boost_limits: &tuning.boost_limits,
+        comparison: &tuning.comparison,
         notes: &tuning.notes,
         sweeps: &tuning.sweeps,
         cells: cells.collect(),
@@ -88,6 +92,7 @@ pub fn html(tuning: &Tuning) -> String {
     );
     let mut report = Report::new(&title);
     introduction(&mut report, tuning);
+    before_and_after(&mut report, tuning);
     identified_maps(&mut report, tuning);
     feedback_maps(&mut report, tuning);
     static_maps(&mut report, tuning);
@@ -143,6 +148,25 @@ fn introduction(report: &mut Report, tuning: &Tuning) {
     for note in &tuning.notes {
         report.paragraph(note);
     }
+}
+
+/// The loop before and after.
+fn before_and_after(report: &mut Report, tuning: &Tuning) {
+    if tuning.comparison.is_empty() {
+        return;
+    }
+    report.section("Before and after");
+    report.paragraph(
+        "The loop of this plant with the controller as it is, and with schedule.ssv. Deviations of the study's cases are \
+         from what the plant can reach.",
+    );
+    let mut table = Table::new(["", "", "before", "after"]);
+    for Compared { experiment, measure, unit, before, after } in &tuning.comparison {
+        let numbers = [before, after].map(|value| fmu_plot::Cell::number(&format!("{value:.2} {unit}")));
+        let [before, after] = numbers;
+        table.row([(*experiment).into(), (*measure).into(), before, after]);
+    }
+    report.table(&table);
 }
 
 fn identified_maps(report: &mut Report, tuning: &Tuning) {

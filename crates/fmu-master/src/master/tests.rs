@@ -203,10 +203,11 @@ fn noise_on_an_fmus_input_disturbs_its_signal() {
     }
     assert_eq!(values(&run, "sensor:y")[1..], noisy[..4]);
     assert_eq!(values(&run, "engine:y")[1..], clean[..4]);
-    let refused = with_scenario(&text("\"sensor:v\" = { standard_deviation = 1 }"), |scenario| {
+    let refused = with_scenario(&text("\"sensro:u\" = { standard_deviation = 1 }"), |scenario| {
         Master::new(&scenario, &mut LoadedFmus::default()).map(|_| ())
     });
-    assert!(refusal(refused).contains("noise.sensor:v: no FMU gets sensor:v from another; did you mean"));
+    let message = refusal(refused);
+    assert!(message.contains("no FMU gets sensro:u from another; did you mean sensor:u?"), "{message}");
 }
 
 /// A tunable parameter takes a signal of its own from the point of a change on; a fixed one is refused.
