@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -37,7 +38,8 @@ TEMPLATE = (
 )
 """The line that exports the template."""
 
-SYSTEM_LINES = LINES[LINES.index("python examples/closed_loop.py --plot target/closed_loop.png") + 1 :]
+PICTURE, TESTS = "python examples/closed_loop.py --plot target/closed_loop.png", "bash tests/run"
+SYSTEM_LINES = LINES[LINES.index(PICTURE) + 1 : LINES.index(TESTS)]
 
 
 @pytest.fixture
@@ -51,11 +53,40 @@ def test_every_line_is_run() -> None:
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
         "cargo run --release -- export",
-        "bash tests/run",
-        "python examples/closed_loop.py --plot target/closed_loop.png",
+        PICTURE,
         *SYSTEM_LINES,
+        TESTS,
     ]
     assert len(FMPY_LINES) >= 8
+
+
+def test_a_reader_finds_their_section_in_a_minute() -> None:
+    """150 lines; the first table leads to sections that are there."""
+    assert len(README.splitlines()) <= 150
+    table = README.partition("| you | read |")[2].partition("\n\n")[0]
+    wanted = re.findall(r"\(#([a-z-]+)\)", table)
+    sections = [
+        line.lstrip("# ").lower().replace(" ", "-") for line in README.splitlines() if line[:1] == "#"
+    ]
+    assert len(wanted) == 4
+    assert set(wanted) <= set(sections)
+
+
+def test_links_lead_to_files_of_the_repository() -> None:
+    """Pages of this repository's crates at docs.rs are there only after a release."""
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("crates/*/README.md")]
+    for page in pages:
+        for link in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"(?s)```.*?```", "", page.read_text())):
+            assert not re.match(r"https://docs\.rs/(fmu-|cargo-fmu)", link), (page, link)
+            path, _, anchor = link.partition("#")
+            if link.startswith("http"):
+                continue
+            target = page.parent / path if path else page
+            assert target.exists(), (page, link)
+            if anchor and target.suffix == ".md":
+                titles = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
+                kept = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
+                assert anchor in kept, (page, link)
 
 
 def test_walk_knows_every_line() -> None:

@@ -123,8 +123,8 @@ impl New {
         let path = self.path.display();
         if self.path.exists() {
             bail!(
-                "{path} already exists; choose another folder (to turn an existing crate into an FMU, see \
-                 https://docs.rs/fmu-export)"
+                "{path} already exists; choose another folder (the README of fmu-export tells how to turn an existing \
+                 crate into an FMU)"
             );
         }
         let name = match &self.name {
