@@ -22,7 +22,7 @@ const RATES: [f64; 5] = [100.0, 250.0, 500.0, 1000.0, 2000.0];
 const RAMPS: [f64; 5] = [0.3, 0.4, 0.8, 1.1, 1.6];
 
 /// The same with the shaft's sensor: its limit takes more than the ramp.
-const WITH_SHAFT_SENSOR: [f64; 5] = [0.3, 0.5, 0.8, 1.2, 2.4];
+const WITH_SHAFT_SENSOR: [f64; 5] = [0.3, 0.4, 0.8, 1.1, 2.6];
 
 /// Time from any start to rest (s).
 const SETTLING: f64 = 10.0;
