@@ -32,7 +32,7 @@ LINES = documents.lines(README)
 FMPY_LINES = [line for line in LINES + documents.lines(MASTERS) if line.startswith("fmpy ")]
 
 TEMPLATE = (
-    "cargo run --release --package cargo-fmu -- "
+    "cargo run --package cargo-fmu -- "
     "export --manifest-path examples/minimal-controller/Cargo.toml --out target/fmu"
 )
 """The line that exports the template."""
@@ -50,7 +50,7 @@ def test_every_line_is_run() -> None:
     test_system_lines."""
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
-        "cargo run --release -- export",
+        "cargo run -- export",
         "bash tests/run",
         "python examples/closed_loop.py --plot target/closed_loop.png",
         *SYSTEM_LINES,
@@ -144,7 +144,7 @@ def test_needs() -> None:
     """Rust's version is Cargo's; Python's is that of the tests' own check."""
     version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
     readme = README.replace("\n", " ")
-    before, _, _ = readme.partition("cargo run --release -- export")
+    before, _, _ = readme.partition("cargo run -- export")
     assert f"Rust {version} or later" in before
     limits = runpy.run_path(str(ROOT / "tests" / "times"))["COMMANDS"]
     first = limits["export"][1]
@@ -153,7 +153,7 @@ def test_needs() -> None:
     assert f"in about {wall} minutes" in readme
     contributing = (ROOT / "CONTRIBUTING.md").read_text().replace("\n", " ")
     for told in (
-        f"{first} s for `cargo run --release -- export`",
+        f"{first} s for `cargo run -- export`",
         f"{wall} min and {processor} min of processor time for `bash tests/run`",
         f"{whole} min for `.ci/run`",
     ):
