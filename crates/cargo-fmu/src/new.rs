@@ -163,7 +163,7 @@ impl New {
         if !status.success() {
             bail!("cargo could not create the package; see its message above");
         }
-        let root = self.workspace_of_others()?;
+        let root = self.workspace_of_others();
         self.fill_in(name, &identifier, root.is_none())?;
         print(&format!(
             "Created `{path}`. Declare variables in model.json and write the equations in src/lib.rs, then run \
@@ -182,11 +182,11 @@ impl New {
         Ok(())
     }
 
-    /// The manifest of the workspace that the new package is a member of, unless it is its own.
-    fn workspace_of_others(&self) -> Result<Option<PathBuf>> {
-        let root = Metadata::of(Some(&self.path.join("Cargo.toml")))?.workspace_root;
-        let is_own = root.canonicalize()? == self.path.canonicalize()?;
-        Ok((!is_own).then(|| root.join("Cargo.toml")))
+    /// The manifest of the workspace that the new package is a member of, if cargo finds one other than the package's.
+    fn workspace_of_others(&self) -> Option<PathBuf> {
+        let root = Metadata::of(Some(&self.path.join("Cargo.toml"))).ok()?.workspace_root;
+        let is_own = root.canonicalize().ok()? == self.path.canonicalize().ok()?;
+        (!is_own).then(|| root.join("Cargo.toml"))
     }
 
     fn fill_in(&self, name: &str, identifier: &str, is_root: bool) -> Result<()> {

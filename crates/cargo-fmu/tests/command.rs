@@ -169,14 +169,14 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
 #[test]
 fn new_sets_the_profile_of_a_workspace_of_its_own_and_tells_that_of_another() {
     const PROFILE: &str = "[profile.dev.package.\"*\"]\ndebug = false\n";
-    let folder = empty("profiles of new packages");
-    for (root, is_own, is_told) in
-        [("[workspace]\n", false, true), ("[workspace]\nexclude = [\"*\"]\n", true, false)]
-    {
-        for (profile, name) in [("", "one"), ("[profile.dev]\ndebug = 1\n", "other")] {
-            fs::remove_dir_all(&folder).and_then(|()| fs::create_dir(&folder)).unwrap();
-            fs::write(folder.join("Cargo.toml"), format!("{root}{profile}")).unwrap();
-            let path = folder.join(name);
+    for (root, is_own, is_told) in [("", true, false), ("[workspace]\n", false, true)] {
+        for profile in ["", "[profile.dev]\ndebug = 1\n"] {
+            // Outside of this workspace.
+            let folder = tempfile::tempdir().unwrap();
+            if !root.is_empty() {
+                fs::write(folder.path().join("Cargo.toml"), format!("{root}{profile}")).unwrap();
+            }
+            let path = folder.path().join("one");
             let output = cargo_fmu(&["new", path.to_str().unwrap(), "--vcs", "none"]);
             let told = String::from_utf8_lossy(&output.stdout);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
