@@ -39,7 +39,7 @@ macro_rules! functions {
                 // SAFETY: the library is an export of this workspace; loading it runs nothing.
                 let loaded = unsafe { libloading::Library::new(&path) };
                 let loaded = loaded.unwrap_or_else(|error| {
-                    panic!("{}: {error}; export first: cargo run --release -- export", path.display())
+                    panic!("{}: {error}; export first: cargo run -- export", path.display())
                 });
                 Self {
                     // SAFETY: the library exports the standard's functions with the standard's types.

@@ -1,5 +1,5 @@
 //! Times: `cargo bench --profile fmu-library --package benches`, after
-//! `cargo run --release -- export`; an argument selects benchmarks by a part of the name.
+//! `cargo run -- export`; an argument selects benchmarks by a part of the name.
 
 use std::time::{Duration, Instant};
 

@@ -40,7 +40,7 @@ def clone(exported: Path, folder: Path) -> Path:
 def run(line: str, folder: Path, **environment: str) -> str:
     """Runs a line with this Python's commands and `cargo fmu` first; returns its output."""
     # The built command, since there is no package for cargo in the folder.
-    line = line.replace("cargo run --release --", str(TARGET.resolve() / "debug" / "boost-fmu"))
+    line = line.replace("cargo run -- ", f"{TARGET.resolve() / 'debug' / 'boost-fmu'} ")
     programs = [Path(sys.executable).parent, TARGET.resolve() / "debug"]
     path = os.pathsep.join([*map(str, programs), os.environ["PATH"]])
     done = subprocess.run(

@@ -174,7 +174,7 @@ def test_unknown_figures_are_refused(lab: Run, exported: Path, tmp_path: Path) -
 
 
 def test_plain_build_leaves_the_laboratory_out() -> None:
-    """`cargo run --release -- export` builds the root package alone."""
+    """`cargo run -- export` builds the root package alone."""
     line = ["cargo", "tree", "--locked", "--all-features", "--prefix", "none", "--package", "boost-fmu"]
     tree = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert "boost-lab" not in tree

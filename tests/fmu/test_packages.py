@@ -70,6 +70,14 @@ def test_the_package_is_complete(decay):
     assert 'path = "' in manifest  # this repository's crates: nothing is published where this is tested
 
 
+def test_tests_and_trials_share_what_they_compile(decay):
+    """The README's first two lines."""
+    crates = [file.name.split("-")[0] for file in (decay / "target/debug/deps").glob("*.rlib")]
+    assert len(crates) > 10
+    # The build script needs one with other features than the library.
+    assert {name for name in crates if crates.count(name) > 1} == {"libfmu_terms"}
+
+
 def test_equations_give_derivatives(decay):
     with instance(decay / "target/fmu/decay.fmu") as fmu:
         # der(x) = -k x: value references in the order of declaration.

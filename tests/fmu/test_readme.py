@@ -52,7 +52,7 @@ def test_every_line_is_run() -> None:
     test_system_lines."""
     others = [line for line in LINES if line not in FMPY_LINES]
     assert others == [
-        "cargo run --release -- export",
+        "cargo run -- export",
         PICTURE,
         *SYSTEM_LINES,
         TESTS,
@@ -175,7 +175,7 @@ def test_needs() -> None:
     """Rust's version is Cargo's; Python's is that of the tests' own check."""
     version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
     readme = README.replace("\n", " ")
-    before, _, _ = readme.partition("cargo run --release -- export")
+    before, _, _ = readme.partition("cargo run -- export")
     assert f"Rust {version} or later" in before
     limits = runpy.run_path(str(ROOT / "tests" / "times"))["COMMANDS"]
     first = limits["export"][1]

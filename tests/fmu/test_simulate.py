@@ -356,7 +356,7 @@ def clone(exported: Path, tmp_path: Path) -> Path:
 def test_every_line_of_the_documents_is_run() -> None:
     others = [line for line in LINES if line not in LAB_LINES]
     # As a user types them, tests/walk runs both; tests/run builds the same commands to test them.
-    assert others == ["cargo run --release -- export", "cargo build --release --package boost-lab"]
+    assert others == ["cargo run -- export", "cargo build --release --package boost-lab"]
     assert len(LAB_LINES) - len(FOREIGN_LINES) == 14
 
 

@@ -8,7 +8,10 @@ use clap::{Args, ValueEnum};
 use fmu_io::terminal::{print, program};
 use fmu_terms::{is_identifier, is_reserved_by_windows};
 
-use super::metadata::cargo;
+use super::metadata::{Metadata, cargo};
+
+/// The settings of a workspace with which `cargo test` takes the dependencies that a trial export has compiled.
+const PROFILE: &str = "[profile.dev.package.\"*\"]\ndebug = false\n";
 
 /// Create a package with a model that exports immediately
 #[derive(Args, Debug)]
@@ -160,15 +163,33 @@ impl New {
         if !status.success() {
             bail!("cargo could not create the package; see its message above");
         }
-        self.fill_in(name, &identifier)?;
-        Ok(print(&format!(
+        let root = self.workspace_of_others();
+        self.fill_in(name, &identifier, root.is_none())?;
+        print(&format!(
             "Created `{path}`. Declare variables in model.json and write the equations in src/lib.rs, then run \
              `{} export`.\n",
             program()
-        ))?)
+        ))?;
+        if let Some(root) = root
+            && !fs::read_to_string(&root).is_ok_and(|manifest| manifest.contains("[profile.dev"))
+        {
+            print(&format!(
+                "Add these lines to {}, so that `cargo test` takes the dependencies that `{} simulate` compiles:\n\n{PROFILE}",
+                root.display(),
+                program()
+            ))?;
+        }
+        Ok(())
     }
 
-    fn fill_in(&self, name: &str, identifier: &str) -> Result<()> {
+    /// The manifest of the workspace that the new package is a member of, if cargo finds one other than the package's.
+    fn workspace_of_others(&self) -> Option<PathBuf> {
+        let root = Metadata::of(Some(&self.path.join("Cargo.toml"))).ok()?.workspace_root;
+        let is_own = root.canonicalize().ok()? == self.path.canonicalize().ok()?;
+        (!is_own).then(|| root.join("Cargo.toml"))
+    }
+
+    fn fill_in(&self, name: &str, identifier: &str, is_root: bool) -> Result<()> {
         let files = self.template.files();
         let write = |file: &str, content: &str| {
             let path = self.path.join(file);
@@ -177,7 +198,8 @@ impl New {
         let manifest_file = self.path.join("Cargo.toml");
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
-        write("Cargo.toml", &manifest_of(&manifest, &self.path))?;
+        let profile = if is_root { format!("\n{PROFILE}") } else { String::new() };
+        write("Cargo.toml", &(manifest_of(&manifest, &self.path) + &profile))?;
         write("build.rs", include_str!("../templates/build.rs"))?;
         write("model.json", files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;

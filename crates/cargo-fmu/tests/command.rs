@@ -165,6 +165,28 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// Cargo ignores the profiles of a member of a workspace.
+#[test]
+fn new_sets_the_profile_of_a_workspace_of_its_own_and_tells_that_of_another() {
+    const PROFILE: &str = "[profile.dev.package.\"*\"]\ndebug = false\n";
+    for (root, is_own, is_told) in [("", true, false), ("[workspace]\n", false, true)] {
+        for profile in ["", "[profile.dev]\ndebug = 1\n"] {
+            // Outside of this workspace.
+            let folder = tempfile::tempdir().unwrap();
+            if !root.is_empty() {
+                fs::write(folder.path().join("Cargo.toml"), format!("{root}{profile}")).unwrap();
+            }
+            let path = folder.path().join("one");
+            let output = cargo_fmu(&["new", path.to_str().unwrap(), "--vcs", "none"]);
+            let told = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            let manifest = fs::read_to_string(path.join("Cargo.toml")).unwrap();
+            assert_eq!(manifest.contains(PROFILE), is_own, "{manifest}");
+            assert_eq!(told.contains(PROFILE), is_told && profile.is_empty(), "{told}");
+        }
+    }
+}
+
 #[test]
 fn unknown_interfaces_are_refused_with_the_known_ones() {
     for interfaces in ["", "cs,se", "cs,cs", "ModelExchange"] {

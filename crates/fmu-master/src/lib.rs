@@ -40,8 +40,9 @@
 //! # std::env::set_current_dir(&folder)?;
 //! # careless::write("ball.fmu".as_ref(), BALL, &careless::compiled("exchange.c"));
 //! let times = Times { stop: Some(1.0), step: Some(0.01), ..Times::default() };
-//! let scenario = system::alone("ball.fmu".as_ref(), times)?;
-//! let run = Master::new(&scenario, &mut LoadedFmus::default())?.run(|_, _| ())?;
+//! let mut fmus = LoadedFmus::default();
+//! let scenario = system::alone("ball.fmu".as_ref(), times, &mut fmus)?;
+//! let run = Master::new(&scenario, &mut fmus)?.run(|_, _| ())?;
 //! let highest = run.record.get("h")?.iter().copied().fold(f64::MIN, f64::max);
 //! assert_eq!(highest, 1.0);
 //! # Ok(())

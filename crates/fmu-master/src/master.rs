@@ -4,13 +4,13 @@
 //! A signal for a single FMU takes precedence over a connection.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
 use fmu_export::time::rounding;
 use fmu_io::terminal::number;
-use fmu_package::{FmuVariable, Function, ValueType};
+use fmu_package::{FmuDescription, FmuVariable, Function, ValueType};
 use fmu_terms::{Causality, Variability, like};
 
 use crate::columns::{Columns, Found};
@@ -27,12 +27,21 @@ const VARIABLE_STEP: &str = "canHandleVariableCommunicationStepSize";
 
 /// The FMUs of experiments, each loaded once, by their paths and interfaces. Clones share them.
 #[derive(Clone, Default)]
-pub struct LoadedFmus(BTreeMap<(PathBuf, Option<Interface>), Arc<Fmu>>);
+pub struct LoadedFmus {
+    fmus: BTreeMap<(PathBuf, Option<Interface>), Arc<Fmu>>,
+    /// Those that are read of FMUs before they are loaded.
+    descriptions: BTreeMap<PathBuf, FmuDescription>,
+}
 
 impl LoadedFmus {
     /// All loaded FMUs, in the order of their paths.
     pub fn iter(&self) -> impl Iterator<Item = &Fmu> {
-        self.0.values().map(Arc::as_ref)
+        self.fmus.values().map(Arc::as_ref)
+    }
+
+    /// Keeps the description of an FMU, with the elements of arrays, so that it is read once.
+    pub(crate) fn describe(&mut self, path: &Path, description: FmuDescription) {
+        self.descriptions.insert(path.to_owned(), description);
     }
 
     /// The FMU of a scenario's member; loads it on first use.
@@ -41,20 +50,21 @@ impl LoadedFmus {
     /// Those of [`Fmu::open_with`], with the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         let key = (member.file.clone(), member.interface);
-        if let Some(fmu) = self.0.get(&key) {
+        if let Some(fmu) = self.fmus.get(&key) {
             return Ok(Arc::clone(fmu));
         }
-        let fmu = Fmu::open_with(&member.file, member.interface);
+        let description = self.descriptions.remove(&member.file);
+        let fmu = Fmu::open_described(&member.file, member.interface, description);
         // The message names the file.
         let is_located = member.location.is_argument(&member.file.to_string_lossy());
         let fmu = if is_located { fmu } else { member.location.locate(fmu) }?;
-        self.0.insert(key, Arc::clone(&fmu));
+        self.fmus.insert(key, Arc::clone(&fmu));
         Ok(fmu)
     }
 
     /// Takes an FMU that is loaded already, for members that have its path and leave the interface open.
     pub fn insert(&mut self, path: PathBuf, fmu: Arc<Fmu>) {
-        self.0.insert((path, None), fmu);
+        self.fmus.insert((path, None), fmu);
     }
 }
 

@@ -96,12 +96,12 @@ impl Experiment {
         outputs: &[PathBuf],
         run: impl FnOnce(Scenario, &mut LoadedFmus) -> Result<T>,
     ) -> Result<T> {
-        let (scenario, unpacked) = self.scenario(subject, end)?;
+        let mut loaded = LoadedFmus::default();
+        let (scenario, unpacked) = self.scenario(subject, end, &mut loaded)?;
         let with_values = || {
             let own = self.parameters.iter().chain(&self.input).cloned();
             let files: Vec<_> = inputs(&scenario).into_iter().chain(own).collect();
             writing::refuse_overlap(outputs, &files)?;
-            let mut loaded = LoadedFmus::default();
             let scenario = self.with_values(scenario, &mut loaded)?;
             run(scenario, &mut loaded)
         };
@@ -142,20 +142,25 @@ impl Experiment {
     }
 
     /// What to run, and the temporary folders of a system's FMUs, which must outlive the run.
-    fn scenario(&self, subject: &Path, end: End) -> Result<(Scenario, Option<Unpacked>)> {
+    fn scenario(
+        &self,
+        subject: &Path,
+        end: End,
+        loaded: &mut LoadedFmus,
+    ) -> Result<(Scenario, Option<Unpacked>)> {
         let Self { fmus, step, start_time, .. } = self;
         let times = Times { start: *start_time, stop: end.time, step: *step };
         let ending = subject.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
         let (mut scenario, unpacked) = match ending.to_str() {
             Some("fmu") => {
                 fmus.refuse("single FMUs")?;
-                let mut scenario = system::alone(subject, times)?;
+                let mut scenario = system::alone(subject, times, loaded)?;
                 fmus.give(&mut scenario)?;
                 (scenario, None)
             }
             Some("ssp" | "ssd") => {
                 fmus.refuse("systems")?;
-                let (scenario, unpacked) = system::read(subject, times)?;
+                let (scenario, unpacked) = system::read(subject, times, loaded)?;
                 (scenario, Some(unpacked))
             }
             _ => {

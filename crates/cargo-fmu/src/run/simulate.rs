@@ -80,7 +80,7 @@ impl Simulate {
             if self.event_mode {
                 Location::argument("--event-mode").locate(return_early(&mut scenario, loaded))?;
             }
-            let recorded = record(&scenario, loaded, [!outputs.is_empty(), !self.no_events])?;
+            let recorded = record(&scenario, loaded, self, !outputs.is_empty())?;
             Ok((scenario, recorded))
         })?;
         let Recorded { record, summary, sampling } = recorded;
@@ -91,7 +91,7 @@ impl Simulate {
                 writing::write(path, |writer| table.write(*format, writer))?;
                 print(&format!("{}  {} rows{sampling}\n", path.display(), record.time().len()))?;
             }
-            None => print(&format!("{name}: {summary}"))?,
+            None => print(&format!("{name}: {}", summary.unwrap_or_default()))?,
         }
         if let Some((format, path)) = &plot {
             let title = scenario.title.as_deref().unwrap_or(&name);
@@ -143,8 +143,8 @@ fn return_early(scenario: &mut Scenario, loaded: &mut LoadedFmus) -> Result<()> 
 struct Recorded {
     /// If it is kept.
     record: Record,
-    /// What ran, how long, and the course of each variable.
-    summary: String,
+    /// What ran, how long, and the course of each variable, if there is no file of the record.
+    summary: Option<String>,
     /// Which FMUs told no events, though they are recorded.
     sampling: String,
 }
@@ -153,11 +153,12 @@ struct Recorded {
 fn record(
     scenario: &Scenario,
     loaded: &mut LoadedFmus,
-    [is_kept, has_events]: [bool; 2],
+    options: &Simulate,
+    is_kept: bool,
 ) -> Result<Recorded> {
     let mut master = Master::new(scenario, loaded)?;
     let mut sampling = String::new();
-    if has_events {
+    if !options.no_events {
         master.record_events();
         let hint = |(name, has_them): (&str, bool)| {
             if has_them { format!("{name} (see --event-mode)") } else { name.to_owned() }
@@ -174,14 +175,16 @@ fn record(
         complain(&format!("note: {note}"));
     }
     let bar = progress_bar(u64::from(scenario.steps), "{percent} %")?;
-    let mut summary = Summary::new(master.recorded());
+    let mut summary = options.out.is_none().then(|| Summary::new(master.recorded()));
     let begin = Instant::now();
     let run = master.run(|step, record| {
         if step % STEPS_PER_LOOK == 0 {
             bar.set_position(u64::from(step));
             // A long run needs no more memory than a short one.
             if !is_kept {
-                summary.add(record);
+                if let Some(summary) = &mut summary {
+                    summary.add(record);
+                }
                 record.clear();
             }
         }
@@ -195,14 +198,16 @@ fn record(
     for (name, message) in &run.warnings {
         complain(&format!("warning: {}", message.of(name)));
     }
-    summary.add(&run.record);
-    let summary = format!(
-        "{} steps of {} s to {} s, in {} ms{sampling}\n{}",
-        scenario.steps,
-        number(scenario.step),
-        number(scenario.stop_time),
-        taken.as_millis(),
-        summary.text()
-    );
+    let summary = summary.map(|mut summary| {
+        summary.add(&run.record);
+        format!(
+            "{} steps of {} s to {} s, in {} ms{sampling}\n{}",
+            scenario.steps,
+            number(scenario.step),
+            number(scenario.stop_time),
+            taken.as_millis(),
+            summary.text()
+        )
+    });
     Ok(Recorded { record: run.record, summary, sampling })
 }

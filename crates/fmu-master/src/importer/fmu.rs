@@ -43,6 +43,16 @@ pub struct Fmu {
     pub(super) functions: Arc<Functions>,
 }
 
+/// The description in a file, with the elements of arrays.
+fn described(file: &Path) -> Result<FmuDescription> {
+    if !file.is_file() {
+        bail!("there is no {MODEL_DESCRIPTION} in it");
+    }
+    FmuDescription::parse(&read_xml(file)?)
+        .and_then(FmuDescription::scalars)
+        .with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))
+}
+
 /// A continuous state.
 pub struct State {
     pub name: String,
@@ -70,12 +80,24 @@ impl Fmu {
     /// # Errors
     /// Those of [`Fmu::open`], or when the FMU does not have the interface.
     pub fn open_with(path: impl AsRef<Path>, interface: Option<Interface>) -> Result<Arc<Self>> {
-        let path = path.as_ref();
-        let fmu = Self::open_anonymous(path, interface);
+        Self::open_described(path.as_ref(), interface, None)
+    }
+
+    /// The same, of which the description is read, with the elements of arrays, if there is one.
+    pub(crate) fn open_described(
+        path: &Path,
+        interface: Option<Interface>,
+        description: Option<FmuDescription>,
+    ) -> Result<Arc<Self>> {
+        let fmu = Self::open_anonymous(path, interface, description);
         Ok(Arc::new(fmu.with_context(|| format!("cannot import {}", path.display()))?))
     }
 
-    fn open_anonymous(path: &Path, interface: Option<Interface>) -> Result<Self> {
+    fn open_anonymous(
+        path: &Path,
+        interface: Option<Interface>,
+        description: Option<FmuDescription>,
+    ) -> Result<Self> {
         if !path.exists() {
             bail!("there is no such file");
         }
@@ -85,13 +107,10 @@ impl Fmu {
             has_build_description |= entry == BuildConfiguration::PATH;
             platform.needs(entry)
         })?;
-        let description = folder.path().join(MODEL_DESCRIPTION);
-        if !description.is_file() {
-            bail!("there is no {MODEL_DESCRIPTION} in it");
-        }
-        let description = FmuDescription::parse(&read_xml(&description)?)
-            .and_then(FmuDescription::scalars)
-            .with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))?;
+        let description = match description {
+            Some(description) => description,
+            None => described(&folder.path().join(MODEL_DESCRIPTION))?,
+        };
         let version = description.attribute("fmiVersion");
         let is_fmi3 = description.is_fmi3();
         if !version.starts_with("2.") && !is_fmi3 {

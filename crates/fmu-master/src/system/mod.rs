@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use fmu_io::terminal::{complain, number};
-use fmu_package::{DEFAULT_STRUCTURE, FmuDescription, SystemDescription};
+use fmu_package::{DEFAULT_STRUCTURE, FmuDescription, MODEL_DESCRIPTION, SystemDescription};
 
-use self::elements::Elements;
+use self::elements::{Elements, SystemFmu};
 use self::files::Base;
 pub use self::files::Unpacked;
+use crate::LoadedFmus;
 use crate::scenario::{Location, Member, Scenario};
 
 /// The number of steps for an FMU without a step size, the same as in `fmpy simulate`.
@@ -72,12 +73,16 @@ impl Times {
     }
 }
 
-/// One FMU on its own. Times that are not given are those of its default experiment. Its outputs are recorded.
+/// One FMU on its own. Times that are not given are those of its default experiment. Its outputs are recorded. `fmus`, which
+/// run it, keep its description.
 ///
 /// # Errors
 /// When its modelDescription.xml cannot be read, or the run does not end after it starts.
-pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
-    let description = FmuDescription::read(path)?;
+pub fn alone(path: &Path, times: Times, fmus: &mut LoadedFmus) -> Result<Scenario> {
+    let description = FmuDescription::read(path)?.scalars();
+    let description = description.with_context(|| {
+        format!("cannot import {}: its {MODEL_DESCRIPTION} cannot be read", path.display())
+    })?;
     let time = |name: &str| {
         let value = description.default_experiment.iter().find(|(known, _)| known == name);
         value.and_then(|(_, text)| text.trim().parse().ok())
@@ -87,16 +92,18 @@ pub fn alone(path: &Path, times: Times) -> Result<Scenario> {
     let mut scenario = times.or(own).scenario(name).with_context(|| path.display().to_string())?;
     scenario.fmus.push(Member::new(name, path, Location::argument(&path.display().to_string())));
     scenario.files.push(path.to_owned());
+    fmus.describe(path, description);
     Ok(scenario)
 }
 
 /// The system in an SSP package (`.ssp`, or `.ssp#Variant.ssd` for another structure in it) or in a structure with its files
-/// (`.ssd`), and the temporary folders with its FMUs: keep them while the scenario is in use.
+/// (`.ssd`), and the temporary folders with its FMUs: keep them while the scenario is in use. `fmus`, which run it, keep
+/// the FMUs' descriptions.
 ///
 /// # Errors
 /// When a file of the system cannot be read, connected units do not convert, a value does not fit, or the run does not
 /// end after it starts.
-pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
+pub fn read(path: &Path, times: Times, fmus: &mut LoadedFmus) -> Result<(Scenario, Unpacked)> {
     let mut unpacked = Unpacked::default();
     let (file, variant) = package_and_structure(path);
     let is_structure = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssd"));
@@ -106,7 +113,7 @@ pub fn read(path: &Path, times: Times) -> Result<(Scenario, Unpacked)> {
     } else {
         (variant.unwrap_or_else(|| DEFAULT_STRUCTURE.to_owned()), Base::of_package(unpacked.add(&file)?))
     };
-    let scenario = of_structure(&structure, &base, times, &mut unpacked)
+    let scenario = of_structure(&structure, &base, times, (&mut unpacked, fmus))
         .with_context(|| format!("the system in {}", path.display()));
     let mut scenario = scenario.map_err(|error| unpacked.named(&error))?;
     scenario.files.push(file);
@@ -123,7 +130,12 @@ fn package_and_structure(path: &Path) -> (PathBuf, Option<String>) {
     }
 }
 
-fn of_structure(structure: &str, base: &Base, times: Times, unpacked: &mut Unpacked) -> Result<Scenario> {
+fn of_structure(
+    structure: &str,
+    base: &Base,
+    times: Times,
+    (unpacked, fmus): (&mut Unpacked, &mut LoadedFmus),
+) -> Result<Scenario> {
     let (description, base) = base.structure(structure)?;
     let SystemDescription { system, start_time, stop_time, step_size, notes } = description;
     for note in notes {
@@ -138,6 +150,9 @@ fn of_structure(structure: &str, base: &Base, times: Times, unpacked: &mut Unpac
         complain(&format!("note: {name} has no FMUs: the values of its connectors are recorded"));
     }
     connected::connect(&mut elements, &mut scenario, &name)?;
-    scenario.fmus = elements.fmus.into_iter().map(|fmu| fmu.member).collect();
+    for SystemFmu { member, description } in elements.fmus {
+        fmus.describe(&member.file, description);
+        scenario.fmus.push(member);
+    }
     Ok(scenario)
 }
