@@ -76,7 +76,9 @@ impl Network {
         for _ in 0..30 {
             dense::solve(&matrix, &pivots, &mut vector);
             longest = vector.iter().fold(0.0_f64, |most, element| most.max(element.abs()));
-            vector.iter_mut().for_each(|element| *element /= longest);
+            for element in &mut vector {
+                *element /= longest;
+            }
         }
         longest
     }
