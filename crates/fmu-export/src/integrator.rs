@@ -266,7 +266,7 @@ impl Integrator {
                 if last.took_explicit::<S>() {
                     let saves = work.would_keep && *size <= MOST_SAVING;
                     work.for_other = work.for_other.max(u32::from(saves));
-                } else if switch.price > 1 || jacobian.is_fresh() && error.largest > SMALL_ERROR {
+                } else if jacobian.is_fresh() && error.largest > SMALL_ERROR {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
                     // How long it would be for its error, unless the limit cut it short.
                     let length = if to < limit { length * factor.max(1.0) } else { length };

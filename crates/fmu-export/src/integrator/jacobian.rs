@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::explicit;
-use super::pattern::{Pattern, number};
+use super::pattern::{Pattern, gradients, number};
 use super::step_size::SIMILAR;
 use super::system::{Directions, System};
 use super::{dense, sparse};
@@ -25,6 +25,8 @@ const GROWTH: f64 = 1.2;
 pub(super) const SMALL_ERROR: f64 = 0.01;
 /// How many times as long a multiplication of elements takes whose place is looked up.
 const INDEXED: usize = 2;
+/// How many times as long as an evaluation one with a direction takes.
+const DIRECTION: usize = 2;
 
 /// A Jacobian.
 #[derive(Debug)]
@@ -307,6 +309,11 @@ impl Groups {
         Self { pattern: Arc::clone(pattern), of, number, long_rows }
     }
 
+    /// About the evaluations with a direction that take as long as all elements.
+    fn directions(&self) -> usize {
+        self.count() + gradients(self.long_rows.len())
+    }
+
     /// Takes the elements from products, but for long rows. Returns whether all give the product that checks them, too.
     fn take(&self, products: &[f64], elements: &mut [f64]) -> bool {
         let mut is_complete = true;
@@ -342,8 +349,11 @@ pub(super) struct Matrix {
     is_factored: bool,
     /// What the factors' solutions are multiplied by.
     scale: f64,
-    /// How many steps of the explicit method one with it costs, if its equations do.
+    /// How many steps of the explicit method one with a Jacobian and factors of its own costs, where these are sparse.
     pub(super) price: u32,
+    /// How many times it was factored, and equations were solved.
+    #[cfg(test)]
+    pub(super) counts: [u32; 2],
 }
 
 #[derive(Debug)]
@@ -365,6 +375,8 @@ impl Matrix {
             is_factored: false,
             scale: 1.0,
             price: 1,
+            #[cfg(test)]
+            counts: [0; 2],
         }
     }
 
@@ -384,11 +396,13 @@ impl Matrix {
         }
         (self.groups, self.factors, self.price) = (None, Factors::NONE, 1);
         if !pattern.is_full() {
-            self.groups = Some(Groups::new(pattern));
+            let groups = self.groups.insert(Groups::new(pattern));
             let elimination = pattern.elimination();
             let multiplications = INDEXED * elimination.multiplications(S::METHOD.stages.len());
-            self.price =
-                1 + number(multiplications / explicit::operations(pattern.size(), pattern.operations()));
+            let evaluations = S::METHOD.stages.len() + DIRECTION * groups.directions();
+            let operations = evaluations * pattern.operations() + multiplications;
+            let explicit = explicit::operations(pattern.size(), pattern.operations());
+            self.price = number((operations + explicit / 2) / explicit).max(1);
             self.factors = Factors::Sparse(Box::new(sparse::Factors::new(elimination.order)));
         }
     }
@@ -415,6 +429,10 @@ impl Matrix {
         if self.is_factored {
             return true;
         }
+        #[cfg(test)]
+        {
+            self.counts[0] += 1;
+        }
         let diagonal = (jacobian.factored_for * S::METHOD.gamma).recip();
         self.is_factored = match &mut self.factors {
             Factors::Dense { elements, pivots } => {
@@ -439,6 +457,10 @@ impl Matrix {
 
     /// Solves the linear equations in place of their right-hand side.
     pub(super) fn solve<S: System>(&mut self, vector: &mut [f64]) {
+        #[cfg(test)]
+        {
+            self.counts[1] += 1;
+        }
         match &mut self.factors {
             Factors::Dense { elements, pivots } => dense::solve(elements, pivots, vector),
             Factors::Sparse(factors) if S::MAY_BE_SPARSE => factors.solve(vector),

@@ -156,10 +156,7 @@ impl Pattern {
     pub(super) fn long_rows(&self) -> Vec<usize> {
         let mut rows: Vec<_> = (0..self.size()).collect();
         rows.sort_by_key(|&row| Reverse(self.row(row).len()));
-        let work = |&long: &usize| {
-            let gradients = if long > 0 { RECORDING + long * GRADIENT } else { 0 };
-            gradients + self.row(rows[long]).len()
-        };
+        let work = |&long: &usize| gradients(long) + self.row(rows[long]).len();
         let count = (0..self.size()).min_by_key(work).unwrap_or(0);
         rows.truncate(count);
         rows.sort_unstable();
@@ -279,6 +276,12 @@ impl Pattern {
 /// The time of recording an evaluation, and of going back through all of the record, in evaluations with a direction.
 const RECORDING: usize = 8;
 const GRADIENT: usize = 4;
+
+/// The time that the gradients of so many rows take.
+pub(super) fn gradients(rows: usize) -> usize {
+    if rows > 0 { RECORDING + rows * GRADIENT } else { 0 }
+}
+
 /// Rows with so few elements are sparse unless more than half full; otherwise a quarter is too many. Sparse random
 /// networks then take less time than dense ones.
 const FEW: usize = 16;

@@ -3,12 +3,13 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs at first, and at most, while it costs little, …
-const PATIENCE: u32 = 4;
-const MOST_PATIENCE: u32 = 32;
-/// … and the explicit one. If it has them within this many trials, the change was in vain.
+/// How many votes the linearly implicit method needs while it costs little, …
+const TO_IMPLICIT: u32 = 4;
+/// … and the explicit one.
 const TO_EXPLICIT: u32 = 3;
-const IN_VAIN: u32 = 5;
+/// The first trials after the linearly implicit method has taken over do not vote: their lengths are those that stability
+/// allowed the explicit one, and their errors those that it left.
+const SETTLING: u32 = 2;
 
 /// The present method, which is explicit at first.
 #[derive(Clone, Copy, Debug)]
@@ -16,8 +17,6 @@ pub(super) struct Switch {
     pub(super) is_implicit: bool,
     /// The votes for the other method, less the trials that spoke against it, at least 0.
     votes: u32,
-    /// How many the linearly implicit one needs: twice as many after each change that was in vain.
-    patience: u32,
     /// The trials since the last change.
     trials: u32,
     /// How many steps of the explicit method one of the linearly implicit one costs; 0 until known.
@@ -32,12 +31,15 @@ pub(super) fn votes(multiples: f64) -> u32 {
 
 impl Switch {
     pub(super) const fn new() -> Self {
-        Self { is_implicit: false, votes: 0, patience: PATIENCE, trials: 0, price: 0 }
+        Self { is_implicit: false, votes: 0, trials: 0, price: 0 }
     }
 
     /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
+        if self.is_implicit && self.trials <= SETTLING {
+            return false;
+        }
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
         let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.needed() };
         if takes_over {
@@ -48,8 +50,8 @@ impl Switch {
 
     /// How many votes the linearly implicit method needs.
     fn needed(&self) -> u32 {
-        // At first, as many as explicit steps that cost as much as a trial.
-        self.patience.max((self.patience / PATIENCE).saturating_mul(self.price))
+        // As many as explicit steps that cost as much as a trial.
+        TO_IMPLICIT.max(self.price)
     }
 
     /// Learns the price from the first linear equations. Returns whether their method had too few votes for it, and the
@@ -57,19 +59,15 @@ impl Switch {
     pub(super) fn learn(&mut self, price: u32) -> bool {
         let was_known = self.price > 0;
         self.price = price;
-        if was_known || price == 1 {
+        if was_known || price <= TO_IMPLICIT {
             return false;
         }
-        (self.is_implicit, self.votes) = (false, self.patience);
+        (self.is_implicit, self.votes) = (false, TO_IMPLICIT);
         true
     }
 
     /// Has the other method take over.
     pub(super) fn take_over(&mut self) {
-        if self.is_implicit {
-            self.patience =
-                if self.trials < IN_VAIN { (2 * self.patience).min(MOST_PATIENCE) } else { PATIENCE };
-        }
         self.trials = 0;
         (self.is_implicit, self.votes) = (!self.is_implicit, 0);
     }
@@ -77,14 +75,12 @@ impl Switch {
 
 impl Persistent for Switch {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let Self { is_implicit, votes, patience, trials, price } = self;
+        let Self { is_implicit, votes, trials, price } = self;
         is_implicit.persist(archive)?;
         votes.persist(archive)?;
-        patience.persist(archive)?;
         trials.persist(archive)?;
         price.persist(archive)?;
-        let needed = self.needed();
-        if (PATIENCE..=MOST_PATIENCE).contains(&self.patience) && self.votes < needed {
+        if self.votes < self.needed() {
             Ok(())
         } else {
             Err(Error::new("the choice of the integrator's method in the serialized state is not one"))

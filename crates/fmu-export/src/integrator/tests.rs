@@ -1,5 +1,7 @@
 //! The integrator on systems with known solutions, and with patterns of their Jacobians.
 
+mod networks;
+
 use super::work::LargestError;
 use super::*;
 use crate::number::{Dual, Number};
@@ -320,14 +322,14 @@ trait Rates {
 /// Such a system with the pattern of its Jacobian or without, which counts.
 struct Counted<R, const PATTERN: bool> {
     rates: R,
-    /// The Jacobians, patterns, derivatives with respect to time, right-hand sides, and derivatives along directions that
-    /// were computed.
-    counts: [u32; 5],
+    /// The Jacobians, patterns, derivatives with respect to time, right-hand sides, derivatives along directions, and rows
+    /// of Jacobians that were computed.
+    counts: [u32; 6],
 }
 
 impl<R: Rates, const PATTERN: bool> Counted<R, PATTERN> {
     fn new(rates: R) -> Self {
-        Self { rates, counts: [0; 5] }
+        Self { rates, counts: [0; 6] }
     }
 
     /// The states on an empty tape, and their derivatives.
@@ -391,6 +393,7 @@ impl<R: Rates, const PATTERN: bool> System for Counted<R, PATTERN> {
         let mut tape = Tape::new();
         tape.clear();
         let (states, rates) = self.record(time, states, &tape);
+        self.counts[5] += u32::try_from(rows.len()).unwrap();
         for &row in rows {
             tape.differentiate(rates[row], states.len());
             take(row, &|column| tape.derivative(states[column]));
@@ -520,7 +523,7 @@ fn a_row_with_all_columns_is_as_exact_as_the_others() {
     conduct(&mut full, &mut Integrator::new(CELLS), 0.0, 1.0, &mut dense);
     assert_eq!(
         patterned.counts,
-        [full.counts[0], 1, full.counts[2], full.counts[3], patterned.counts[4]],
+        [full.counts[0], 1, full.counts[2], full.counts[3], patterned.counts[4], patterned.counts[5]],
         "the steps are the same"
     );
     assert_same(&sparse, &dense);
@@ -791,7 +794,7 @@ const ARENSTORF_START: [f64; 4] = [0.994, 0.0, 0.0, -2.001_585_106_379_082_5];
 const ARENSTORF_END: f64 = 17.065_216_560_157_964;
 
 /// The methods' right-hand sides, of numbers and dual numbers.
-fn work(counts: [u32; 5]) -> f64 {
+fn work(counts: [u32; 6]) -> f64 {
     f64::from(counts[3] + counts[4])
 }
 
@@ -877,7 +880,7 @@ fn linear_equations_are_solved_where_steps_become_as_much_longer_as_they_cost() 
     let solved = |speed: f64| {
         let plate = Automatic(Counted::<_, true>::new(Plate(speed)));
         let (_, Automatic(system), integrator) = solve(plate, &start, 1.0, 1e-9);
-        let [jacobians, _, _, rates, _] = system.counts;
+        let [jacobians, _, _, rates, ..] = system.counts;
         (integrator.switch, jacobians, rates)
     };
     // The eigenvalues reach eight times the speed. Explicit steps are a few times shorter here, …

@@ -34,7 +34,7 @@ pub(super) struct Work {
     /// The derivatives at its start.
     pub(super) slopes: Vec<f64>,
     by_time: Vec<f64>,
-    matrix: Matrix,
+    pub(super) matrix: Matrix,
     pub(super) stages: [Vec<f64>; MOST_STAGES],
     pub(super) moved: Vec<f64>,
     /// Whether the stages are those of the last step.
