@@ -33,7 +33,7 @@ LINES = documents.lines(README)
 FMPY_LINES = [line for line in LINES + documents.lines(MASTERS) if line.startswith("fmpy ")]
 
 TEMPLATE = (
-    "cargo run --release --package cargo-fmu -- "
+    "cargo run --package cargo-fmu -- "
     "export --manifest-path examples/minimal-controller/Cargo.toml --out target/fmu"
 )
 """The line that exports the template."""
@@ -184,7 +184,7 @@ def test_needs() -> None:
     assert f"in about {wall} minutes" in readme
     contributing = (ROOT / "CONTRIBUTING.md").read_text().replace("\n", " ")
     for told in (
-        f"{first} s for `cargo run --release -- export`",
+        f"{first} s for `cargo run -- export`",
         f"{wall} min and {processor} min of processor time for `bash tests/run`",
         f"{whole} min for `.ci/run`",
     ):
