@@ -7,7 +7,7 @@ use super::variables::ActuatorInverseParameters;
 use crate::elementary::larger;
 
 /// The largest duty (%).
-const FULL_DUTY: f64 = 100.0;
+pub(super) const FULL_DUTY: f64 = 100.0;
 
 /// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a
 /// handful.
@@ -22,9 +22,22 @@ pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
 
 /// The duty (%), or that at which the wastegate lifts off its seat: a smaller one has no more effect.
 pub(super) fn effective_duty(inverse: &ActuatorInverseParameters, duty: f64) -> f64 {
-    let (coefficients, seated) = (&inverse.pressure_coefficient, chamber_pressure(inverse, 0.0));
-    let pressure = coefficients.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient);
-    if pressure <= seated { duty } else { larger(duty, root(coefficients, seated)) }
+    let seated = seated_pressure(inverse);
+    if pressure_at(inverse, duty) <= seated {
+        duty
+    } else {
+        larger(duty, root(&inverse.pressure_coefficient, seated))
+    }
+}
+
+/// The chamber pressure (Pa) at a duty (%): paper, eq. (7).
+pub(super) fn pressure_at(inverse: &ActuatorInverseParameters, duty: f64) -> f64 {
+    inverse.pressure_coefficient.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient)
+}
+
+/// The chamber pressure (Pa) below which the wastegate lifts off its seat.
+pub(super) fn seated_pressure(inverse: &ActuatorInverseParameters) -> f64 {
+    chamber_pressure(inverse, 0.0)
 }
 
 /// The chamber pressure (Pa) at an opening from 0 to 1.
@@ -38,9 +51,7 @@ fn chamber_pressure(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
 
 /// The duty (%) whose chamber pressure is lower by a difference (Pa) than another duty's (%).
 pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: f64, difference: f64) -> f64 {
-    let coefficients = &inverse.pressure_coefficient;
-    let pressure = coefficients.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient);
-    root(coefficients, pressure - difference)
+    root(&inverse.pressure_coefficient, pressure_at(inverse, duty) - difference)
 }
 
 /// The duty (%) at which the cubic of paper eq. (7) takes a value (Pa).

@@ -9,7 +9,7 @@ use fmu_export::{Error, Persistent};
 
 use super::compensator::{Compensator, Limits};
 use super::variables::{AllocationParameters, Parameters};
-use crate::elementary::smaller;
+use crate::elementary::{larger, smaller};
 
 /// The openings of the other valves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +77,10 @@ impl AllocationParameters {
     }
 }
 
+/// The time constant (s) with which the bypass shuts for least boost: at once, boost would jump by 10 kPa at 4500 rpm; as
+/// slow as in normal operation, the high-pressure shaft, which it unloads, would overspeed.
+const SHUTS_IN: f64 = 0.1;
+
 /// The bypass moves with a lag, since it changes the flow of both compressors at once, before their shafts can follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub(super) struct Bypass {
@@ -88,6 +92,14 @@ impl Bypass {
     /// The opening commanded at the last sample.
     pub(super) fn opening(self) -> f64 {
         self.opening.unwrap_or_default()
+    }
+
+    /// The opening at a sample while the bypass shuts for least boost: not before the surge valve has taken its flow.
+    pub(super) fn shut(&mut self, parameters: &Parameters) -> f64 {
+        let opening =
+            (1.0 - parameters.sample_time / larger(SHUTS_IN, parameters.sample_time)) * self.opening();
+        self.opening = Some(opening);
+        opening
     }
 
     /// The lagged opening at a sample, for a wanted one. It starts there.

@@ -28,13 +28,14 @@ pub struct BySpeed {
 }
 
 impl BySpeed {
-    /// The command of mode boost at one sample.
+    /// The command of mode boost at one sample; `is_measured` tells a boost measurement from what the law expects.
     pub fn sample(
         &mut self,
         law: &mut BoostLaw,
         parameters: &Parameters,
         inputs: &Inputs,
         limits: Limits,
+        is_measured: bool,
     ) -> Command {
         let &Inputs { engine_speed, boost_pressure: measurement, .. } = inputs;
         let reference = feedforward::bounded_reference(parameters, inputs);
@@ -64,8 +65,10 @@ impl BySpeed {
                 limits,
                 own_limits: limits,
                 stops_on_seat: false,
-                waits: false,
+                knows_ambient_pressure: false,
                 integral_exponent: 0.0,
+                is_measured,
+                authority: None,
             },
         );
         let openings = Openings {

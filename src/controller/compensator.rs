@@ -5,7 +5,7 @@
 
 use fmu_export::Persistent;
 
-use super::variables::Parameters;
+use super::variables::{ActiveLimit, Parameters};
 use crate::elementary::{larger, smaller};
 
 /// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
@@ -18,18 +18,49 @@ const LEAST_MEASUREMENT: f64 = 3.0;
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// Whether the supply voltage was measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
+/// The time constant (s) with which a held voltage above the nominal one fades: so slow that the feedback follows.
+const FADING: f64 = 10.0;
+
+/// The supply voltage to compensate for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SupplyVoltage {
     /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
-    measured: bool,
+    is_measured: bool,
+    /// The last plausible measurement (V).
+    plausible: Option<f64>,
 }
 
 impl SupplyVoltage {
     /// Takes an input (V); returns it if there has been a measurement.
-    pub fn sample(&mut self, voltage: f64) -> Option<f64> {
-        self.measured |= voltage >= LEAST_MEASUREMENT;
-        self.measured.then_some(voltage)
+    pub fn measured(&mut self, voltage: f64) -> Option<f64> {
+        self.is_measured |= voltage >= LEAST_MEASUREMENT;
+        self.is_measured.then_some(voltage)
+    }
+
+    /// The voltage to compensate for (V), from the measured one, if it is not replaced.
+    ///
+    /// A supply that fails passes the lowest plausible voltage on its way, through the lag of its sensor, which a sensor
+    /// that fails does not. So the last plausible voltage is right for both. It fades to the nominal one from above
+    /// alone: too low a voltage costs boost until the feedback has corrected it, too high a one overspeeds the shafts.
+    pub fn compensated(
+        &mut self,
+        parameters: &Parameters,
+        measured: Option<f64>,
+        is_replaced: bool,
+    ) -> Option<f64> {
+        match (&mut self.plausible, measured) {
+            (Some(held), Some(_)) if is_replaced => {
+                let share = parameters.sample_time / larger(FADING, parameters.sample_time);
+                *held -= share * larger(*held - parameters.nominal_voltage, 0.0);
+                Some(*held)
+            }
+            (plausible, _) => {
+                if !is_replaced {
+                    *plausible = measured;
+                }
+                measured
+            }
+        }
     }
 }
 
@@ -74,6 +105,17 @@ impl Limits {
     /// Whether a duty is within the limits.
     pub fn contain(self, duty: f64) -> bool {
         duty >= self.least && duty <= self.most
+    }
+
+    /// The limit that cuts a duty, if one does.
+    pub fn active(self, duty: f64) -> ActiveLimit {
+        if duty < self.least {
+            ActiveLimit::DutyMin
+        } else if duty > self.most {
+            ActiveLimit::DutyMax
+        } else {
+            ActiveLimit::None
+        }
     }
 
     /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower; then the upper,

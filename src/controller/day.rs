@@ -23,7 +23,7 @@
 use fmu_export::Persistent;
 
 use super::actuator_inverse;
-use super::variables::{Inputs, Parameters};
+use super::variables::{DayLocals, Inputs, Parameters};
 use crate::elementary::{larger, power};
 
 /// The lowest ambient pressure (Pa) and temperature (K) that are measurements: no road has lower ones.
@@ -38,6 +38,14 @@ const LEAST_RATIO: f64 = 0.1;
 
 /// The lowest pressure (Pa) for converting engine speed, to stay finite for a reference of 0.
 const LEAST_CONVERTED: f64 = 1e3;
+
+impl Inputs {
+    /// Whether ambient pressure is measured.
+    #[must_use]
+    pub fn measures_ambient_pressure(&self) -> bool {
+        self.ambient_pressure >= LEAST_PRESSURE
+    }
+}
 
 /// Ambient conditions relative to reference conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
@@ -90,7 +98,7 @@ impl Day {
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: nominal_ambient_pressure - ambient_pressure,
-            is_measured: inputs.ambient_pressure >= LEAST_PRESSURE,
+            is_measured: inputs.measures_ambient_pressure(),
         }
     }
 
@@ -139,6 +147,15 @@ impl Day {
     /// The factor of time constants.
     pub fn time_scale(&self) -> f64 {
         self.work_ratio.sqrt() / self.pressure_ratio
+    }
+
+    /// The variables that show the conditions.
+    pub fn locals(&self) -> DayLocals {
+        DayLocals {
+            pressure_ratio: self.pressure_ratio,
+            temperature_ratio: self.temperature_ratio,
+            work_ratio: self.work_ratio,
+        }
     }
 
     /// The duty (%) here equivalent to one at reference conditions.

@@ -27,6 +27,11 @@ impl Firmness {
         *self
     }
 
+    /// The share of the firmest feedback.
+    pub fn share(self) -> f64 {
+        self.share
+    }
+
     /// λ of the feedback (s).
     pub fn lambda(self, parameters: &Parameters) -> f64 {
         between(parameters.feedback_lambda, parameters.actuator_lag, self.share)

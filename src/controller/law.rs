@@ -55,11 +55,25 @@ pub struct Task<'a, const COLUMNS: usize> {
     /// Whether the feedforward is limited, from below where the high-pressure wastegate is on its seat. Not in the
     /// strategy `by_speed`, on whose results users rely.
     pub stops_on_seat: bool,
-    /// Whether ambient pressure is measured, so that an engine that cannot follow is known from one that does not answer:
-    /// the reference model waits for it, and the integral term does not wind up while the wastegate is on its seat.
-    pub waits: bool,
+    /// Whether ambient pressure is measured, so that an engine that cannot follow is known from one in thin air: the
+    /// reference model then waits for it, the integral term does not wind up while the wastegate is on its seat, and its
+    /// authority is limited.
+    pub knows_ambient_pressure: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
     pub integral_exponent: f64,
+    /// Whether the measurement is one, and not what the law expects, from which the integral term would learn nothing.
+    pub is_measured: bool,
+    /// How far the integral term may move boost at rest by the schedule (Pa), if it is limited.
+    pub authority: Option<f64>,
+}
+
+/// What the integral term corrects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Correction {
+    /// How far it moves boost at rest (Pa).
+    pub pressure: f64,
+    /// Whether it is at the limit of its authority.
+    pub is_exhausted: bool,
 }
 
 /// The memory of the law.
@@ -71,6 +85,7 @@ pub struct BoostLaw {
     gain: Option<f64>,
     /// The part of the duty without effect at the last sample, cut off by its own limits or by the seat (%).
     blocked: f64,
+    correction: Correction,
 }
 
 impl BoostLaw {
@@ -92,6 +107,21 @@ impl BoostLaw {
     /// The boost pressure of the reference model (Pa).
     pub fn model_pressure(&self) -> f64 {
         self.reference_model.pressure
+    }
+
+    /// The boost pressure (Pa) that a sound sensor should measure.
+    pub fn expected_measurement(&self) -> f64 {
+        self.reference_model.expected_measurement()
+    }
+
+    /// The part of the duty cut off by its own limits at the last sample (%), by which the integral term winds down.
+    pub fn blocked(&self) -> f64 {
+        self.blocked
+    }
+
+    /// What the integral term corrected at the last sample.
+    pub fn correction(&self) -> Correction {
+        self.correction
     }
 
     /// The duty at one sample.
@@ -117,7 +147,7 @@ impl BoostLaw {
             FeedbackStructure::Paper => (operating_point.feedforward(), reference - measurement, reference),
             FeedbackStructure::ModelReference => {
                 let model = &mut self.reference_model;
-                let waits = task.waits && self.blocked * model.error(measurement) > 0.0;
+                let waits = task.knows_ambient_pressure && self.blocked * model.error(measurement) > 0.0;
                 if waits {
                     model.approach(measurement, sample_time / task.model_lambda);
                 }
@@ -148,9 +178,23 @@ impl BoostLaw {
         // While the shaft's limits override the duty, the integral term is frozen: the feedback cannot correct the
         // error, and the term would be too large when the limits release.
         let error = if task.limits.clip(duty) > task.own_limits.clip(duty) { 0.0 } else { error };
-        let effective = if task.waits { moving(duty) } else { task.own_limits.clip(duty) };
+        let effective = if task.knows_ambient_pressure { moving(duty) } else { task.own_limits.clip(duty) };
         self.blocked = effective - duty;
-        self.pid.integrate(feedback, sample_time, error, self.blocked);
+        if task.is_measured {
+            self.pid.integrate(feedback, sample_time, error, self.blocked);
+        }
+        if let Some(authority) = task.authority {
+            let range = operating_point.correction(self.reference_model.pressure, authority);
+            let integral = self.pid.integral;
+            // Without a measured ambient pressure, thin air looks like a sensor's drift.
+            if task.knows_ambient_pressure {
+                self.pid.integral = range.clip(integral);
+            }
+            let share = if integral < 0.0 { -integral / range.least } else { integral / range.most };
+            // At a limit of the duty, the engine and not the term is at its end.
+            let is_exhausted = !range.contain(integral) && self.blocked == 0.0;
+            self.correction = Correction { pressure: -share * authority, is_exhausted };
+        }
         terms
     }
 }

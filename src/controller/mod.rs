@@ -25,6 +25,7 @@
 //! Everything is computed at the samples; outputs hold between them.
 
 pub mod actuator_inverse;
+mod actuator_reach;
 pub mod allocation;
 mod by_speed;
 mod compensator;
@@ -52,20 +53,26 @@ use fmu_export::display::Rounded;
 use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
 
 use crate::LONGEST_STEP;
+use actuator_reach::ActuatorReach;
 use allocation::Openings;
 use by_speed::BySpeed;
 use compensator::{Compensator, Limits, SupplyVoltage};
 use day::Day;
-use diagnosis::{BoostControl, Diagnosis};
+use diagnosis::{Asked, BoostControl, Diagnosis, Done};
 use law::{BoostLaw, DutyTerms};
 use schedule::Schedule;
 use split_range::SplitRange;
 use tank_relay::TankRelay;
-use variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Strategy, Variables};
+use variables::{
+    ActiveLimit, ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Strategy, Variables,
+};
 
 /// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first
 /// step, and no engine runs with a fifth of ambient pressure upstream of its throttle.
 const LEAST_MEASUREMENT: f64 = 20e3;
+
+/// The valves besides the high-pressure wastegate, for least boost.
+const LEAST_BOOST: Openings = Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 1.0 };
 
 /// The boost pressure controller.
 pub type BoostController = SampledModel<ControlLaw>;
@@ -79,7 +86,20 @@ pub struct ControlLaw {
     law: Option<BoostLaw>,
     split_range: SplitRange,
     by_speed: BySpeed,
+    actuator_reach: ActuatorReach,
     diagnosis: Diagnosis,
+}
+
+/// What a calibrator sees of the limits and conditions behind a command.
+#[derive(Clone, Copy, Debug, Default)]
+struct Conditions {
+    /// The limit of the boost pressure reference (Pa).
+    reference_limit: f64,
+    /// The firmness of the feedback.
+    firmness: f64,
+    day: Day,
+    /// The limit in effect.
+    active_limit: ActiveLimit,
 }
 
 /// The controller's commands.
@@ -91,12 +111,15 @@ struct Command {
     /// The duty of the high-pressure wastegate's valve at nominal voltage (%).
     hp_duty: f64,
     openings: Openings,
+    conditions: Conditions,
 }
 
 impl Command {
     /// The sum of the terms is the duty of the high-pressure wastegate's valve.
     fn new(terms: DutyTerms, limits: Limits, openings: Openings) -> Self {
-        Self { hp_duty: limits.clip(terms.duty()), terms, limits, openings }
+        let active_limit = limits.active(terms.duty());
+        let conditions = Conditions { active_limit, ..Conditions::default() };
+        Self { hp_duty: limits.clip(terms.duty()), terms, limits, openings, conditions }
     }
 }
 
@@ -136,16 +159,11 @@ impl Sampled for ControlLaw {
     ) -> Result<(), Error> {
         let Variables { parameters, locals, outputs, .. } = variables;
         warn_of_ignored_schedule(parameters, context);
-        let supply_voltage = SupplyVoltage::default().sample(inputs.supply_voltage_measured);
+        let supply_voltage = SupplyVoltage::default().measured(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
-        let command = match (parameters.mode, parameters.strategy) {
-            (ControlMode::Boost, Strategy::SplitRange) => {
-                split_range::at_rest(parameters, inputs, compensator)
-            }
-            _ => BySpeed::default().without_feedback(parameters, inputs, limits(parameters, compensator)),
-        };
+        let command = self.without_feedback(parameters, inputs, compensator);
         publish(locals, outputs, &command, compensator, false);
-        self.diagnosis.findings().publish(locals, outputs);
+        outputs.fault_code = 0.0;
         locals.sample_count = 0;
         Ok(())
     }
@@ -161,14 +179,14 @@ impl Sampled for ControlLaw {
         let Variables { parameters, locals, outputs, .. } = variables;
         let was_found = self.diagnosis.findings();
         self.diagnosis.check_sensors(parameters, inputs);
-        let boost_control = self.diagnosis.boost_control(parameters, inputs);
-        if parameters.mode == ControlMode::Boost
-            && self.law.is_none()
-            && boost_control == BoostControl::Closed
-        {
+        let mut boost_control = self.diagnosis.boost_control(parameters);
+        let is_found = self.diagnosis.findings().boost_sensor_implausible;
+        if parameters.mode == ControlMode::Boost && self.law.is_none() && !is_found {
+            // An outlier may be an input that is not connected yet, or a plant that starts beyond the range.
             if inputs.boost_pressure < LEAST_MEASUREMENT {
                 return Ok(());
             }
+            boost_control = BoostControl::Closed;
             self.law = Some(BoostLaw::at(inputs.boost_pressure));
             let pressure = Rounded(inputs.boost_pressure / 1e3);
             context.event(format_args!("first boost measurement, {pressure} kPa"));
@@ -181,43 +199,94 @@ impl Sampled for ControlLaw {
             context.event(format_args!("vacuum pump {state}, tank at {pressure} kPa"));
         }
 
-        let supply_voltage = self.supply_voltage.sample(inputs.supply_voltage_measured);
-        let supply_voltage = self.diagnosis.supply_voltage(parameters, supply_voltage);
+        let measured = self.supply_voltage.measured(inputs.supply_voltage_measured);
+        let is_replaced = self.diagnosis.replaces_supply_voltage(parameters);
+        let supply_voltage = self.supply_voltage.compensated(parameters, measured, is_replaced);
         let compensator = Compensator::new(parameters, supply_voltage);
-        let limits = limits(parameters, compensator);
+        if parameters.mode == ControlMode::Boost
+            && self.actuator_is_out_of_reach(parameters, inputs, measured, boost_control)
+        {
+            boost_control = BoostControl::LeastBoost;
+        }
+        if self.diagnosis.boost_sensor_misled() && self.law.is_some() {
+            self.law = Some(self.law_at(parameters, feedforward::bounded_reference(parameters, inputs)));
+        }
         let command = match boost_control {
-            BoostControl::Closed => self.closed_loop(parameters, inputs, compensator, limits),
-            BoostControl::FeedforwardAlone => self.without_feedback(parameters, inputs, compensator, limits),
-            BoostControl::LeastBoost => self.least_boost(parameters, inputs, limits),
+            BoostControl::Closed => self.closed_loop(parameters, inputs, compensator, true),
+            BoostControl::WithoutMeasurement => self.without_measurement(parameters, inputs, compensator),
+            BoostControl::LeastBoost => self.least_boost(parameters, inputs, compensator),
         };
         self.by_speed.log_since(was_by_speed, inputs, context);
         publish(locals, outputs, &command, compensator, vacuum_pump);
+        locals.anti_windup_cut = self.law.as_ref().map_or(0.0, BoostLaw::blocked);
         self.diagnosis.check_filling(parameters, inputs, outputs);
-        if parameters.mode == ControlMode::Boost && boost_control == BoostControl::Closed {
-            self.check_answer(parameters, inputs, &command);
+        if parameters.mode == ControlMode::Boost && boost_control != BoostControl::LeastBoost {
+            self.check_loop(parameters, inputs, &command);
         }
-        let findings = self.diagnosis.findings();
-        findings.warn_since(was_found, inputs, context);
-        findings.publish(locals, outputs);
+        self.diagnosis.publish(was_found, sample.time, inputs, (locals, outputs), context);
         Ok(())
     }
 }
 
 impl ControlLaw {
-    /// The command with feedback, in mode boost.
+    /// Whether the other valves are to limit boost, since the actuator cannot, at a supply voltage (V).
+    fn actuator_is_out_of_reach(
+        &mut self,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        supply_voltage: Option<f64>,
+        boost_control: BoostControl,
+    ) -> bool {
+        let tank_pressure = self.diagnosis.tank_pressure(inputs);
+        let excess = match boost_control {
+            BoostControl::Closed => {
+                inputs.boost_pressure - feedforward::bounded_reference(parameters, inputs)
+            }
+            BoostControl::WithoutMeasurement | BoostControl::LeastBoost => 0.0,
+        };
+        let mut reach = self.actuator_reach;
+        let holding_duty =
+            || self.without_feedback(parameters, inputs, Compensator::new(parameters, None)).hp_duty;
+        let is_lost = reach.is_lost(parameters, (tank_pressure, supply_voltage), holding_duty, excess);
+        self.actuator_reach = reach;
+        is_lost
+    }
+
+    /// The command with feedback, in mode boost; `is_measured` tells a measurement from what the law expects.
     fn closed_loop(
         &mut self,
         parameters: &Parameters,
         inputs: &Inputs,
         compensator: Compensator,
-        limits: Limits,
+        is_measured: bool,
     ) -> Command {
         match (&mut self.law, parameters.strategy) {
             (Some(law), Strategy::SplitRange) => {
-                self.split_range.sample(law, parameters, inputs, compensator)
+                self.split_range.sample(law, parameters, inputs, compensator, is_measured)
             }
-            (Some(law), Strategy::BySpeed) => self.by_speed.sample(law, parameters, inputs, limits),
-            (None, _) => self.by_speed.without_feedback(parameters, inputs, limits),
+            (Some(law), Strategy::BySpeed) => {
+                let limits = limits(parameters, compensator);
+                self.by_speed.sample(law, parameters, inputs, limits, is_measured)
+            }
+            (None, _) => self.without_feedback(parameters, inputs, compensator),
+        }
+    }
+
+    /// The command while the boost sensor is implausible: the reference model's pressure replaces its measurement, so that
+    /// the feedback rests and the integral term stays.
+    fn without_measurement(
+        &mut self,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        compensator: Compensator,
+    ) -> Command {
+        match (&self.law, parameters.structure) {
+            (Some(law), FeedbackStructure::ModelReference) => {
+                let boost_pressure = self.expected_measurement(parameters, law);
+                let inputs = Inputs { boost_pressure, ..*inputs };
+                self.closed_loop(parameters, &inputs, compensator, false)
+            }
+            _ => self.without_feedback(parameters, inputs, compensator),
         }
     }
 
@@ -227,51 +296,75 @@ impl ControlLaw {
         parameters: &Parameters,
         inputs: &Inputs,
         compensator: Compensator,
-        limits: Limits,
     ) -> Command {
         match (parameters.mode, parameters.strategy) {
             (ControlMode::Boost, Strategy::SplitRange) => {
                 split_range::at_rest(parameters, inputs, compensator)
             }
-            _ => self.by_speed.without_feedback(parameters, inputs, limits),
+            _ => self.by_speed.without_feedback(parameters, inputs, limits(parameters, compensator)),
         }
     }
 
     /// The command for least boost. The bypass stays shut: opening it would unload the high-pressure compressor, whose
-    /// shaft already turns too fast with its wastegate stuck shut. The law's memory follows, for a bumpless return.
-    fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, limits: Limits) -> Command {
-        self.law = Some(BoostLaw::at(inputs.boost_pressure));
+    /// shaft already turns too fast with its wastegate shut. The law's memory follows, for a bumpless return.
+    fn least_boost(&mut self, parameters: &Parameters, inputs: &Inputs, compensator: Compensator) -> Command {
+        self.law = Some(self.law_at(parameters, inputs.boost_pressure));
         let terms = DutyTerms::feedforward(parameters.pwm_max, inputs.boost_pressure);
-        let openings = Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 0.0 };
-        let command = Command::new(terms, limits, openings);
+        let mut command = Command::new(terms, limits(parameters, compensator), LEAST_BOOST);
+        command.conditions.active_limit = ActiveLimit::LeastBoost;
         match parameters.strategy {
             Strategy::SplitRange => {
                 let day = Day::measured(parameters, inputs);
-                Command { hp_duty: day.duty(parameters, command.hp_duty), ..command }
+                command.hp_duty = day.duty(parameters, command.hp_duty);
+                command.openings.hp_bypass = self.split_range.shut_bypass(parameters);
+                command
             }
             Strategy::BySpeed => command,
         }
     }
 
+    /// The law at rest at a boost pressure (Pa).
+    fn law_at(&self, parameters: &Parameters, boost_pressure: f64) -> BoostLaw {
+        match parameters.strategy {
+            Strategy::SplitRange => self.split_range.law_at(boost_pressure),
+            Strategy::BySpeed => BoostLaw::at(boost_pressure),
+        }
+    }
+
+    /// The boost pressure (Pa) that a sound sensor should measure.
+    fn expected_measurement(&self, parameters: &Parameters, law: &BoostLaw) -> f64 {
+        match parameters.strategy {
+            Strategy::SplitRange => self.split_range.expected_measurement(law),
+            Strategy::BySpeed => law.expected_measurement(),
+        }
+    }
+
     /// Judges whether boost responds to a command.
-    fn check_answer(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
-        let duty = command.limits.clip(command.terms.duty());
+    fn check_loop(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
+        let Some(law) = &self.law else { return };
+        let expected_measurement = self.expected_measurement(parameters, law);
+        let done = |asked| Done {
+            asked,
+            duty: command.limits.clip(command.terms.duty()),
+            correction: law.correction(),
+            expected_measurement,
+        };
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
-                let (inputs, reference, largest) = self.split_range.on_scheduled_day(parameters, inputs);
-                self.diagnosis.check_answer(parameters, &inputs, Some(schedule), reference, duty, largest);
+                let here = self.split_range.on_scheduled_day(inputs);
+                let done = done(self.split_range.asked(parameters, inputs));
+                self.diagnosis.check_loop(parameters, inputs, Some(schedule), here, &done);
             }
             // Above, the low-pressure wastegate is open, for which its schedule was not identified.
-            Strategy::BySpeed => self.diagnosis.check_answer(
-                parameters,
-                inputs,
-                (inputs.engine_speed <= parameters.lp_wastegate_close_below)
-                    .then(|| Schedule::from(&parameters.schedule)),
-                feedforward::bounded_reference(parameters, inputs),
-                duty,
-                0.0,
-            ),
+            Strategy::BySpeed => {
+                let schedule = (inputs.engine_speed <= parameters.lp_wastegate_close_below)
+                    .then(|| Schedule::from(&parameters.schedule));
+                let here = (inputs.boost_pressure, inputs.engine_speed);
+                let reference = feedforward::bounded_reference(parameters, inputs);
+                let done = done(Asked { by_driver: reference, reference, day: 0.0 });
+                self.diagnosis.check_loop(parameters, inputs, schedule, here, &done);
+            }
         }
     }
 }
@@ -302,7 +395,7 @@ fn publish(
     compensator: Compensator,
     vacuum_pump: bool,
 ) {
-    let Command { terms, limits, hp_duty, openings } = command;
+    let Command { terms, limits, hp_duty, openings, conditions } = command;
     let duty = terms.duty();
     outputs.hp_wastegate_pwm = compensator.compensate(*hp_duty);
     outputs.vacuum_pump = f64::from(u8::from(vacuum_pump));
@@ -318,4 +411,8 @@ fn publish(
     locals.reference_model_pressure = terms.reference_model_pressure;
     locals.voltage_compensation = compensator.factor;
     locals.saturated = !limits.contain(duty);
+    locals.active_limit = conditions.active_limit;
+    locals.reference_limit = conditions.reference_limit;
+    locals.feedback_firmness = conditions.firmness;
+    locals.day = conditions.day.locals();
 }

@@ -65,6 +65,11 @@ impl ReferenceModel {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
+    /// The pressure (Pa) that the engine should have: the delayed model's.
+    pub fn expected_measurement(&self) -> f64 {
+        self.delayed.unwrap_or(self.pressure)
+    }
+
     /// The excess of the delayed model over a measurement (Pa). The model starts at the measurement, hence at 0.
     pub fn error(&self, measurement: f64) -> f64 {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)

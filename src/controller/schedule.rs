@@ -7,8 +7,9 @@
 
 use fmu_export::Error;
 
+use super::compensator::Limits;
 use super::variables::{RangeScheduleParameters, ScheduleParameters};
-use crate::elementary::{larger, smaller};
+use crate::elementary::{between, larger, smaller};
 
 /// The number of boost pressures of a schedule.
 const ROWS: usize = 16;
@@ -157,12 +158,34 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
+    /// The range of a correction of the duty (%) that moves boost at rest from a pressure by at most another (Pa). Near the
+    /// last row, where the map has no duty for more boost, it is open downwards.
+    #[must_use]
+    pub fn correction(self, boost_pressure: f64, most: f64) -> Limits {
+        let last = self.schedule.boost_pressure[ROWS - 1];
+        let at = |pressure| self.extrapolated_feedforward(pressure);
+        let held = at(boost_pressure);
+        let is_within = boost_pressure + 0.5 * most < last;
+        Limits {
+            least: if is_within {
+                at(smaller(boost_pressure + most, last)) - held
+            } else {
+                f64::NEG_INFINITY
+            },
+            most: at(boost_pressure - most) - held,
+        }
+    }
+
     /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond
     /// the map or in its filled, unreachable part gives the pressure at the edge.
     #[must_use]
     pub fn pressure_held_by(self, duty: f64) -> f64 {
         let rows = self.schedule.boost_pressure;
-        let duty_of_row = |row: usize| self.at_pressure(rows[row]).feedforward();
+        let (column, share) = (self.column.below, self.column.fraction);
+        let duty_of_row = |row: usize| {
+            let duties = &self.schedule.duty[row];
+            between(duties[column], duties[column + 1], share)
+        };
         let least = larger(duty, duty_of_row(ROWS - 1));
         let (mut above, mut duty_above) = (0, duty_of_row(0));
         if duty_above <= least {

@@ -12,10 +12,10 @@
 
 use fmu_export::{Error, Persistent};
 
-use super::Command;
 use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
 use super::day::Day;
+use super::diagnosis::Asked;
 use super::feedback::FeedbackSettings;
 use super::feedforward;
 use super::firmness::Firmness;
@@ -25,7 +25,8 @@ use super::schedule::{self, LocalModel, OperatingPoint};
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
-use super::variables::{FeedbackStructure, Inputs, Parameters};
+use super::variables::{ActiveLimit, FeedbackStructure, Inputs, Parameters};
+use super::{Command, Conditions};
 use crate::elementary::{between, larger, smaller};
 
 /// The strategy's memory, in addition to the law's.
@@ -47,13 +48,14 @@ pub struct SplitRange {
 }
 
 impl SplitRange {
-    /// The command at one sample.
+    /// The command at one sample. A measurement that the law expected already is not filtered.
     pub fn sample(
         &mut self,
         law: &mut BoostLaw,
         parameters: &Parameters,
         inputs: &Inputs,
         compensator: Compensator,
+        is_measured: bool,
     ) -> Command {
         let &Parameters { sample_time, actuator_lag, ref allocation, .. } = parameters;
         let day = self.convert(law, parameters, inputs);
@@ -98,8 +100,10 @@ impl SplitRange {
         };
         let asked = feedforward::bounded_reference(parameters, inputs);
         let asked = self.asked.sample(sample_time, reference_lag, asked);
-        let reference = smaller(day.scheduled_pressure(asked), limit);
-        let measured = self.measured.sample(sample_time, filter_time, inputs.boost_pressure);
+        let asked = day.scheduled_pressure(asked);
+        let reference = smaller(asked, limit);
+        let measurement_filter = if is_measured { filter_time } else { 0.0 };
+        let measured = self.measured.sample(sample_time, measurement_filter, inputs.boost_pressure);
         let operating_point = at(reference).slower(day.time_scale(), filter_time);
         let (feedback, derivative_filter) =
             feedback(parameters, &operating_point.local_model(), engine_speed, firmness);
@@ -119,8 +123,10 @@ impl SplitRange {
                 limits,
                 own_limits,
                 stops_on_seat: true,
-                waits: day.is_measured,
+                knows_ambient_pressure: day.is_measured,
                 integral_exponent: parameters.integral_exponent,
+                is_measured,
+                authority: Some(parameters.integral_authority),
             },
         );
         let virtual_duty = limits.clip(terms.duty());
@@ -134,7 +140,22 @@ impl SplitRange {
         openings.hp_bypass = self.bypass.sample(parameters, asked, virtual_duty);
         let expected = day.pressure(larger(pressure, reference));
         openings.surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
-        command(parameters, &day, terms, limits, openings)
+        let mut command = command(parameters, &day, terms, limits, openings);
+        command.conditions = Conditions {
+            reference_limit: limit,
+            firmness: firmness.share(),
+            day,
+            active_limit: match limits.active(terms.duty()) {
+                ActiveLimit::DutyMin if least > own_limits.least => ActiveLimit::LeastDutyOfShaft,
+                ActiveLimit::None if law.correction().is_exhausted => ActiveLimit::IntegralAuthority,
+                ActiveLimit::None if asked > limit => ActiveLimit::ShaftSpeed,
+                ActiveLimit::None if inputs.boost_reference > parameters.boost_limit => {
+                    ActiveLimit::BoostLimit
+                }
+                of_duty => of_duty,
+            },
+        };
+        command
     }
 
     /// The measured ambient conditions, to whose pressures at reference conditions the law's memory is converted.
@@ -147,15 +168,32 @@ impl SplitRange {
         day
     }
 
-    /// The inputs, the boost pressure reference (Pa) without its lag, and the pressure (Pa) of the largest reference, all
-    /// at reference conditions.
-    pub fn on_scheduled_day(&self, parameters: &Parameters, inputs: &Inputs) -> (Inputs, f64, f64) {
-        let day = &self.day;
-        let boost_pressure = day.scheduled_pressure(inputs.boost_pressure);
-        let engine_speed = day.speed_factor(boost_pressure) * inputs.engine_speed;
-        let largest = day.scheduled_pressure(parameters.boost_limit);
-        let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
-        (Inputs { boost_pressure, engine_speed, ..*inputs }, smaller(asked, self.limit), largest)
+    /// The opening of the bypass at a sample while it shuts.
+    pub fn shut_bypass(&mut self, parameters: &Parameters) -> f64 {
+        self.bypass.shut(parameters)
+    }
+
+    /// Boost pressure (Pa) and engine speed (rpm) at reference conditions.
+    pub fn on_scheduled_day(&self, inputs: &Inputs) -> (f64, f64) {
+        let boost_pressure = self.day.scheduled_pressure(inputs.boost_pressure);
+        (boost_pressure, self.day.speed_factor(boost_pressure) * inputs.engine_speed)
+    }
+
+    /// What is asked for, at reference conditions.
+    pub fn asked(&self, parameters: &Parameters, inputs: &Inputs) -> Asked {
+        let by_driver = self.day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
+        let day = self.day.scheduled_pressure(parameters.boost_limit);
+        Asked { by_driver, reference: smaller(by_driver, self.limit), day }
+    }
+
+    /// The boost pressure here (Pa) that a sound sensor should measure.
+    pub fn expected_measurement(&self, law: &BoostLaw) -> f64 {
+        self.day.pressure(law.expected_measurement())
+    }
+
+    /// The law at rest at a boost pressure (Pa).
+    pub fn law_at(&self, boost_pressure: f64) -> BoostLaw {
+        BoostLaw::at(self.day.scheduled_pressure(boost_pressure))
     }
 }
 
@@ -204,7 +242,7 @@ fn command(
 ) -> Command {
     let hp_duty = day.duty(parameters, smaller(limits.clip(terms.duty()), parameters.pwm_max));
     terms.reference_model_pressure = day.pressure(terms.reference_model_pressure);
-    Command { terms, limits, hp_duty, openings }
+    Command { hp_duty, ..Command::new(terms, limits, openings) }
 }
 
 /// Rejects contradictory parameters of the strategy.

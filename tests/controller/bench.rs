@@ -41,6 +41,7 @@ impl Bench {
         let mut bench = Self(Simulation { experiment, ..Simulation::default() });
         // The inputs on the bench do not respond to commands, which is a fault.
         bench.variables.parameters.diagnosis.limp_home = false;
+        bench.variables.parameters.integral_authority = 1e6;
         change(&mut bench.variables.parameters);
         bench.initialize(inputs);
         bench

@@ -4,6 +4,7 @@ use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
 
 use crate::boost_steps::{BOOST_STEPS, pairs};
+use crate::random::Random;
 use crate::{Answer, END_OF_FIGURE_13, Loop, Order, STEP, follow};
 
 /// The optional measurements that a loop connects.
@@ -383,12 +384,15 @@ fn the_law_is_continuous_at_reference_conditions() {
 #[test]
 fn the_limp_home_opens_the_wastegate_at_altitude() {
     for (ambient_pressure, expected) in [(101_325.0, 75.0), (75e3, 100.0)] {
-        let mut control = on_a_day(ambient_pressure, 298.0, 130e3, 1500.0, AMBIENT);
+        let mut control = on_a_day(ambient_pressure, 298.0, 150e3, 1500.0, AMBIENT);
         control.run(SETTLING, |_| {});
         let position = control.plant.variables.outputs.hp_wastegate_position;
         let fault = &mut control.plant.variables.parameters.fault;
         (fault.wastegate_stuck, fault.wastegate_stuck_position) = (true, position);
-        control.demand.boost_reference = 150e3;
+        control.demand.boost_reference = 115e3;
+        // A measurement that is constant to the last bit would look like a stuck sensor.
+        control.noise = Some(Random(1));
+        control.noise_deviation = 10.0;
         control.run(SETTLING + 5.0, |_| {});
         let controller::Outputs { fault_code, hp_wastegate_pwm, .. } = control.controller.variables.outputs;
         assert_eq!((fault_code, hp_wastegate_pwm), (2.0, expected), "{ambient_pressure} Pa");

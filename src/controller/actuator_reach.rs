@@ -1,0 +1,60 @@
+//! Whether the actuator can open the high-pressure wastegate as far as the reference needs.
+//!
+//! It opens by vacuum, so that neither the tank's pressure nor the one that the valve reaches at full duty may be above
+//! the pressure that the chamber needs. An engine starts with air in its tank, which the pump empties in some two
+//! minutes; a leak, a dead pump or a failing supply take the vacuum away later. The other valves then limit boost.
+
+use fmu_export::Persistent;
+
+use super::actuator_inverse::{self, FULL_DUTY};
+use super::diagnosis::OVERBOOST;
+use super::variables::Parameters;
+use crate::elementary::{larger, smaller};
+
+/// The memory of the check.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct ActuatorReach {
+    /// Whether the vacuum has sufficed since the start.
+    had_vacuum: bool,
+    /// How long boost has been too high (s).
+    excess_time: f64,
+    /// Whether the other valves limit boost.
+    is_lost: bool,
+}
+
+impl ActuatorReach {
+    /// Whether the other valves are to limit boost, from tank pressure (Pa) and supply voltage (V), where measured, and
+    /// the actuator's duty at nominal voltage (%) that holds the reference at rest; `excess` is boost above its reference
+    /// (Pa).
+    pub fn is_lost(
+        &mut self,
+        parameters: &Parameters,
+        (tank_pressure, supply_voltage): (Option<f64>, Option<f64>),
+        holding_duty: impl FnOnce() -> f64,
+        excess: f64,
+    ) -> bool {
+        let &Parameters {
+            sample_time, nominal_voltage, pwm_max, ref diagnosis, ref actuator_inverse, ..
+        } = parameters;
+        let tank_pressure = tank_pressure.unwrap_or(0.0);
+        self.had_vacuum |= tank_pressure <= diagnosis.vacuum_lost_above;
+        let voltage = supply_voltage.unwrap_or(nominal_voltage);
+        let most = smaller(FULL_DUTY * voltage / nominal_voltage, FULL_DUTY);
+        if tank_pressure <= diagnosis.vacuum_lost_above && most >= pwm_max {
+            self.is_lost = false;
+            return false;
+        }
+        let seated = actuator_inverse::seated_pressure(actuator_inverse);
+        let needed = actuator_inverse::pressure_at(actuator_inverse, holding_duty());
+        let lowest = larger(tank_pressure, actuator_inverse::pressure_at(actuator_inverse, most));
+        if needed >= seated || lowest <= needed {
+            (self.had_vacuum, self.is_lost) = (true, false);
+        } else if !self.had_vacuum {
+            self.is_lost = true;
+        } else if diagnosis.limp_home {
+            self.excess_time = if excess >= OVERBOOST { self.excess_time + sample_time } else { 0.0 };
+            self.is_lost |= tank_pressure >= seated || self.excess_time >= diagnosis.answer_time;
+        }
+        self.is_lost
+    }
+}

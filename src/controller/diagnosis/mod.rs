@@ -1,0 +1,403 @@
+//! Diagnosis: whether measurements are plausible and actuators respond, with limp-home if they do not.
+//!
+//! | finding | when | limp-home |
+//! |---|---|---|
+//! | boost sensor implausible | see [`boost_sensor`] | the reference model's pressure replaces the measurement |
+//! | loop not answering | boost, far from its reference, does not follow a moving virtual duty; or the integral term has drifted to its limit | least boost once boost stays above its reference by 20 kPa |
+//! | tank not filling | the pressure does not fall with the pump on | none: the pump stays on, and the valves act once the [`Reach`](super::actuator_reach) is lost |
+//! | tank sensor implausible | out of range | pump timed |
+//! | supply sensor implausible | out of range | the last plausible voltage |
+//!
+//! A limp-home must never make it worse than no diagnosis would: each one acts on an effect that it removes, not on a
+//! cause that it supposes.
+//!
+//! The bounds follow from plant physics, as `modelDescription/controller.json` explains. Each finding ends with its
+//! cause, except where limp-home removes the evidence: least boost, and an offset that shows at key-on alone, last until
+//! the next initialization.
+
+mod answer;
+mod boost_sensor;
+mod filling;
+mod freeze_frame;
+
+use std::fmt;
+
+use fmu_export::display::Rounded;
+use fmu_export::{Context, Error, Persistent};
+
+use self::answer::{Answer, Verdict};
+use self::boost_sensor::{BoostSensor, Expectation};
+use self::filling::Filling;
+use self::freeze_frame::FreezeFrame;
+use super::actuator_inverse;
+use super::law::Correction;
+use super::schedule::{OperatingPoint, Schedule};
+use super::variables::{
+    ControlMode, DiagnosisLocals, DiagnosisParameters, Inputs, Locals, Outputs, Parameters,
+};
+use crate::elementary::{larger, smaller};
+
+pub use self::answer::Asked;
+
+/// How far boost must stay above its reference (Pa), unanswered, for least boost: as a driver notices it, and above what
+/// least boost costs him.
+pub const OVERBOOST: f64 = 20e3;
+/// The fastest drift of a sensor (Pa/s) that counts as one: a throttle moves faster.
+const FASTEST_DRIFT: f64 = 2e3;
+
+/// The code of each finding.
+const BOOST_SENSOR: i32 = 1;
+const LOOP: i32 = 2;
+const TANK_FILLING: i32 = 4;
+const TANK_SENSOR: i32 = 8;
+const SUPPLY_SENSOR: i32 = 16;
+
+/// The time constant (s) of the virtual duty, the reference and engine speed before a demand: longer than the duty's response to a
+/// reference step, shorter than the time between a driver's steps.
+const MEMORY: f64 = 1.0;
+/// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
+const STEADY_SPEED: f64 = 100.0;
+
+/// What was found.
+#[allow(clippy::struct_excessive_bools, reason = "the findings are independent of each other")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
+pub struct Findings {
+    pub boost_sensor_implausible: bool,
+    pub loop_not_answering: bool,
+    pub tank_not_filling: bool,
+    pub tank_sensor_implausible: bool,
+    pub supply_sensor_implausible: bool,
+}
+
+impl Findings {
+    fn all(self) -> [(bool, &'static str); 5] {
+        [
+            (self.boost_sensor_implausible, "boost sensor implausible"),
+            (self.loop_not_answering, "boost does not respond to the duty"),
+            (self.tank_not_filling, "vacuum tank does not fill"),
+            (self.tank_sensor_implausible, "tank pressure sensor implausible"),
+            (self.supply_sensor_implausible, "supply voltage sensor implausible"),
+        ]
+    }
+
+    /// The sum of 1, 2, 4, 8 and 16 for the findings in order.
+    fn code(self) -> i32 {
+        self.all().iter().rev().fold(0, |code, &(found, _)| 2 * code + i32::from(found))
+    }
+
+    /// The findings of a code alone.
+    fn within(self, code: i32) -> Self {
+        let is_in = |finding: i32| code & finding != 0;
+        Self {
+            boost_sensor_implausible: self.boost_sensor_implausible && is_in(BOOST_SENSOR),
+            loop_not_answering: self.loop_not_answering && is_in(LOOP),
+            tank_not_filling: self.tank_not_filling && is_in(TANK_FILLING),
+            tank_sensor_implausible: self.tank_sensor_implausible && is_in(TANK_SENSOR),
+            supply_sensor_implausible: self.supply_sensor_implausible && is_in(SUPPLY_SENSOR),
+        }
+    }
+
+    /// Warns of new findings.
+    pub fn warn_since(self, before: Self, inputs: &Inputs, context: &mut Context<'_>) {
+        for ((found, what), (was_found, _)) in self.all().into_iter().zip(before.all()) {
+            if found && !was_found {
+                context.warn(format_args!("{what}; {}", Measurements(inputs)));
+            }
+        }
+    }
+}
+
+/// The measurements shown in a warning.
+struct Measurements<'a>(&'a Inputs);
+
+impl fmt::Display for Measurements<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Inputs { boost_pressure, tank_pressure, supply_voltage_measured, engine_speed, .. } = self.0;
+        write!(
+            formatter,
+            "boost_pressure = {} kPa, tank_pressure = {} kPa, supply_voltage_measured = {} V, engine_speed = {} rpm",
+            Rounded(boost_pressure / 1e3),
+            Rounded(tank_pressure / 1e3),
+            Rounded(*supply_voltage_measured),
+            Rounded(*engine_speed)
+        )
+    }
+}
+
+/// How the loop of mode boost is closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoostControl {
+    Closed,
+    /// The reference model's pressure replaces the measurement.
+    WithoutMeasurement,
+    /// All valves set for least boost.
+    LeastBoost,
+}
+
+/// What the law did at a sample, in mode boost.
+#[derive(Clone, Copy, Debug)]
+pub struct Done {
+    pub asked: Asked,
+    /// The virtual duty (%).
+    pub duty: f64,
+    pub correction: Correction,
+    /// The pressure (Pa) that the law expects to measure.
+    pub expected_measurement: f64,
+}
+
+/// The memory of the diagnosis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Diagnosis {
+    boost_sensor: BoostSensor,
+    tank_range: Confirmed,
+    supply_range: Confirmed,
+    /// Whether the last supply voltage was out of range.
+    supply_is_outside: bool,
+    answer: Answer,
+    drift: Drift,
+    filling: Filling,
+    findings: Findings,
+    /// Whether boost stayed above its reference, unanswered.
+    exceeds: bool,
+    /// The codes judged at this sample.
+    judged: i32,
+    /// Elapsed time of the timed pump cycle (s).
+    pump_time: f64,
+    frame: FreezeFrame,
+}
+
+impl Diagnosis {
+    pub fn findings(&self) -> Findings {
+        self.findings
+    }
+
+    /// Judges a sample's measurements individually.
+    pub fn check_sensors(&mut self, parameters: &Parameters, inputs: &Inputs) {
+        let &Parameters { sample_time, nominal_voltage, ref diagnosis, .. } = parameters;
+        let confirm = |range: &mut Confirmed, value: f64, least: f64, most: f64| {
+            let is_outside = value <= least || value > most;
+            range.sample(is_outside, diagnosis.confirmation_time, sample_time);
+            is_outside
+        };
+        let (least, most) = (diagnosis.tank_pressure_min, diagnosis.tank_pressure_max);
+        confirm(&mut self.tank_range, inputs.tank_pressure, least, most);
+        let (least, most) = (diagnosis.supply_share_min, diagnosis.supply_share_max);
+        let voltage = inputs.supply_voltage_measured;
+        self.supply_is_outside =
+            confirm(&mut self.supply_range, voltage, least * nominal_voltage, most * nominal_voltage);
+        self.findings.tank_sensor_implausible = self.tank_range.holds;
+        self.findings.supply_sensor_implausible = self.supply_range.holds;
+        self.judged = TANK_SENSOR | SUPPLY_SENSOR;
+        if parameters.mode == ControlMode::Boost {
+            self.boost_sensor.check(parameters, inputs);
+            self.findings.boost_sensor_implausible = self.boost_sensor.is_implausible();
+            self.judged |= BOOST_SENSOR;
+        }
+        self.findings = self.findings.within(diagnosis.enabled_codes);
+    }
+
+    /// How the boost loop is to be closed.
+    pub fn boost_control(&self, parameters: &Parameters) -> BoostControl {
+        let &DiagnosisParameters { limp_home, enabled_codes, .. } = &parameters.diagnosis;
+        if !limp_home || parameters.mode != ControlMode::Boost {
+            BoostControl::Closed
+        } else if self.exceeds {
+            BoostControl::LeastBoost
+        } else if enabled_codes & BOOST_SENSOR != 0 && !self.boost_sensor.is_usable() {
+            BoostControl::WithoutMeasurement
+        } else {
+            BoostControl::Closed
+        }
+    }
+
+    /// Whether the boost sensor was just found to have misled the integral term.
+    pub fn boost_sensor_misled(&mut self) -> bool {
+        self.boost_sensor.take_misled()
+    }
+
+    /// Whether the pump is to run, given the relay's command.
+    pub fn pump(&mut self, parameters: &Parameters, relay: bool) -> bool {
+        let &Parameters { sample_time, ref diagnosis, .. } = parameters;
+        if !diagnosis.limp_home || !self.findings.tank_sensor_implausible {
+            self.pump_time = 0.0;
+            return relay;
+        }
+        let runs = self.pump_time < diagnosis.pump_run_time;
+        self.pump_time += sample_time;
+        if self.pump_time >= diagnosis.pump_cycle_time {
+            self.pump_time = 0.0;
+        }
+        runs
+    }
+
+    /// The tank pressure (Pa), if its measurement is plausible.
+    pub fn tank_pressure(&self, inputs: &Inputs) -> Option<f64> {
+        self.tank_range.is_sound().then_some(inputs.tank_pressure)
+    }
+
+    /// Whether the supply voltage is replaced: an outlier is, even before it is confirmed.
+    pub fn replaces_supply_voltage(&self, parameters: &Parameters) -> bool {
+        let &DiagnosisParameters { limp_home, enabled_codes, .. } = &parameters.diagnosis;
+        limp_home && enabled_codes & SUPPLY_SENSOR != 0 && self.supply_is_outside
+    }
+
+    /// Judges whether the tank fills with these commands.
+    pub fn check_filling(&mut self, parameters: &Parameters, inputs: &Inputs, outputs: &Outputs) {
+        if outputs.vacuum_pump > 0.0 && !self.tank_range.holds {
+            let fails = self.filling.fails(parameters, outputs.hp_wastegate_pwm, inputs.tank_pressure);
+            self.findings.tank_not_filling |= fails;
+            self.judged |= TANK_FILLING;
+        } else {
+            self.filling = Filling::default();
+        }
+        self.findings.tank_not_filling &= inputs.tank_pressure >= parameters.tank_pressure_off;
+        self.findings = self.findings.within(parameters.diagnosis.enabled_codes);
+    }
+
+    /// Judges the loop and, by the duty, the boost sensor; `here` are measured boost pressure (Pa) and engine speed (rpm)
+    /// at the conditions of the schedule, if there is one that gives the expected response.
+    pub fn check_loop<const COLUMNS: usize>(
+        &mut self,
+        parameters: &Parameters,
+        inputs: &Inputs,
+        schedule: Option<Schedule<'_, COLUMNS>>,
+        here: (f64, f64),
+        done: &Done,
+    ) {
+        let engine_runs = inputs.engine_speed >= boost_sensor::ENGINE_RUNS_FROM;
+        let Some(schedule) = schedule.filter(|_| engine_runs) else {
+            self.answer = Answer::default();
+            return;
+        };
+        let operating_point = OperatingPoint::new(schedule, here.0, here.1);
+        // A smaller change moves no wastegate.
+        let duty = actuator_inverse::effective_duty(&parameters.actuator_inverse, done.duty);
+        self.boost_sensor.check_movement(
+            parameters,
+            Expectation { operating_point, duty, engine_speed: inputs.engine_speed },
+        );
+        self.boost_sensor.recover(parameters, inputs.boost_pressure, done.expected_measurement);
+        self.findings.boost_sensor_implausible = self.boost_sensor.is_implausible();
+
+        if !self.boost_sensor.is_usable() || !self.supply_range.is_sound() {
+            (self.answer, self.drift) = (Answer::default(), Drift::default());
+        } else {
+            self.judged |= LOOP;
+            let error = done.asked.reference - here.0;
+            match self.answer.judge(parameters, here, operating_point, done.asked, duty) {
+                Verdict::Unknown => {}
+                Verdict::Answers => self.findings.loop_not_answering = false,
+                Verdict::Fails => {
+                    self.findings.loop_not_answering = true;
+                    self.exceeds |= error <= -OVERBOOST && parameters.diagnosis.enabled_codes & LOOP != 0;
+                }
+            }
+            // The shaft's limit is not the driver's.
+            let is_tracking = error.abs() < parameters.diagnosis.answer_error
+                && done.asked.by_driver <= done.asked.reference;
+            self.findings.loop_not_answering |= self.drift.sample(parameters, done.correction, is_tracking);
+        }
+        self.findings = self.findings.within(parameters.diagnosis.enabled_codes);
+    }
+
+    /// Sets the outputs and local variables at a time (s), and warns of new findings.
+    pub fn publish(
+        &mut self,
+        before: Findings,
+        time: f64,
+        inputs: &Inputs,
+        (locals, outputs): (&mut Locals, &mut Outputs),
+        context: &mut Context<'_>,
+    ) {
+        let findings = self.findings;
+        let code = findings.code();
+        outputs.fault_code = f64::from(code);
+        if code != 0 {
+            self.frame.take(code, time, inputs, outputs.hp_wastegate_pwm);
+        }
+        self.frame.publish(locals);
+        locals.diagnosis = DiagnosisLocals {
+            boost_sensor_implausible: findings.boost_sensor_implausible,
+            loop_not_answering: findings.loop_not_answering,
+            tank_not_filling: findings.tank_not_filling,
+            tank_sensor_implausible: findings.tank_sensor_implausible,
+            supply_sensor_implausible: findings.supply_sensor_implausible,
+            judged_codes: self.judged,
+        };
+        findings.warn_since(before, inputs, context);
+    }
+}
+
+/// How far the integral term has moved slowly, as it follows a sensor's drift.
+///
+/// A throttle that shuts moves it as far, though within seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+struct Drift {
+    /// The pressure that the integral term corrected at the last sample (Pa).
+    before: f64,
+    /// The sum of its slow changes since it corrected little, or boost was far from its reference (Pa).
+    slow: f64,
+    /// How long it has been at its limit (s).
+    exhausted_for: f64,
+}
+
+impl Drift {
+    /// Whether the term is at its limit, for `answer_time`, and moved there slowly.
+    fn sample(&mut self, parameters: &Parameters, correction: Correction, is_tracking: bool) -> bool {
+        let &Parameters { sample_time, integral_authority, ref diagnosis, .. } = parameters;
+        let Correction { pressure, is_exhausted } = correction;
+        let most = FASTEST_DRIFT * sample_time;
+        self.slow += smaller(larger(pressure - self.before, -most), most);
+        if pressure.abs() < diagnosis.answer_error || !is_tracking {
+            self.slow = 0.0;
+        }
+        self.before = pressure;
+        self.exhausted_for = if is_exhausted && is_tracking { self.exhausted_for + sample_time } else { 0.0 };
+        self.exhausted_for >= diagnosis.answer_time && self.slow.abs() >= 0.5 * integral_authority
+    }
+}
+
+/// A condition that changes once it has been observed changed for some time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+struct Confirmed {
+    holds: bool,
+    /// How long it has been observed otherwise (s).
+    seen_otherwise: f64,
+}
+
+impl Confirmed {
+    fn sample(&mut self, seen: bool, confirmation_time: f64, sample_time: f64) {
+        if seen == self.holds {
+            self.seen_otherwise = 0.0;
+            return;
+        }
+        self.seen_otherwise += sample_time;
+        if self.seen_otherwise >= confirmation_time {
+            *self = Self { holds: seen, seen_otherwise: 0.0 };
+        }
+    }
+
+    /// Whether neither the condition nor a sign of it has been observed.
+    fn is_sound(&self) -> bool {
+        !self.holds && self.seen_otherwise == 0.0
+    }
+}
+
+/// Rejects bounds without a range between them.
+pub fn check(parameters: &DiagnosisParameters) -> Result<(), Error> {
+    let p = parameters;
+    for (lower, upper, unit) in [
+        (("boost_pressure_min", p.boost_pressure_min), ("boost_pressure_max", p.boost_pressure_max), " Pa"),
+        (("tank_pressure_min", p.tank_pressure_min), ("tank_pressure_max", p.tank_pressure_max), " Pa"),
+        (("supply_share_min", p.supply_share_min), ("supply_share_max", p.supply_share_max), ""),
+        (("pump_run_time", p.pump_run_time), ("pump_cycle_time", p.pump_cycle_time), " s"),
+    ] {
+        if lower.1 >= upper.1 {
+            return Err(Error::new(format!(
+                "diagnosis.{} is {}{unit} and must be below diagnosis.{}, which is {}{unit}",
+                lower.0, lower.1, upper.0, upper.1
+            )));
+        }
+    }
+    Ok(())
+}
