@@ -497,6 +497,27 @@ fn an_engine_starts_with_an_empty_tank() {
     }
 }
 
+/// The freeze frame keeps the conditions of the first code alone, and a code that is not enabled is not found.
+#[test]
+fn the_freeze_frame_keeps_the_first_code() {
+    let mut control = at(2500.0, 150e3);
+    fault(&mut control).tank_sensor_dead = true;
+    assert_found("dead tank sensor", &mut control, TANK_SENSOR);
+    let found_at = control.time() - crate::STEP;
+    show(&mut control, 0.0);
+    control.run(found_at + 1.0, |_| {});
+    assert_eq!(code(&control), TANK_SENSOR + BOOST_SENSOR);
+    let frame = control.controller.variables.locals.freeze_frame;
+    assert_eq!((f64::from(frame.fault_code), frame.engine_speed), (TANK_SENSOR, 2500.0));
+    assert!(
+        (frame.time - found_at).abs() < 1e-9 && (frame.boost_pressure - 150e3).abs() < 500.0,
+        "{frame:?}"
+    );
+    control.controller.variables.parameters.diagnosis.enabled_codes = 31 - 8;
+    control.step();
+    assert_eq!(code(&control), BOOST_SENSOR);
+}
+
 /// Steps of a coarse analog-to-digital converter are no stuck sensor.
 #[test]
 fn nothing_is_found_behind_a_coarse_converter() {
