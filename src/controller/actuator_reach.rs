@@ -53,7 +53,7 @@ impl ActuatorReach {
             self.is_lost = true;
         } else if diagnosis.limp_home {
             self.excess_time = if excess >= OVERBOOST { self.excess_time + sample_time } else { 0.0 };
-            self.is_lost |= tank_pressure >= seated || self.excess_time >= diagnosis.answer_time;
+            self.is_lost |= self.excess_time >= diagnosis.answer_time;
         }
         self.is_lost
     }

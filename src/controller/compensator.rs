@@ -18,16 +18,13 @@ const LEAST_MEASUREMENT: f64 = 3.0;
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// The time constant (s) with which a held voltage above the nominal one fades: so slow that the feedback follows.
-const FADING: f64 = 10.0;
-
 /// The supply voltage to compensate for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SupplyVoltage {
     /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
     is_measured: bool,
-    /// The last plausible measurement (V).
-    plausible: Option<f64>,
+    /// The last plausible measurement (V), and the one before.
+    plausible: Option<[f64; 2]>,
 }
 
 impl SupplyVoltage {
@@ -39,28 +36,16 @@ impl SupplyVoltage {
 
     /// The voltage to compensate for (V), from the measured one, if it is not replaced.
     ///
-    /// A supply that fails passes the lowest plausible voltage on its way, through the lag of its sensor, which a sensor
-    /// that fails does not. So the last plausible voltage is right for both. It fades to the nominal one from above
-    /// alone: too low a voltage costs boost until the feedback has corrected it, too high a one overspeeds the shafts.
-    pub fn compensated(
-        &mut self,
-        parameters: &Parameters,
-        measured: Option<f64>,
-        is_replaced: bool,
-    ) -> Option<f64> {
-        match (&mut self.plausible, measured) {
-            (Some(held), Some(_)) if is_replaced => {
-                let share = parameters.sample_time / larger(FADING, parameters.sample_time);
-                *held -= share * larger(*held - parameters.nominal_voltage, 0.0);
-                Some(*held)
-            }
-            (plausible, _) => {
-                if !is_replaced {
-                    *plausible = measured;
-                }
-                measured
-            }
+    /// A supply that fails passes plausible voltages on its way, through the lag of its sensor, which a sensor that fails
+    /// does not. So the line through the last two plausible voltages leads to the right one for both.
+    pub fn compensated(&mut self, measured: Option<f64>, is_replaced: bool) -> Option<f64> {
+        let voltage = measured?;
+        let [last, before] = self.plausible.unwrap_or([voltage; 2]);
+        if is_replaced {
+            return Some(2.0 * last - before);
         }
+        self.plausible = Some([voltage, last]);
+        Some(voltage)
     }
 }
 

@@ -98,6 +98,12 @@ impl BoostLaw {
         }
     }
 
+    /// The same with an integral term (%).
+    pub fn with_integral(mut self, integral: f64) -> Self {
+        self.pid.integral = integral;
+        self
+    }
+
     /// The same with all pressures (Pa) converted.
     pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
         self.pid.convert(&pressure);

@@ -88,6 +88,9 @@ pub struct ControlLaw {
     by_speed: BySpeed,
     actuator_reach: ActuatorReach,
     diagnosis: Diagnosis,
+    /// The integral term (%) when boost pressure last changed with the engine running: what a sensor taught that was
+    /// alive.
+    learnt_integral: f64,
 }
 
 /// What a calibrator sees of the limits and conditions behind a command.
@@ -201,7 +204,7 @@ impl Sampled for ControlLaw {
 
         let measured = self.supply_voltage.measured(inputs.supply_voltage_measured);
         let is_replaced = self.diagnosis.replaces_supply_voltage(parameters);
-        let supply_voltage = self.supply_voltage.compensated(parameters, measured, is_replaced);
+        let supply_voltage = self.supply_voltage.compensated(measured, is_replaced);
         let compensator = Compensator::new(parameters, supply_voltage);
         if parameters.mode == ControlMode::Boost
             && self.actuator_is_out_of_reach(parameters, inputs, measured, boost_control)
@@ -209,7 +212,8 @@ impl Sampled for ControlLaw {
             boost_control = BoostControl::LeastBoost;
         }
         if self.diagnosis.boost_sensor_misled() && self.law.is_some() {
-            self.law = Some(self.law_at(parameters, feedforward::bounded_reference(parameters, inputs)));
+            let reference = feedforward::bounded_reference(parameters, inputs);
+            self.law = Some(self.law_at(parameters, reference).with_integral(self.learnt_integral));
         }
         let command = match boost_control {
             BoostControl::Closed => self.closed_loop(parameters, inputs, compensator, true),
@@ -219,6 +223,9 @@ impl Sampled for ControlLaw {
         self.by_speed.log_since(was_by_speed, inputs, context);
         publish(locals, outputs, &command, compensator, vacuum_pump);
         locals.anti_windup_cut = self.law.as_ref().map_or(0.0, BoostLaw::blocked);
+        if self.diagnosis.learns(inputs) {
+            self.learnt_integral = locals.integral_term;
+        }
         self.diagnosis.check_filling(parameters, inputs, outputs);
         if parameters.mode == ControlMode::Boost && boost_control != BoostControl::LeastBoost {
             self.check_loop(parameters, inputs, &command);

@@ -63,7 +63,7 @@ pub struct BoostSensor {
     is_outside: bool,
     /// How long the measurement has been near the expected pressure (s), and whether it has changed meanwhile.
     near: f64,
-    is_alive: bool,
+    has_changed: bool,
     /// Whether the sensor was just found by what it showed for long, so that the integral term followed it.
     has_misled: bool,
 }
@@ -108,12 +108,12 @@ impl BoostSensor {
     pub fn recover(&mut self, parameters: &Parameters, measured: f64, expected: f64) {
         let is_near = (measured - expected).abs() < parameters.diagnosis.answer_error;
         if !self.is_implausible || self.is_outside || !is_near {
-            (self.near, self.is_alive) = (0.0, false);
+            (self.near, self.has_changed) = (0.0, false);
             return;
         }
         self.near += parameters.sample_time;
-        self.is_alive |= !self.signal.is_constant();
-        if self.is_alive && self.near >= RECOVERY {
+        self.has_changed |= !self.signal.is_constant();
+        if self.has_changed && self.near >= RECOVERY {
             self.is_implausible = false;
         }
     }
@@ -121,6 +121,11 @@ impl BoostSensor {
     /// Whether the sensor was found, since the last call, after the integral term had followed it.
     pub fn take_misled(&mut self) -> bool {
         std::mem::take(&mut self.has_misled)
+    }
+
+    /// Whether the measurement is plausible and changed at this sample.
+    pub fn is_alive(&self) -> bool {
+        self.is_usable() && !self.signal.is_constant()
     }
 
     /// Whether the sensor has been found implausible.

@@ -6,7 +6,7 @@
 //! | loop not answering | boost, far from its reference, does not follow a moving virtual duty; or the integral term has drifted to its limit | least boost once boost stays above its reference by 20 kPa |
 //! | tank not filling | the pressure does not fall with the pump on | none: the pump stays on, and the valves act once the [`Reach`](super::actuator_reach) is lost |
 //! | tank sensor implausible | out of range | pump timed |
-//! | supply sensor implausible | out of range | the last plausible voltage |
+//! | supply sensor implausible | out of range | the voltage that the last plausible ones lead to |
 //!
 //! A limp-home must never make it worse than no diagnosis would: each one acts on an effect that it removes, not on a
 //! cause that it supposes.
@@ -213,6 +213,11 @@ impl Diagnosis {
     /// Whether the boost sensor was just found to have misled the integral term.
     pub fn boost_sensor_misled(&mut self) -> bool {
         self.boost_sensor.take_misled()
+    }
+
+    /// Whether the integral term learns from this sample: the engine runs, and the boost sensor is alive.
+    pub fn learns(&self, inputs: &Inputs) -> bool {
+        inputs.engine_speed >= boost_sensor::ENGINE_RUNS_FROM && self.boost_sensor.is_alive()
     }
 
     /// Whether the pump is to run, given the relay's command.
