@@ -40,8 +40,9 @@ pub struct Answer {
     /// Virtual duty (%) and the driver's reference (Pa), filtered; none before the first sample.
     before: Option<[f64; 2]>,
     demand: Option<Demand>,
-    /// [`Asked::day`] at the start of the judgement.
+    /// [`Asked::day`] and the engine speed (rpm) at the start of the judgement.
     day: f64,
+    engine_speed: f64,
 }
 
 /// The time since boost is far from its reference.
@@ -51,8 +52,6 @@ struct Demand {
     sign: f64,
     /// The boost pressure (Pa) farthest from the reference.
     farthest: f64,
-    /// The engine speed (rpm) at the start.
-    engine_speed: f64,
     /// The driver's reference (Pa) before.
     reference_before: f64,
     /// The schedule's pressure (Pa) for the duty before.
@@ -76,9 +75,11 @@ impl Answer {
         virtual_duty: f64,
     ) -> Verdict {
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
-        // The reference moved at reference conditions, though not here.
-        if (asked.day - self.day).abs() >= limits.answer_error {
-            *self = Self { day: asked.day, ..Self::default() };
+        // The reference moved at reference conditions, though not here; or a ramp moved the duty. What was before does not
+        // count.
+        let is_steady = (engine_speed - self.engine_speed).abs() <= STEADY_SPEED;
+        if !is_steady || (asked.day - self.day).abs() >= limits.answer_error {
+            *self = Self { day: asked.day, engine_speed, ..Self::default() };
         }
         let now = [virtual_duty, asked.by_driver];
         let before = self.before.unwrap_or(now);
@@ -92,14 +93,10 @@ impl Answer {
             let has_arrived = self.demand.take().is_some_and(arrives);
             return if has_arrived { Verdict::Answers } else { Verdict::Unknown };
         }
-        let is_steady = |demand: &Demand| (engine_speed - demand.engine_speed).abs() <= STEADY_SPEED;
-        // What was before a ramp does not count after it.
-        let before = if self.demand.as_ref().is_none_or(is_steady) { before } else { now };
-        let lasting = self.demand.filter(|demand| demand.sign * error > 0.0 && is_steady(demand));
+        let lasting = self.demand.filter(|demand| demand.sign * error > 0.0);
         let demand = self.demand.insert(lasting.unwrap_or_else(|| Demand {
             sign: error.signum(),
             farthest: boost_pressure,
-            engine_speed,
             reference_before: before[1],
             held_before: here.pressure_held_by(before[0]),
             ..Demand::default()
