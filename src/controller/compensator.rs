@@ -5,7 +5,8 @@
 
 use fmu_export::Persistent;
 
-use super::variables::{ActiveLimit, Parameters};
+use super::estimate::{Level, Measured};
+use super::variables::{ActiveLimit, ControlMode, FeedbackStructure, Parameters, Strategy};
 use crate::elementary::{larger, smaller};
 
 /// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
@@ -18,9 +19,11 @@ const LEAST_MEASUREMENT: f64 = 3.0;
 /// The largest duty (%).
 const FULL_DUTY: f64 = 100.0;
 
-/// The supply voltage to compensate for.
+/// The supply voltage to compensate for, without its noise in the strategy `split_range`, but for the paper's structure:
+/// each movement of the wastegate costs vacuum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SupplyVoltage {
+    level: Level,
     /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
     is_measured: bool,
     /// The last plausible measurement (V), and the one before.
@@ -38,13 +41,25 @@ impl SupplyVoltage {
     ///
     /// A supply that fails passes plausible voltages on its way, through the lag of its sensor, which a sensor that fails
     /// does not. So the line through the last two plausible voltages leads to the right one for both.
-    pub fn compensated(&mut self, measured: Option<f64>, is_replaced: bool) -> Option<f64> {
-        let voltage = measured?;
-        let [last, before] = self.plausible.unwrap_or([voltage; 2]);
-        if is_replaced {
+    pub fn compensated(
+        &mut self,
+        parameters: &Parameters,
+        measured: Option<f64>,
+        is_replaced: bool,
+    ) -> Option<f64> {
+        let mut voltage = measured?;
+        if let Some([last, before]) = self.plausible.filter(|_| is_replaced) {
             return Some(2.0 * last - before);
         }
-        self.plausible = Some([voltage, last]);
+        if let (ControlMode::Boost, Strategy::SplitRange, FeedbackStructure::ModelReference) =
+            (parameters.mode, parameters.strategy, parameters.structure)
+        {
+            let &Parameters { sample_time, actuator_lag, ref measurement, .. } = parameters;
+            let noise = measurement.supply_voltage_noise;
+            voltage = self.level.sample(Measured { sample_time, noise, response: actuator_lag }, voltage);
+        }
+        let before = self.plausible.map_or(voltage, |[last, _]| last);
+        self.plausible = Some([voltage, before]);
         Some(voltage)
     }
 }

@@ -9,8 +9,13 @@
 use fmu_export::Persistent;
 
 use super::allocation::ramp;
+use super::schedule::LocalModel;
 use super::variables::{FirmnessParameters, Parameters};
 use crate::elementary::{between, larger};
+
+/// The largest gain at rest (%/Pa). The vacuum sustains 100 Pa of noise with it where the engine responds least to the
+/// duty, at 1000 rpm; elsewhere the gain is smaller.
+const LARGEST_GAIN: f64 = 4e-3;
 
 /// From 0 at rest to 1 on a fast ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -32,14 +37,12 @@ impl Firmness {
         self.share
     }
 
-    /// λ of the feedback (s).
-    pub fn lambda(self, parameters: &Parameters) -> f64 {
-        between(parameters.feedback_lambda, parameters.actuator_lag, self.share)
-    }
-
-    /// The time constant (s) of the measurement's filter.
-    pub fn filter_time(self, parameters: &Parameters) -> f64 {
-        larger(self.lambda(parameters) - parameters.actuator_lag, 0.0)
+    /// λ of the feedback (s) for a local model: at rest at least `feedback_lambda`, and longer where its gain would exceed
+    /// [`LARGEST_GAIN`].
+    pub fn lambda(self, parameters: &Parameters, model: &LocalModel) -> f64 {
+        let of_largest_gain = model.time_constant / (LARGEST_GAIN * model.gain.abs()) - 0.5 * model.delay;
+        let at_rest = larger(parameters.feedback_lambda, of_largest_gain);
+        between(at_rest, parameters.actuator_lag, self.share)
     }
 
     /// The lead (s) of the derivative term.

@@ -31,6 +31,7 @@ mod by_speed;
 mod compensator;
 mod day;
 mod diagnosis;
+mod estimate;
 pub mod feedback;
 mod feedforward;
 mod firmness;
@@ -204,7 +205,7 @@ impl Sampled for ControlLaw {
 
         let measured = self.supply_voltage.measured(inputs.supply_voltage_measured);
         let is_replaced = self.diagnosis.replaces_supply_voltage(parameters);
-        let supply_voltage = self.supply_voltage.compensated(measured, is_replaced);
+        let supply_voltage = self.supply_voltage.compensated(parameters, measured, is_replaced);
         let compensator = Compensator::new(parameters, supply_voltage);
         if parameters.mode == ControlMode::Boost
             && self.actuator_is_out_of_reach(parameters, inputs, measured, boost_control)

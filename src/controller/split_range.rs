@@ -16,6 +16,7 @@ use super::allocation::{self, Bypass, Openings};
 use super::compensator::{Compensator, Limits};
 use super::day::Day;
 use super::diagnosis::Asked;
+use super::estimate::{Line, Measured};
 use super::feedback::FeedbackSettings;
 use super::feedforward;
 use super::firmness::Firmness;
@@ -32,7 +33,7 @@ use crate::elementary::{between, larger, smaller};
 /// The strategy's memory, in addition to the law's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SplitRange {
-    engine_speed: Lag,
+    engine_speed: Line,
     firmness: Firmness,
     measured: Lag,
     asked: Lag,
@@ -59,6 +60,13 @@ impl SplitRange {
     ) -> Command {
         let &Parameters { sample_time, actuator_lag, ref allocation, .. } = parameters;
         let day = self.convert(law, parameters, inputs);
+        let measured = Measured {
+            sample_time,
+            noise: parameters.measurement.engine_speed_noise,
+            response: actuator_lag,
+        };
+        let (engine_speed, rate) = self.engine_speed.sample(measured, inputs.engine_speed);
+        let inputs = &Inputs { engine_speed, ..*inputs };
         let pressure = law.model_pressure();
         let speed_factor = day.speed_factor(pressure);
         let engine_speed = speed_factor * inputs.engine_speed;
@@ -68,10 +76,7 @@ impl SplitRange {
         };
         // As fast as the actuator permits.
         let model_lambda = larger(2.0 * actuator_lag, sample_time);
-        let rate_filter = 0.5 * actuator_lag;
-        let rate = self.engine_speed.rate(sample_time, rate_filter, inputs.engine_speed);
-
-        let to_come = inputs.engine_speed + (model_lambda + rate_filter) * rate;
+        let to_come = inputs.engine_speed + model_lambda * rate;
         let gain = || at(pressure).local_model().gain;
         let limit = self
             .shaft_speed
@@ -91,22 +96,33 @@ impl SplitRange {
         let firmness = if least > own_limits.least { Firmness::default() } else { changing };
         // Boost follows its reference with `reference_lambda` in all, slower by as much as the ambient conditions slow the
         // shafts: for a faster step the wastegate shuts, and opens too late.
-        let (reference_lag, filter_time) = match parameters.structure {
-            FeedbackStructure::Paper => (0.0, 0.0),
-            FeedbackStructure::ModelReference => (
-                parameters.reference_lambda * day.time_scale() - model_lambda,
-                firmness.filter_time(parameters),
-            ),
+        let reference_lag = match parameters.structure {
+            FeedbackStructure::Paper => 0.0,
+            FeedbackStructure::ModelReference => {
+                parameters.reference_lambda * day.time_scale() - model_lambda
+            }
         };
         let asked = feedforward::bounded_reference(parameters, inputs);
         let asked = self.asked.sample(sample_time, reference_lag, asked);
         let asked = day.scheduled_pressure(asked);
         let reference = smaller(asked, limit);
+        let operating_point = at(reference);
+        let local = operating_point.local_model();
+        let (lambda, filter_time) = match parameters.structure {
+            FeedbackStructure::Paper => {
+                let &Parameters { lambda, feedback_lambda, .. } = parameters;
+                (between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed)), 0.0)
+            }
+            FeedbackStructure::ModelReference => {
+                let lambda = firmness.lambda(parameters, &local);
+                (lambda, larger(lambda - actuator_lag, 0.0))
+            }
+        };
         let measurement_filter = if is_measured { filter_time } else { 0.0 };
         let measured = self.measured.sample(sample_time, measurement_filter, inputs.boost_pressure);
-        let operating_point = at(reference).slower(day.time_scale(), filter_time);
-        let (feedback, derivative_filter) =
-            feedback(parameters, &operating_point.local_model(), engine_speed, firmness);
+        let operating_point = operating_point.slower(day.time_scale(), filter_time);
+        let local = LocalModel { delay: local.delay + filter_time, ..local };
+        let (feedback, derivative_filter) = feedback(parameters, &local, lambda, firmness);
 
         let (rate, bypass) = (day.time_scale() * (speed_factor * rate), self.bypass.opening());
         let holding = speed_feedforward::holding_duty(parameters, pressure, engine_speed, rate, bypass);
@@ -209,26 +225,21 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
 }
 
-/// The settings of the feedback for a local model at an engine speed (rpm), and its derivative time over the time
-/// constant of the derivative filter.
+/// The settings of the feedback for a local model with a λ (s), and its derivative time over the time constant of the
+/// derivative filter.
 fn feedback(
     parameters: &Parameters,
     model: &LocalModel,
-    engine_speed: f64,
+    lambda: f64,
     firmness: Firmness,
 ) -> (FeedbackSettings, f64) {
-    let &Parameters { sample_time, lambda, feedback_lambda, derivative_filter, ref allocation, .. } =
-        parameters;
+    let settings = FeedbackSettings::new(model, lambda);
     match parameters.structure {
-        FeedbackStructure::Paper => {
-            let lambda = between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed));
-            (FeedbackSettings::new(model, lambda), derivative_filter)
-        }
+        FeedbackStructure::Paper => (settings, parameters.derivative_filter),
         FeedbackStructure::ModelReference => {
-            let settings = FeedbackSettings::new(model, firmness.lambda(parameters))
-                .with_lead(firmness.lead(parameters));
+            let settings = settings.with_lead(firmness.lead(parameters));
             // Over one sample: a slower filter would cost the lead.
-            (settings, larger(settings.derivative_time / sample_time, 1.0))
+            (settings, larger(settings.derivative_time / parameters.sample_time, 1.0))
         }
     }
 }

@@ -69,9 +69,40 @@ class Lag:
         return self.value
 
 
+def longer(memory: float) -> float:
+    return min(memory + 1, 0.4 / SAMPLE_TIME)
+
+
+class Level:
+    def __init__(self) -> None:
+        self.value = self.memory = 0.0
+
+    def __call__(self, noise: float, response: float, signal: float) -> float:
+        error = signal - self.value
+        self.memory = 1 - response / SAMPLE_TIME if abs(error) > noise else longer(self.memory)
+        self.value += error / max(self.memory, 1)
+        return self.value
+
+
+class Line:
+    def __init__(self) -> None:
+        self.value: float | None = None
+        self.rate = self.memory = 0.0
+
+    def __call__(self, noise: float, response: float, signal: float) -> tuple[float, float]:
+        expected = (signal if self.value is None else self.value) + SAMPLE_TIME * self.rate
+        error = signal - expected
+        bends = self.value is None or abs(error) > noise
+        self.memory = max(response / SAMPLE_TIME, 2) if bends else longer(self.memory)
+        share = self.memory * (self.memory + 1)
+        self.value = expected + (4 * self.memory - 2) / share * error
+        self.rate += 6 / share * error / SAMPLE_TIME
+        return self.value, self.rate
+
+
 class Controller:
     def __init__(self) -> None:
-        self.speed, self.measured, self.asked = Lag(), Lag(), Lag()
+        self.speed, self.voltage, self.measured, self.asked = Line(), Level(), Lag(), Lag()
         self.firmness = self.integral = self.derivative = 0.0
         self.model = self.before = self.delayed = self.gain = self.bypass = None
         self.pump = 0.0
@@ -98,13 +129,10 @@ class Controller:
             self.model = self.before = boost
         lag = P["actuator_lag"]
         model_lambda = 2 * lag
-        rate = (speed - self.speed(lag / 2, speed)) / (lag / 2)
+        speed, rate = self.speed(P["measurement.engine_speed_noise"], lag, speed)
+        voltage = self.voltage(P["measurement.supply_voltage_noise"], lag, voltage)
         fades = self.firmness - SAMPLE_TIME / P["firmness.fading_time"]
         self.firmness = max(clip(abs(rate) / P["firmness.full_rate"], 0, 1), fades)
-        feedback_lambda = P["feedback_lambda"] + self.firmness * (lag - P["feedback_lambda"])
-        filter_time = max(feedback_lambda - lag, 0)
-        measurement = self.measured(filter_time, boost)
-
         limits = P["range_schedule.boost_limit"]
         index, share = place(SPEEDS, speed)
         limit = (1 - share) * limits[index] + share * limits[index + 1]
@@ -117,7 +145,13 @@ class Controller:
         most = start + span / (1 + shape) if speed > shut else min(P["pwm_max"], 100 / compensation)
 
         time_constant = table("time_constant", r, speed)
-        delay = table("delay", r, speed) + filter_time
+        delay = table("delay", r, speed)
+        # The gain at rest is at most 4 %/kPa.
+        at_rest = max(P["feedback_lambda"], time_constant / (4e-3 * abs(table("gain", r, speed))) - delay / 2)
+        feedback_lambda = at_rest + self.firmness * (lag - at_rest)
+        filter_time = max(feedback_lambda - lag, 0)
+        measurement = self.measured(filter_time, boost)
+        delay += filter_time
         integral_gain = 1 / (table("gain", r, speed) * (delay / 2 + feedback_lambda))
         integral_time = time_constant + delay / 2
         gain = integral_time * integral_gain

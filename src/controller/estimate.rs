@@ -1,0 +1,91 @@
+//! A measured signal without its noise: at rest from a long memory, and prompt when it changes.
+//!
+//! While samples agree with the estimate within their noise, each further one makes it more certain, and the memory grows
+//! up to [`LONGEST_MEMORY`]. A sample farther away cannot be noise: the signal has changed, and what is older is
+//! forgotten. A linear filter has one memory: as short as engine speed ramps need, noise of 10 rpm drains the vacuum; as
+//! long as noise needs, ramps deviate.
+//!
+//! The gains are those of least squares over the memory, of a constant and of a line (Brookner, Tracking and Kalman
+//! Filtering Made Easy, 1998, section 1.2.10: growing-memory filters).
+
+use fmu_export::Persistent;
+
+use crate::elementary::{larger, smaller};
+
+/// The longest memory (s): noise of 10 rpm leaves 15 rpm/s, 1 % of a fast ramp.
+const LONGEST_MEMORY: f64 = 0.4;
+
+/// How a signal is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// The sample time (s).
+    pub sample_time: f64,
+    /// The distance between signal and measurement that noise does not exceed.
+    pub noise: f64,
+    /// The time (s) in which what the signal moves responds to it, and faster changes of an estimate are of no use.
+    pub response: f64,
+}
+
+impl Measured {
+    /// A time in samples.
+    fn samples(self, time: f64) -> f64 {
+        time / self.sample_time
+    }
+
+    /// The memory (samples) with one more sample.
+    fn longer(self, memory: f64) -> f64 {
+        smaller(memory + 1.0, larger(self.samples(LONGEST_MEMORY), 2.0))
+    }
+}
+
+/// A signal that is constant but for steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Level {
+    value: f64,
+    /// The memory in samples; none in the response time after a step, in which the sensor still moves.
+    memory: f64,
+}
+
+impl Level {
+    /// The level at a sample of the signal.
+    pub fn sample(&mut self, measured: Measured, signal: f64) -> f64 {
+        let error = signal - self.value;
+        self.memory = if error.abs() > measured.noise {
+            1.0 - measured.samples(measured.response)
+        } else {
+            measured.longer(self.memory)
+        };
+        self.value += error / larger(self.memory, 1.0);
+        self.value
+    }
+}
+
+/// A signal that is a straight line but for bends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+pub struct Line {
+    /// The value at the last sample; none before the first.
+    value: Option<f64>,
+    /// The rate of change (1/s).
+    rate: f64,
+    /// The memory in samples.
+    memory: f64,
+}
+
+impl Line {
+    /// The value and its rate of change (1/s) at a sample of the signal. The line starts level.
+    pub fn sample(&mut self, measured: Measured, signal: f64) -> (f64, f64) {
+        let before = self.value.unwrap_or(signal);
+        let expected = before + measured.sample_time * self.rate;
+        let error = signal - expected;
+        self.memory = if self.value.is_none() || error.abs() > measured.noise {
+            larger(measured.samples(measured.response), 2.0)
+        } else {
+            measured.longer(self.memory)
+        };
+        let gain = 1.0 / (self.memory * (self.memory + 1.0));
+        let value = expected + gain * (4.0 * self.memory - 2.0) * error;
+        self.rate += gain * 6.0 * error / measured.sample_time;
+        self.value = Some(value);
+        (value, self.rate)
+    }
+}
