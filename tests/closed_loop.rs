@@ -104,6 +104,9 @@ struct Loop {
     noise_deviation: f64,
     /// The step of the converter of the measured boost pressure (Pa); 0 for none.
     converter_step: f64,
+    /// Standard deviations of the noise of engine speed (rpm) and supply voltage (V), with that of boost pressure.
+    speed_deviation: f64,
+    supply_deviation: f64,
     /// Whether the controller gets the speed of the high-pressure shaft.
     measures_shaft: bool,
 }
@@ -139,6 +142,8 @@ impl Loop {
             noise,
             noise_deviation: 100.0,
             converter_step: 0.0,
+            speed_deviation: 0.0,
+            supply_deviation: 0.0,
             measures_shaft: false,
         };
         change(&mut this.controller.variables.parameters, &mut this.plant.variables.parameters);
@@ -241,8 +246,12 @@ impl Loop {
         let mut inputs = self.measurements();
         if let Some(random) = &mut self.noise {
             // A normal distribution, as the sum of twelve uniform ones.
-            let sum: f64 = (0..12).map(|_| random.between(-0.5, 0.5)).sum();
-            inputs.boost_pressure += self.noise_deviation * sum;
+            let mut draw = || (0..12).map(|_| random.between(-0.5, 0.5)).sum::<f64>();
+            inputs.boost_pressure += self.noise_deviation * draw();
+            if self.speed_deviation > 0.0 {
+                inputs.engine_speed += self.speed_deviation * draw();
+                inputs.supply_voltage_measured += self.supply_deviation * draw();
+            }
         }
         if self.converter_step > 0.0 {
             inputs.boost_pressure =
