@@ -2,7 +2,9 @@
 //!
 //! It opens by vacuum, so that neither the tank's pressure nor the one that the valve reaches at full duty may be above
 //! the pressure that the chamber needs. An engine starts with air in its tank, which the pump empties in some two
-//! minutes; a leak, a dead pump or a failing supply take the vacuum away later. The other valves then limit boost.
+//! minutes, while the other valves limit boost. A leak, a dead pump or a failing supply take the vacuum away later: the
+//! other valves then limit boost once it is too high, since at low engine speed the high-pressure stage alone may not
+//! raise it.
 
 use fmu_export::Persistent;
 

@@ -40,7 +40,8 @@ impl SupplyVoltage {
     /// The voltage to compensate for (V), from the measured one, if it is not replaced.
     ///
     /// A supply that fails passes plausible voltages on its way, through the lag of its sensor, which a sensor that fails
-    /// does not. So the line through the last two plausible voltages leads to the right one for both.
+    /// does not. So the line through the last two plausible voltages leads to the right one for both, and what is measured
+    /// replaces it only on its way back.
     pub fn compensated(
         &mut self,
         parameters: &Parameters,
@@ -49,7 +50,8 @@ impl SupplyVoltage {
     ) -> Option<f64> {
         let mut voltage = measured?;
         if let Some([last, before]) = self.plausible.filter(|_| is_replaced) {
-            return Some(2.0 * last - before);
+            let ahead = 2.0 * last - before;
+            return Some(if voltage < last { larger(voltage, ahead) } else { smaller(voltage, ahead) });
         }
         if let (ControlMode::Boost, Strategy::SplitRange, FeedbackStructure::ModelReference) =
             (parameters.mode, parameters.strategy, parameters.structure)

@@ -324,7 +324,7 @@ impl ControlLaw {
             Strategy::SplitRange => {
                 let day = Day::measured(parameters, inputs);
                 command.hp_duty = day.duty(parameters, command.hp_duty);
-                command.openings.hp_bypass = self.split_range.shut_bypass(parameters);
+                command.openings.hp_bypass = self.split_range.follow(parameters, inputs);
                 command
             }
             Strategy::BySpeed => command,

@@ -60,12 +60,8 @@ impl SplitRange {
     ) -> Command {
         let &Parameters { sample_time, actuator_lag, ref allocation, .. } = parameters;
         let day = self.convert(law, parameters, inputs);
-        let measured = Measured {
-            sample_time,
-            noise: parameters.measurement.engine_speed_noise,
-            response: actuator_lag,
-        };
-        let (engine_speed, rate) = self.engine_speed.sample(measured, inputs.engine_speed);
+        let (engine_speed, rate) =
+            self.engine_speed.sample(measured_engine_speed(parameters), inputs.engine_speed);
         let inputs = &Inputs { engine_speed, ..*inputs };
         let pressure = law.model_pressure();
         let speed_factor = day.speed_factor(pressure);
@@ -184,8 +180,9 @@ impl SplitRange {
         day
     }
 
-    /// The opening of the bypass at a sample while it shuts.
-    pub fn shut_bypass(&mut self, parameters: &Parameters) -> f64 {
+    /// Follows a sample with all valves set for least boost; returns the opening of the bypass, which shuts.
+    pub fn follow(&mut self, parameters: &Parameters, inputs: &Inputs) -> f64 {
+        self.engine_speed.sample(measured_engine_speed(parameters), inputs.engine_speed);
         self.bypass.shut(parameters)
     }
 
@@ -211,6 +208,12 @@ impl SplitRange {
     pub fn law_at(&self, boost_pressure: f64) -> BoostLaw {
         BoostLaw::at(self.day.scheduled_pressure(boost_pressure))
     }
+}
+
+/// How engine speed (rpm) is measured.
+fn measured_engine_speed(parameters: &Parameters) -> Measured {
+    let &Parameters { sample_time, actuator_lag, ref measurement, .. } = parameters;
+    Measured { sample_time, noise: measurement.engine_speed_noise, response: actuator_lag }
 }
 
 /// The command without memory: the virtual duty that holds the reference at rest.

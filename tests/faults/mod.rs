@@ -243,7 +243,8 @@ fn a_pump_that_is_dead_and_a_leak_are_found_when_the_pump_runs() {
         let end = control.time() + 400.0;
         control.run(end, |control| most = most.max(true_boost(control)));
         assert_eq!(control.controller.variables.outputs.surge_valve, 1.0);
-        assert!(most < 150e3 + 40e3 && true_boost(&control) < 150e3, "{most} Pa at most");
+        // The other valves act once boost has been 20 kPa too high for a second, in which it rises by as much again.
+        assert!(most < 150e3 + 45e3 && true_boost(&control) < 150e3, "{most} Pa at most");
     }
 }
 
@@ -315,7 +316,7 @@ struct Effect {
 type Begin = fn(&mut Loop);
 
 /// The plant's faults, and those of its surroundings, at several sizes.
-const FAULTS: [(&str, Begin); 23] = [
+const FAULTS: [(&str, Begin); 25] = [
     ("wastegate stuck shut", |control| stick(control, 0.0)),
     ("wastegate stuck at 80 %", |control| stick(control, 0.8)),
     ("wastegate stuck where it is", |control| {
@@ -341,6 +342,8 @@ const FAULTS: [(&str, Begin); 23] = [
     ("supply sensor 8 V high", |control| fault(control).supply_sensor_offset = 8.0),
     ("dead tank sensor", |control| fault(control).tank_sensor_dead = true),
     ("supply at 5.5 V", |control| control.surroundings.supply_voltage = 5.5),
+    ("supply at 4.4 V", |control| control.surroundings.supply_voltage = 4.4),
+    ("supply at 24 V", |control| control.surroundings.supply_voltage = 24.0),
 ];
 
 fn stick(control: &mut Loop, position: f64) {
@@ -353,14 +356,18 @@ fn show(control: &mut Loop, pressure: f64) {
     (fault.boost_sensor_stuck, fault.boost_sensor_stuck_pressure) = (true, pressure);
 }
 
-fn effect((engine_speed, measures_shaft): (f64, bool), begin: Begin, limp_home: bool) -> Effect {
-    let mut control = at(engine_speed, 150e3);
+fn effect(
+    (engine_speed, boost_reference, measures_shaft): (f64, f64, bool),
+    begin: Begin,
+    limp_home: bool,
+) -> Effect {
+    let mut control = at(engine_speed, boost_reference);
     control.controller.variables.parameters.diagnosis.limp_home = limp_home;
     control.measures_shaft = measures_shaft;
     begin(&mut control);
     let mut effect = Effect::default();
     let mut look = |control: &Loop| {
-        let error = 1e-3 * (true_boost(control) - 150e3);
+        let error = 1e-3 * (true_boost(control) - boost_reference);
         effect.over = effect.over.max(error);
         effect.under = effect.under.min(error);
         effect.shaft = effect.shaft.max(1e-3 * control.plant.variables.outputs.hp_turbo_speed);
@@ -380,8 +387,13 @@ fn effect((engine_speed, measures_shaft): (f64, bool), begin: Begin, limp_home: 
 /// shaft by 1 krpm.
 #[test]
 fn a_limp_home_never_makes_it_worse() {
+    let mut random = Random(61);
     for (what, begin) in FAULTS {
-        for point in operating_points() {
+        let speed = random.between(1000.0, 5500.0);
+        let reference = random.between(if speed < 3500.0 { 120e3 } else { 140e3 }, 150e3);
+        let anywhere = (speed, reference, random.between(0.0, 1.0) < 0.5);
+        let fixed = operating_points().map(|(speed, measures_shaft)| (speed, 150e3, measures_shaft));
+        for point in fixed.chain([anywhere]) {
             let [with, without] = [true, false].map(|limp_home| effect(point, begin, limp_home));
             println!("{what}, {point:?}: {with:.1?} instead of {without:.1?}");
             assert!(with.over <= without.over + 0.5, "{what}, {point:?}: {with:?} {without:?}");
@@ -413,6 +425,89 @@ fn a_drift_of_the_boost_sensor_is_found() {
             assert!(above < 60e3 && (code(&control) == LOOP || measures_shaft), "{above} Pa");
         }
     }
+}
+
+/// What a live sensor taught of an engine that differs from the maps remains.
+#[test]
+fn a_stuck_boost_sensor_leaves_what_was_learnt() {
+    for engine_speed in [1500.0, 3000.0] {
+        let demand =
+            controller::Inputs { engine_speed, boost_reference: 145e3, ..controller::Inputs::default() };
+        let mut control = Loop::settled(demand, Order::ControllerFirst, |_, plant| {
+            plant.hp_wastegate_port.area = 3e-4;
+        });
+        control.run(20.0, |_| {});
+        assert!((true_boost(&control) - 145e3).abs() < 500.0);
+        let shown = control.boost_pressure();
+        show(&mut control, shown);
+        control.demand.boost_reference += 5e3;
+        assert_found("stuck boost sensor", &mut control, BOOST_SENSOR);
+        let deviation = deviation_at(&mut control, 40.0);
+        println!("{deviation} kPa at {engine_speed} rpm");
+        assert!(deviation.abs() < 3.0, "{deviation} kPa at {engine_speed} rpm");
+    }
+}
+
+/// Where the shaft's limit keeps boost far below its reference, ramps that release it are no step of the driver, and those
+/// of the driver during a ramp are not judged by the duty of the ramp. Two engines of studies.
+#[test]
+fn nothing_is_found_after_ramps_at_the_limit_of_the_shaft() {
+    type Points = [(f64, f64); 4];
+    let engines: [(plant::Parameters, [f64; 2], Points, [(f64, f64); 3]); 2] = [
+        (
+            engine([5.440e-5, 3.976e-4, 7.442e-7, 9.302e-7, 0.03995, 2.989, 3301.0, 19.68, 0.5509]),
+            [76_289.0, 309.7],
+            [(10.0, 5221.0), (10.6875, 4348.0), (15.6875, 4348.0), (19.65, 2668.0)],
+            [(0.0, 207.8e3), (5.0, 209.9e3), (17.6625, 209.4e3)],
+        ),
+        (
+            engine([1.4922e-4, 4.333e-4, 4.188e-7, 5.235e-7, 0.02599, 1.478, 2267.0, 19.29, 0.5019]),
+            [72_249.0, 306.7],
+            [(10.0, 4457.0), (10.2875, 4683.0), (15.2875, 4683.0), (16.6375, 2094.0)],
+            [(0.0, 198.5e3), (5.0, 197.2e3), (15.9625, 211.3e3)],
+        ),
+    ];
+    for (parameters, [ambient_pressure, ambient_temperature], speeds, references) in engines {
+        let engine_speed = speeds[0].1;
+        let surroundings =
+            plant::Inputs { engine_speed, ambient_pressure, ambient_temperature, ..plant::Inputs::default() };
+        let demand = controller::Inputs {
+            engine_speed,
+            ambient_pressure,
+            ambient_temperature,
+            boost_reference: references[0].1,
+            ..controller::Inputs::default()
+        };
+        let mut control = Loop::settled_in(surroundings, demand, Order::ControllerFirst, |_, plant| {
+            *plant = parameters;
+        });
+        control.measures_shaft = true;
+        while control.time() < speeds[3].0 + 8.0 {
+            let time = control.time();
+            let from = speeds.iter().rposition(|point| point.0 <= time).unwrap_or(0);
+            let (begin, end) = (speeds[from], speeds[(from + 1).min(3)]);
+            let share = if end.0 > begin.0 { (time - begin.0) / (end.0 - begin.0) } else { 0.0 };
+            control.surroundings.engine_speed = begin.1 + share.max(0.0) * (end.1 - begin.1);
+            let asked = references.iter().rfind(|step| step.0 <= time);
+            control.demand.boost_reference = asked.map_or(references[0].1, |step| step.1);
+            // Finds nothing, it asserts.
+            control.step();
+        }
+    }
+}
+
+/// An engine with an actuator and a wastegate of its own.
+fn engine(values: [f64; 9]) -> plant::Parameters {
+    let [volume, area, ambient, tank, plunger, friction, stiffness, preload, efficiency] = values;
+    let mut plant = plant::Variables::default().parameters;
+    plant.actuator.chamber_volume = volume;
+    plant.hp_wastegate_port.area = area;
+    (plant.valve.ambient_area, plant.valve.tank_area) = (ambient, tank);
+    plant.valve.time_constant = plunger;
+    (plant.actuator.coulomb_friction, plant.actuator.friction_stiffness) = (friction, stiffness);
+    plant.actuator.spring_preload = preload;
+    plant.hp_turbine.peak_efficiency = efficiency;
+    plant
 }
 
 /// A measurement out of range is not used, even before it is confirmed.
