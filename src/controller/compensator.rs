@@ -5,6 +5,7 @@
 
 use fmu_export::Persistent;
 
+use super::actuator_inverse::FULL_DUTY;
 use super::estimate::{Level, Measured};
 use super::variables::{ActiveLimit, ControlMode, FeedbackStructure, Parameters, Strategy};
 use crate::elementary::{larger, smaller};
@@ -15,9 +16,6 @@ const LEAST_VOLTAGE: f64 = 6.0;
 /// The lowest supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking lowers a 12
 /// V supply to no less than 3 V. Some masters pass zeros to connected inputs at the start.
 const LEAST_MEASUREMENT: f64 = 3.0;
-
-/// The largest duty (%).
-const FULL_DUTY: f64 = 100.0;
 
 /// The supply voltage to compensate for, without its noise in the strategy `split_range`, but for the paper's structure:
 /// each movement of the wastegate costs vacuum.

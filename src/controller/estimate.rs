@@ -1,9 +1,9 @@
 //! A measured signal without its noise: at rest from a long memory, and prompt when it changes.
 //!
-//! While samples agree with the estimate within their noise, each further one makes it more certain, and the memory
-//! grows. A sample farther away cannot be noise: the signal has changed, and what is older is forgotten. A linear filter
-//! has one memory: as short as engine speed ramps need, noise of 10 rpm drains the vacuum; as long as noise needs, ramps
-//! deviate.
+//! While samples agree with the estimate within their noise, each further one makes it more certain, and the memory grows
+//! up to [`LONGEST_MEMORY`]. A sample farther away cannot be noise: the signal has changed, and what is older is
+//! forgotten. A linear filter has one memory: as short as engine speed ramps need, noise of 10 rpm drains the vacuum; as
+//! long as noise needs, ramps deviate.
 //!
 //! The gains are those of least squares over the memory, of a constant and of a line (Brookner, Tracking and Kalman
 //! Filtering Made Easy, 1998, section 1.2.10: growing-memory filters).
@@ -12,9 +12,8 @@ use fmu_export::Persistent;
 
 use crate::elementary::{larger, smaller};
 
-/// The longest memory of a rate, in response times. The rate's error falls with the memory to the power 1.5, and the error
-/// of changes within the noise grows with it.
-const MEMORY_OF_RATE: f64 = 3.0;
+/// The longest memory (s): noise of 10 rpm leaves 15 rpm/s, 1 % of a fast ramp.
+const LONGEST_MEMORY: f64 = 0.4;
 
 /// How a signal is measured.
 #[derive(Clone, Copy, Debug)]
@@ -33,13 +32,13 @@ impl Measured {
         time / self.sample_time
     }
 
-    /// A memory with one more sample, up to a time (s), but at least `least` samples.
-    fn longer(self, memory: f64, longest: f64, least: f64) -> f64 {
-        smaller(memory + 1.0, larger(self.samples(longest), least))
+    /// The memory (samples) with one more sample.
+    fn longer(self, memory: f64) -> f64 {
+        smaller(memory + 1.0, larger(self.samples(LONGEST_MEMORY), 2.0))
     }
 }
 
-/// A signal that is constant but for steps: the mean over the response time.
+/// A signal that is constant but for steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Level {
     value: f64,
@@ -54,7 +53,7 @@ impl Level {
         self.memory = if error.abs() > measured.noise {
             1.0 - measured.samples(measured.response)
         } else {
-            measured.longer(self.memory, measured.response, 1.0)
+            measured.longer(self.memory)
         };
         self.value += error / larger(self.memory, 1.0);
         self.value
@@ -81,7 +80,7 @@ impl Line {
         self.memory = if self.value.is_none() || error.abs() > measured.noise {
             larger(measured.samples(measured.response), 2.0)
         } else {
-            measured.longer(self.memory, MEMORY_OF_RATE * measured.response, 2.0)
+            measured.longer(self.memory)
         };
         let gain = 1.0 / (self.memory * (self.memory + 1.0));
         let value = expected + gain * (4.0 * self.memory - 2.0) * error;

@@ -13,8 +13,8 @@ use super::schedule::LocalModel;
 use super::variables::{FirmnessParameters, Parameters};
 use crate::elementary::{between, larger};
 
-/// The largest gain at rest (%/Pa). The vacuum sustains 100 Pa of noise with it where the engine responds least to the
-/// duty, at 1000 rpm; elsewhere the gain is smaller.
+/// The largest gain at rest (%/Pa): the vacuum sustains 100 Pa of noise with it where the engine responds least to the
+/// duty, at 1000 rpm, 112 kPa or 2250 rpm, 130 kPa.
 const LARGEST_GAIN: f64 = 4e-3;
 
 /// From 0 at rest to 1 on a fast ramp.

@@ -3,7 +3,7 @@
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::feedback::FeedbackSettings;
 use boost_fmu::controller::schedule::OperatingPoint;
-use boost_fmu::controller::variables::{ControlMode, FeedbackStructure, Inputs, Parameters};
+use boost_fmu::controller::variables::{ActiveLimit, ControlMode, FeedbackStructure, Inputs, Parameters};
 
 use crate::bench::Bench;
 
@@ -113,12 +113,15 @@ fn the_first_sample_of_the_reference_model_by_hand() {
 fn the_reference_is_limited() {
     let limited = Inputs { boost_reference: 240e3, engine_speed: 2000.0, ..Inputs::default() };
     let beyond = Inputs { boost_reference: 900e3, ..limited };
-    let outputs = [limited, beyond].map(|inputs| {
+    let [limited, mut beyond] = [limited, beyond].map(|inputs| {
         let mut bench = Bench::new(&inputs, |_| {});
         let initial = bench.variables.outputs;
         (initial, bench.sample(0, &inputs), bench.variables.locals)
     });
-    assert_eq!(outputs[0], outputs[1]);
+    assert_eq!(limited.2.active_limit, ActiveLimit::None);
+    assert_eq!(beyond.2.active_limit, ActiveLimit::BoostLimit);
+    beyond.2.active_limit = ActiveLimit::None;
+    assert_eq!(limited, beyond);
 }
 
 /// Twelve volts over the measured ones, down to six; never more than full duty. Below three nothing is measured.

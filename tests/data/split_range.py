@@ -69,8 +69,8 @@ class Lag:
         return self.value
 
 
-def longer(memory: float, longest: float) -> float:
-    return min(memory + 1, longest / SAMPLE_TIME)
+def longer(memory: float) -> float:
+    return min(memory + 1, 0.4 / SAMPLE_TIME)
 
 
 class Level:
@@ -79,7 +79,7 @@ class Level:
 
     def __call__(self, noise: float, response: float, signal: float) -> float:
         error = signal - self.value
-        self.memory = 1 - response / SAMPLE_TIME if abs(error) > noise else longer(self.memory, response)
+        self.memory = 1 - response / SAMPLE_TIME if abs(error) > noise else longer(self.memory)
         self.value += error / max(self.memory, 1)
         return self.value
 
@@ -93,7 +93,7 @@ class Line:
         expected = (signal if self.value is None else self.value) + SAMPLE_TIME * self.rate
         error = signal - expected
         bends = self.value is None or abs(error) > noise
-        self.memory = max(response / SAMPLE_TIME, 2) if bends else longer(self.memory, 3 * response)
+        self.memory = max(response / SAMPLE_TIME, 2) if bends else longer(self.memory)
         share = self.memory * (self.memory + 1)
         self.value = expected + (4 * self.memory - 2) / share * error
         self.rate += 6 / share * error / SAMPLE_TIME
