@@ -32,9 +32,14 @@ impl Measured {
         time / self.sample_time
     }
 
+    /// The longest memory (samples).
+    fn longest(self) -> f64 {
+        larger(self.samples(LONGEST_MEMORY), 2.0)
+    }
+
     /// The memory (samples) with one more sample.
     fn longer(self, memory: f64) -> f64 {
-        smaller(memory + 1.0, larger(self.samples(LONGEST_MEMORY), 2.0))
+        smaller(memory + 1.0, self.longest())
     }
 }
 
@@ -69,6 +74,8 @@ pub struct Line {
     rate: f64,
     /// The memory in samples.
     memory: f64,
+    /// The error of the line, filtered with the response time.
+    mean_error: f64,
 }
 
 impl Line {
@@ -77,7 +84,13 @@ impl Line {
         let before = self.value.unwrap_or(signal);
         let expected = before + measured.sample_time * self.rate;
         let error = signal - expected;
-        self.memory = if self.value.is_none() || error.abs() > measured.noise {
+        // A slow bend hides in the noise of a sample, but not in the mean, whose variance is smaller by share / (2 - share).
+        let share = 1.0 / larger(measured.samples(measured.response), 1.0);
+        self.mean_error += share * (error - self.mean_error);
+        let bends_slowly = self.memory >= measured.longest()
+            && (2.0 - share) * self.mean_error * self.mean_error > share * measured.noise * measured.noise;
+        self.memory = if self.value.is_none() || bends_slowly || error.abs() > measured.noise {
+            self.mean_error = 0.0;
             larger(measured.samples(measured.response), 2.0)
         } else {
             measured.longer(self.memory)

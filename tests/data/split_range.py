@@ -87,12 +87,17 @@ class Level:
 class Line:
     def __init__(self) -> None:
         self.value: float | None = None
-        self.rate = self.memory = 0.0
+        self.rate = self.memory = self.mean_error = 0.0
 
     def __call__(self, noise: float, response: float, signal: float) -> tuple[float, float]:
         expected = (signal if self.value is None else self.value) + SAMPLE_TIME * self.rate
         error = signal - expected
-        bends = self.value is None or abs(error) > noise
+        share = SAMPLE_TIME / response
+        self.mean_error += share * (error - self.mean_error)
+        slowly = (2 - share) * self.mean_error**2 > share * noise**2
+        complete = self.memory >= 0.4 / SAMPLE_TIME
+        bends = self.value is None or abs(error) > noise or (complete and slowly)
+        self.mean_error = 0.0 if bends else self.mean_error
         self.memory = max(response / SAMPLE_TIME, 2) if bends else longer(self.memory)
         share = self.memory * (self.memory + 1)
         self.value = expected + (4 * self.memory - 2) / share * error
