@@ -104,16 +104,7 @@ impl SplitRange {
         let reference = smaller(asked, limit);
         let operating_point = at(reference);
         let local = operating_point.local_model();
-        let (lambda, filter_time) = match parameters.structure {
-            FeedbackStructure::Paper => {
-                let &Parameters { lambda, feedback_lambda, .. } = parameters;
-                (between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed)), 0.0)
-            }
-            FeedbackStructure::ModelReference => {
-                let lambda = firmness.lambda(parameters, &local);
-                (lambda, larger(lambda - actuator_lag, 0.0))
-            }
-        };
+        let (lambda, filter_time) = response(parameters, &local, engine_speed, firmness);
         let measurement_filter = if is_measured { filter_time } else { 0.0 };
         let measured = self.measured.sample(sample_time, measurement_filter, inputs.boost_pressure);
         let operating_point = operating_point.slower(day.time_scale(), filter_time);
@@ -226,6 +217,25 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
     command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
+}
+
+/// λ of the feedback for a local model at an engine speed (rpm), and the time constant of the measurement's filter (s).
+fn response(
+    parameters: &Parameters,
+    model: &LocalModel,
+    engine_speed: f64,
+    firmness: Firmness,
+) -> (f64, f64) {
+    match parameters.structure {
+        FeedbackStructure::Paper => {
+            let &Parameters { lambda, feedback_lambda, ref allocation, .. } = parameters;
+            (between(lambda, feedback_lambda, allocation.low_pressure_share(engine_speed)), 0.0)
+        }
+        FeedbackStructure::ModelReference => {
+            let lambda = firmness.lambda(parameters, model);
+            (lambda, larger(lambda - parameters.actuator_lag, 0.0))
+        }
+    }
 }
 
 /// The settings of the feedback for a local model with a λ (s), and its derivative time over the time constant of the

@@ -452,8 +452,9 @@ fn a_stuck_boost_sensor_leaves_what_was_learnt() {
 /// of the driver during a ramp are not judged by the duty of the ramp. Two engines of studies.
 #[test]
 fn nothing_is_found_after_ramps_at_the_limit_of_the_shaft() {
-    type Points = [(f64, f64); 4];
-    let engines: [(plant::Parameters, [f64; 2], Points, [(f64, f64); 3]); 2] = [
+    // With ambient pressure and temperature, and points of engine speed and of the reference over time.
+    type Case = (plant::Parameters, [f64; 2], [(f64, f64); 4], [(f64, f64); 3]);
+    let cases: [Case; 2] = [
         (
             engine([5.440e-5, 3.976e-4, 7.442e-7, 9.302e-7, 0.03995, 2.989, 3301.0, 19.68, 0.5509]),
             [76_289.0, 309.7],
@@ -467,7 +468,7 @@ fn nothing_is_found_after_ramps_at_the_limit_of_the_shaft() {
             [(0.0, 198.5e3), (5.0, 197.2e3), (15.9625, 211.3e3)],
         ),
     ];
-    for (parameters, [ambient_pressure, ambient_temperature], speeds, references) in engines {
+    for (parameters, [ambient_pressure, ambient_temperature], speeds, references) in cases {
         let engine_speed = speeds[0].1;
         let surroundings =
             plant::Inputs { engine_speed, ambient_pressure, ambient_temperature, ..plant::Inputs::default() };
