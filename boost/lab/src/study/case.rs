@@ -402,9 +402,9 @@ impl Simulated {
             dip: self.dip(case, boost),
             rise: self.rise(case, boost),
             tank: of(TANK, &|time| time >= SETTLING).map(greatest),
-            pump: of(PUMP, &|time| time >= SETTLING).map(mean),
+            pump: of(PUMP, &|time| time >= SETTLING).map(|on| mean(on.iter().copied())),
             duty_travel: of(DUTY, &|time| time >= SETTLING)
-                .map(|duties| mean(duties.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()) / STEP),
+                .map(|duties| mean(duties.windows(2).map(|pair| (pair[1] - pair[0]).abs())) / STEP),
             unaided: (case.situation == Situation::EmptyTank).then(|| self.unaided(case, boost)).flatten(),
             faulty: self.faulty(case, boost)?,
         })
@@ -511,8 +511,9 @@ impl Simulated {
     }
 }
 
-fn mean(values: Vec<f64>) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    values.sum::<f64>() / count
 }
 
 #[cfg(test)]

@@ -221,11 +221,10 @@ impl Bound {
 impl Criteria {
     pub fn of(situation: Situation) -> Self {
         let (share_near, bounds): (_, &'static [Bound]) = match situation {
-            Situation::Ramps => (Some(0.93), &FOLLOWING),
+            // At tip-in boost falls first, as the throttle opens: that is no dip.
+            Situation::Ramps | Situation::TipIn => (Some(0.93), &FOLLOWING),
             Situation::NoisyRamps => (Some(0.9), &FOLLOWING),
             Situation::Steps => (Some(0.93), &STEPPING),
-            // As the throttle opens, boost falls first.
-            Situation::TipIn => (Some(0.93), &FOLLOWING),
             Situation::Rest => (Some(0.93), &RESTING),
             Situation::EmptyTank => (None, &STARTING),
             Situation::Faults => (None, &FAULTY),
