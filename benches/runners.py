@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Prints what `cargo fmu simulate`, FMPy and fmusim make of the same FMUs: the table of docs/simulate.md.
+Then it prints their processor time for some runs in ms: the least of five times, all processes included.
 
 python3 benches/runners.py PYTHON FMUSIM
 
@@ -14,6 +15,7 @@ import json
 import math
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -29,6 +31,11 @@ COMMAND = TARGET / "release" / "cargo-fmu"
 
 SECONDS = 60
 """A run that takes longer has failed."""
+
+RUNS = 5
+"""The runs of which the least processor time counts."""
+
+OUTPUTS = 20_000
 
 Columns = dict[str, list[str]]
 
@@ -142,6 +149,21 @@ def judge(trial: Trial, words: Callable[[Trial, Path, Path | None], list[object]
         return "wrong"
 
 
+def milliseconds(trial: Trial, words: Callable[[Trial, Path, Path | None], list[object]]) -> str:
+    """The processor time of a run; none if it fails."""
+    if judge(trial, words) != "yes":
+        return "-"
+    times = []
+    with tempfile.TemporaryDirectory() as name:
+        command = [str(word) for word in words(trial, Path(name) / "record.csv", None)]
+        for _ in range(RUNS):
+            begin = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+            end = resource.getrusage(resource.RUSAGE_CHILDREN)
+            times.append(end.ru_utime + end.ru_stime - begin.ru_utime - begin.ru_stime)
+    return f"{1000 * min(times):.0f}"
+
+
 def changed(fmu: Path, name: str, change: Callable[[str, bytes], tuple[str, bytes]]) -> Path:
     """A copy of an FMU with other entries."""
     copy = fmu.with_name(f"{name}.fmu")
@@ -252,6 +274,34 @@ def trials(fmus: dict[str, Path]) -> list[Trial]:
     ]
 
 
+def widened(text: str) -> bytes:
+    """With 20,000 outputs, which all have the value of the first one."""
+    (reference,) = re.findall(r'name="x" valueReference="(\d+)"', text)
+    names = range(OUTPUTS)
+    first = text.count("<ScalarVariable ") + 1
+    known = f'valueReference="{reference}" causality="output"'
+    outputs = "".join(
+        f'<ScalarVariable name="y{number}" {known}><Real/></ScalarVariable>' for number in names
+    )
+    unknowns = "".join(f'<Unknown index="{first + number}"/>' for number in names)
+    text = text.replace("</ModelVariables>", f"{outputs}</ModelVariables>")
+    for ending in ("</Outputs>", "</InitialUnknowns>"):
+        text = text.replace(ending, unknowns + ending)
+    return text.encode()
+
+
+def timed(fmus: dict[str, Path]) -> list[Trial]:
+    decay = fmus["decay"]
+    decayed = last("x", math.exp(-1.0))
+    wide = changed(decay, "wide", described(widened))
+    return [
+        Trial("Start-up", decay, decayed, stop=1),
+        Trial("100,000 rows", decay, decayed, stop=1, step=1e-5),
+        Trial("20,000 outputs", wide, last(f"y{OUTPUTS - 1}", math.exp(-1.0)), stop=1, step=0.1),
+        Trial("Model Exchange of 3,000 states", fmus["plate"], ends_at(1.0), "me", stop=1),
+    ]
+
+
 def export(folder: Path, name: str, template: str, version: int, states: int | None = None) -> Path:
     """The FMU of a template."""
     package = folder / name
@@ -279,10 +329,12 @@ def main() -> None:
             ("plate", "diffusion", 3, 3000),
         ]
         fmus = {model: export(folder, model, *rest) for model, *rest in models}
-        print("| | `cargo fmu` | FMPy | fmusim |\n|---|---|---|---|")
-        for trial in trials(fmus):
-            found = [judge(trial, words) for words in (ours, partial(fmpy, python), partial(fmusim, program))]
-            print(f"| {trial.title} | {' | '.join(found)} |", flush=True)
+        runners = (ours, partial(fmpy, python), partial(fmusim, program))
+        for heading, rows, measure in (("", trials(fmus), judge), ("ms", timed(fmus), milliseconds)):
+            print(f"\n| {heading} | `cargo fmu` | FMPy | fmusim |\n|---|---|---|---|")
+            for trial in rows:
+                found = [measure(trial, words) for words in runners]
+                print(f"| {trial.title} | {' | '.join(found)} |", flush=True)
 
 
 if __name__ == "__main__":
