@@ -7,6 +7,8 @@ use crate::time::End;
 
 /// Time events that come at least this share of a step after one another do not accumulate: they are at most ten million.
 const APART: f64 = 1e-7;
+/// The most trials and events are too many where they advance by less than this share of a step.
+const ADVANCE: f64 = 0.01;
 
 /// States that are integrated between the events of a model.
 pub trait Hybrid {
@@ -57,13 +59,15 @@ pub struct EventLoop {
     most_trials: u32,
     trials: u32,
     events: u32,
-    /// The place of the last time event, in s since the start.
+    /// From where these count, and the place of the last time event, in s since the start.
+    since: f64,
     last_due: f64,
 }
 
 impl EventLoop {
     /// A step from `start` by a size, both in s. If it `samples_inputs`, an event due at its end belongs to the next one.
-    /// It fails after `most_trials` of integrator and events; a time event apart from the last one starts a new count.
+    /// It fails after `most_trials` of integrator and events that hardly advance; a time event apart from the last one starts
+    /// a new count.
     #[must_use]
     pub fn new((start, size, end): (f64, f64, End), samples_inputs: bool, most_trials: u32) -> Self {
         Self {
@@ -75,6 +79,7 @@ impl EventLoop {
             most_trials,
             trials: 0,
             events: 0,
+            since: 0.0,
             last_due: f64::NEG_INFINITY,
         }
     }
@@ -83,6 +88,11 @@ impl EventLoop {
     #[must_use]
     pub fn after(self, crossed: bool) -> Self {
         Self { crossed, ..self }
+    }
+
+    /// Starts a new count at a place in s since the start.
+    fn count_from(&mut self, elapsed: f64) {
+        (self.trials, self.events, self.since) = (0, 0, elapsed);
     }
 
     /// Goes to the end of the step, or, with `STOPS`, to an earlier stop, after which it may go on.
@@ -105,6 +115,9 @@ impl EventLoop {
                 next.filter(|&due| if samples_inputs { end.is_after(due, last) } else { end.has(due, last) })
             };
             let is_at_end = hybrid.elapsed() >= size;
+            if hybrid.elapsed() - self.since >= ADVANCE * size {
+                self.count_from(hybrid.elapsed());
+            }
             let is_due = due.is_some_and(|due| due - start <= hybrid.elapsed() || is_at_end);
             if self.crossed || is_due {
                 if STOPS && stops.events.has(hybrid.time(), end.time) {
@@ -113,7 +126,7 @@ impl EventLoop {
                 if is_due {
                     let elapsed = hybrid.elapsed();
                     if elapsed - self.last_due >= APART * size {
-                        (self.trials, self.events) = (0, 0);
+                        self.count_from(elapsed);
                     }
                     self.last_due = elapsed;
                 }

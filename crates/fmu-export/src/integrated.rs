@@ -28,7 +28,7 @@ use crate::tape::{Recorded, Tape};
 use crate::time;
 use crate::variables::Variables;
 
-/// The most trials and events in a communication step, which must end …
+/// The most trials and events in a hundredth of a communication step, which must end …
 const MOST_TRIALS: u32 = 100_000;
 /// … and how many more for each time as long as the longest internal step.
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;

@@ -21,7 +21,7 @@ use super::derivative_check::{DerivativeCheck, Use, Wrong};
 use super::event_mode::EventMode;
 use super::messages::is_discarded;
 
-/// The most trials and events in a communication step, which must end.
+/// The most trials and events in a hundredth of a communication step, which must end.
 const MOST_TRIALS: u32 = 100_000;
 
 /// The solution of an instance's equations up to now.

@@ -225,13 +225,26 @@ fn the_ball_bounces_when_it_should_until_it_rests() {
 }
 
 #[test]
+fn a_long_step_that_advances_is_none_without_an_end() {
+    // Without damping, x = 2·cos t.
+    let mut simulation = simulation::<VanDerPol>(1e-10);
+    simulation.variables.parameters.mu = 0.0;
+    simulation.initialize().unwrap();
+    let end = 1e5;
+    simulation.step(end).unwrap();
+    // The errors of steps, ten a second at most, add up: each is at most the tolerance times the sum of x and its nominal value, 1.
+    let found = simulation.variables.states.x0;
+    assert!((found - 2.0 * end.cos()).abs() < 10.0 * end * 3e-10, "{found} instead of {}", 2.0 * end.cos());
+}
+
+#[test]
 fn events_that_come_ever_faster_are_an_error_that_says_when() {
     let mut simulation = simulation::<BouncingBall>(1e-6);
     simulation.variables.parameters.smallest_velocity = 0.0;
     simulation.variables.parameters.restitution = 1.0;
     simulation.variables.parameters.gravity = 1e9;
     simulation.initialize().unwrap();
-    let error = simulation.step(100.0).unwrap_err().to_string();
+    let error = simulation.step(1e4).unwrap_err().to_string();
     assert!(error.starts_with("the step from 0 s was abandoned at "), "{error}");
     assert!(error.contains("after 100000 trials and events"), "{error}");
     assert!(error.ends_with("are events, which come ever faster, the last caused by height"), "{error}");
