@@ -9,7 +9,7 @@
 use fmu_export::Persistent;
 
 use super::boost_sensor::share_of_lag;
-use super::{MEMORY, STEADY_SPEED};
+use super::evidence::{MEMORY, STEADY_SPEED};
 use crate::controller::schedule::OperatingPoint;
 use crate::controller::variables::Parameters;
 use crate::elementary::larger;

@@ -12,7 +12,7 @@
 
 use fmu_export::Persistent;
 
-use super::{Confirmed, MEMORY, STEADY_SPEED};
+use super::evidence::{Confirmed, MEMORY, STEADY_SPEED};
 use crate::controller::lag::Lag;
 use crate::controller::schedule::OperatingPoint;
 use crate::controller::variables::{Inputs, Parameters};

@@ -17,6 +17,7 @@
 
 mod answer;
 mod boost_sensor;
+mod evidence;
 mod filling;
 mod freeze_frame;
 
@@ -27,6 +28,7 @@ use fmu_export::{Context, Error, Persistent};
 
 use self::answer::{Answer, Verdict};
 use self::boost_sensor::{BoostSensor, Expectation};
+use self::evidence::Confirmed;
 use self::filling::Filling;
 use self::freeze_frame::FreezeFrame;
 use super::actuator_inverse;
@@ -51,12 +53,6 @@ const LOOP: i32 = 2;
 const TANK_FILLING: i32 = 4;
 const TANK_SENSOR: i32 = 8;
 const SUPPLY_SENSOR: i32 = 16;
-
-/// The time constant (s) of the virtual duty, the reference and engine speed before a demand: longer than the duty's response to a
-/// reference step, shorter than the time between a driver's steps.
-const MEMORY: f64 = 1.0;
-/// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
-const STEADY_SPEED: f64 = 100.0;
 
 /// What was found.
 #[allow(clippy::struct_excessive_bools, reason = "the findings are independent of each other")]
@@ -359,32 +355,6 @@ impl Drift {
         self.before = pressure;
         self.exhausted_for = if is_exhausted && is_tracking { self.exhausted_for + sample_time } else { 0.0 };
         self.exhausted_for >= diagnosis.answer_time && self.slow.abs() >= 0.5 * integral_authority
-    }
-}
-
-/// A condition that changes once it has been observed changed for some time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
-struct Confirmed {
-    holds: bool,
-    /// How long it has been observed otherwise (s).
-    seen_otherwise: f64,
-}
-
-impl Confirmed {
-    fn sample(&mut self, seen: bool, confirmation_time: f64, sample_time: f64) {
-        if seen == self.holds {
-            self.seen_otherwise = 0.0;
-            return;
-        }
-        self.seen_otherwise += sample_time;
-        if self.seen_otherwise >= confirmation_time {
-            *self = Self { holds: seen, seen_otherwise: 0.0 };
-        }
-    }
-
-    /// Whether neither the condition nor a sign of it has been observed.
-    fn is_sound(&self) -> bool {
-        !self.holds && self.seen_otherwise == 0.0
     }
 }
 
