@@ -16,6 +16,10 @@ use crate::elementary::{larger, smaller};
 /// The memory of the check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ActuatorReach {
+    /// Whether the tank has been full since the start.
+    has_filled: bool,
+    /// Whether the vacuum, of a tank that was never full, turned out not to suffice.
+    waits_for_full_tank: bool,
     /// Whether the vacuum has sufficed since the start.
     had_vacuum: bool,
     /// How long boost has been too high (s).
@@ -25,25 +29,54 @@ pub struct ActuatorReach {
 }
 
 impl ActuatorReach {
+    /// Whether the tank has been full since the start. Until then, an actuator that cannot hold boost is no fault.
+    pub fn has_filled(&self) -> bool {
+        self.has_filled
+    }
+
     /// Whether the other valves are to limit boost, from tank pressure (Pa) and supply voltage (V), where measured, and
     /// the actuator's duty at nominal voltage (%) that holds the reference at rest; `excess` is boost above its reference
-    /// (Pa).
+    /// (Pa), and `pressure_deficit` by how much ambient pressure is below the nominal one (Pa).
     pub fn is_lost(
         &mut self,
         parameters: &Parameters,
         (tank_pressure, supply_voltage): (Option<f64>, Option<f64>),
         holding_duty: impl FnOnce() -> f64,
         excess: f64,
+        pressure_deficit: f64,
     ) -> bool {
         let &Parameters {
-            sample_time, nominal_voltage, pwm_max, ref diagnosis, ref actuator_inverse, ..
+            sample_time,
+            nominal_voltage,
+            pwm_max,
+            tank_pressure_on,
+            ref diagnosis,
+            ref actuator_inverse,
+            ..
         } = parameters;
         let tank_pressure = tank_pressure.unwrap_or(0.0);
-        self.had_vacuum |= tank_pressure <= diagnosis.vacuum_lost_above;
+        self.has_filled |= tank_pressure <= tank_pressure_on;
+        self.waits_for_full_tank &= !self.has_filled;
+        // In thin air the same pressure is less vacuum.
+        let has_vacuum = tank_pressure + pressure_deficit <= diagnosis.vacuum_lost_above;
+        self.had_vacuum |= has_vacuum;
         let voltage = supply_voltage.unwrap_or(nominal_voltage);
         let most = smaller(FULL_DUTY * voltage / nominal_voltage, FULL_DUTY);
-        if tank_pressure <= diagnosis.vacuum_lost_above && most >= pwm_max {
-            self.is_lost = false;
+        if has_vacuum && most >= pwm_max && self.has_filled {
+            (self.excess_time, self.is_lost) = (0.0, false);
+            return false;
+        }
+        let exceeds = excess >= OVERBOOST && !self.is_lost;
+        self.excess_time = if exceeds { self.excess_time + sample_time } else { 0.0 };
+        let is_too_high = self.excess_time >= diagnosis.answer_time;
+        // A stiffer spring than the map's needs more.
+        self.waits_for_full_tank |= is_too_high && !self.has_filled;
+        if self.waits_for_full_tank {
+            self.is_lost = true;
+            return true;
+        }
+        if self.had_vacuum && !self.is_lost && !is_too_high {
+            // Whatever the actuator reaches, boost is not too high.
             return false;
         }
         let seated = actuator_inverse::seated_pressure(actuator_inverse);
@@ -54,8 +87,7 @@ impl ActuatorReach {
         } else if !self.had_vacuum {
             self.is_lost = true;
         } else if diagnosis.limp_home {
-            self.excess_time = if excess >= OVERBOOST { self.excess_time + sample_time } else { 0.0 };
-            self.is_lost |= self.excess_time >= diagnosis.answer_time;
+            self.is_lost |= is_too_high;
         }
         self.is_lost
     }

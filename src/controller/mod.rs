@@ -255,7 +255,13 @@ impl ControlLaw {
         let mut reach = self.actuator_reach;
         let holding_duty =
             || self.without_feedback(parameters, inputs, Compensator::new(parameters, None)).hp_duty;
-        let is_lost = reach.is_lost(parameters, (tank_pressure, supply_voltage), holding_duty, excess);
+        let deficit = if inputs.measures_ambient_pressure() {
+            parameters.nominal_ambient_pressure - inputs.ambient_pressure
+        } else {
+            0.0
+        };
+        let is_lost =
+            reach.is_lost(parameters, (tank_pressure, supply_voltage), holding_duty, excess, deficit);
         self.actuator_reach = reach;
         is_lost
     }
@@ -356,6 +362,7 @@ impl ControlLaw {
             duty: command.limits.clip(command.terms.duty()),
             correction: law.correction(),
             expected_measurement,
+            tank_has_filled: self.actuator_reach.has_filled(),
         };
         match parameters.strategy {
             Strategy::SplitRange => {

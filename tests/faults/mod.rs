@@ -593,6 +593,36 @@ fn an_engine_starts_with_an_empty_tank() {
     }
 }
 
+/// A stiffer spring than the map's needs more vacuum, and thin air has less: the engine waits for a full tank then, without
+/// a code, and holds its reference after it.
+#[test]
+fn an_engine_with_another_actuator_starts_with_an_empty_tank() {
+    for (engine_speed, preload, ambient_pressure) in
+        [(1500.0, 1.1, 94e3), (2000.0, 1.05, 78e3), (3500.0, 1.05, 70e3), (2500.0, 1.15, 101_325.0)]
+    {
+        let demand = controller::Inputs {
+            engine_speed,
+            boost_reference: 150e3,
+            ambient_pressure,
+            ambient_temperature: 293.15,
+            ..controller::Inputs::default()
+        };
+        let mut control = Loop::settled(demand, Order::ControllerFirst, |_, plant| {
+            plant.actuator.spring_preload *= preload;
+        });
+        (control.surroundings.ambient_pressure, control.surroundings.ambient_temperature) =
+            (ambient_pressure, 293.15);
+        control.plant.variables.start.tank.pressure = ambient_pressure;
+        let inputs = control.plant_inputs();
+        control.plant.initialize(&inputs);
+        control.run(150.0, |control| {
+            assert_eq!(code(control), 0.0, "{engine_speed} rpm, {} s", control.time());
+        });
+        let error = true_boost(&control) - 150e3;
+        assert!(error.abs() < 500.0, "{error} Pa at {engine_speed} rpm");
+    }
+}
+
 /// The freeze frame keeps the conditions of the first code alone, and a code that is not enabled is not found.
 #[test]
 fn the_freeze_frame_keeps_the_first_code() {

@@ -139,6 +139,8 @@ pub struct Done {
     pub correction: Correction,
     /// The pressure (Pa) that the law expects to measure.
     pub expected_measurement: f64,
+    /// Whether the tank has been full since the start.
+    pub tank_has_filled: bool,
 }
 
 /// The memory of the diagnosis.
@@ -280,7 +282,7 @@ impl Diagnosis {
         self.boost_sensor.recover(parameters, inputs.boost_pressure, done.expected_measurement);
         self.findings.boost_sensor_implausible = self.boost_sensor.is_implausible();
 
-        if !self.boost_sensor.is_usable() || !self.supply_range.is_sound() {
+        if !self.boost_sensor.is_usable() || !self.supply_range.is_sound() || !done.tank_has_filled {
             (self.answer, self.drift) = (Answer::default(), Drift::default());
         } else {
             self.judged |= LOOP;
