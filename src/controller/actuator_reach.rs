@@ -18,14 +18,23 @@ use crate::elementary::{larger, smaller};
 pub struct ActuatorReach {
     /// Whether the tank has been full since the start.
     has_filled: bool,
-    /// Whether the vacuum, of a tank that was never full, turned out not to suffice.
-    waits_for_full_tank: bool,
-    /// Whether the vacuum has sufficed since the start.
-    had_vacuum: bool,
+    vacuum: Vacuum,
     /// How long boost has been too high (s).
     excess_time: f64,
     /// Whether the other valves limit boost.
     is_lost: bool,
+}
+
+/// What is known of the vacuum since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
+enum Vacuum {
+    /// It has not sufficed yet.
+    #[default]
+    Awaited,
+    /// It has sufficed.
+    Sufficed,
+    /// That of a tank that was never full turned out not to suffice: a full tank is awaited.
+    AwaitedInFull,
 }
 
 impl ActuatorReach {
@@ -56,10 +65,13 @@ impl ActuatorReach {
         } = parameters;
         let tank_pressure = tank_pressure.unwrap_or(0.0);
         self.has_filled |= tank_pressure <= tank_pressure_on;
-        self.waits_for_full_tank &= !self.has_filled;
         // In thin air the same pressure is less vacuum.
         let has_vacuum = tank_pressure + pressure_deficit <= diagnosis.vacuum_lost_above;
-        self.had_vacuum |= has_vacuum;
+        match self.vacuum {
+            Vacuum::Awaited if has_vacuum => self.vacuum = Vacuum::Sufficed,
+            Vacuum::AwaitedInFull if self.has_filled => self.vacuum = Vacuum::Sufficed,
+            _ => {}
+        }
         let voltage = supply_voltage.unwrap_or(nominal_voltage);
         let most = smaller(FULL_DUTY * voltage / nominal_voltage, FULL_DUTY);
         if has_vacuum && most >= pwm_max && self.has_filled {
@@ -70,12 +82,14 @@ impl ActuatorReach {
         self.excess_time = if exceeds { self.excess_time + sample_time } else { 0.0 };
         let is_too_high = self.excess_time >= diagnosis.answer_time;
         // A stiffer spring than the map's needs more.
-        self.waits_for_full_tank |= is_too_high && !self.has_filled;
-        if self.waits_for_full_tank {
+        if is_too_high && !self.has_filled {
+            self.vacuum = Vacuum::AwaitedInFull;
+        }
+        if self.vacuum == Vacuum::AwaitedInFull {
             self.is_lost = true;
             return true;
         }
-        if self.had_vacuum && !self.is_lost && !is_too_high {
+        if self.vacuum == Vacuum::Sufficed && !self.is_lost && !is_too_high {
             // Whatever the actuator reaches, boost is not too high.
             return false;
         }
@@ -83,8 +97,8 @@ impl ActuatorReach {
         let needed = actuator_inverse::pressure_at(actuator_inverse, holding_duty());
         let lowest = larger(tank_pressure, actuator_inverse::pressure_at(actuator_inverse, most));
         if needed >= seated || lowest <= needed {
-            (self.had_vacuum, self.is_lost) = (true, false);
-        } else if !self.had_vacuum {
+            (self.vacuum, self.is_lost) = (Vacuum::Sufficed, false);
+        } else if self.vacuum == Vacuum::Awaited {
             self.is_lost = true;
         } else if diagnosis.limp_home {
             self.is_lost |= is_too_high;
