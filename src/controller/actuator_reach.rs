@@ -68,8 +68,11 @@ impl ActuatorReach {
         // In thin air the same pressure is less vacuum.
         let has_vacuum = tank_pressure + pressure_deficit <= diagnosis.vacuum_lost_above;
         match self.vacuum {
+            // A full tank is all that there is.
             Vacuum::Awaited if has_vacuum => self.vacuum = Vacuum::Sufficed,
-            Vacuum::AwaitedInFull if self.has_filled => self.vacuum = Vacuum::Sufficed,
+            Vacuum::Awaited | Vacuum::AwaitedInFull if self.has_filled => {
+                (self.vacuum, self.is_lost) = (Vacuum::Sufficed, false);
+            }
             _ => {}
         }
         let voltage = supply_voltage.unwrap_or(nominal_voltage);
