@@ -355,7 +355,8 @@ impl Connection {
         }
         element(writer, "ssd:Connection", attributes, |writer| {
             if let Some(Linear { factor, offset }) = self.transformation {
-                let attributes = vec![("factor", float(factor)), ("offset", float(offset))];
+                // An offset of -0.0 is 0.
+                let attributes = vec![("factor", float(factor)), ("offset", float(offset + 0.0))];
                 empty(writer, "ssc:LinearTransformation", attributes)?;
             }
             let list = |values: Vec<String>| values.join(" ");

@@ -15,6 +15,8 @@ import yaml
 
 from fmu import ROOT, TARGET
 
+pytestmark = pytest.mark.platforms
+
 JOBS = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]
 MACHINES = {machine["runner"]: machine for machine in JOBS["build"]["strategy"]["matrix"]["include"]}
 
