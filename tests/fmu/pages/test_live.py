@@ -22,10 +22,9 @@ SCENARIOS = ROOT / "boost" / "lab" / "scenarios"
 
 PICTURES = TARGET / "live"
 
-README = (ROOT / "README.md").read_text()
 
 LARGEST_PICTURE = 150e3
-"""Bytes of the README's picture."""
+"""Bytes of the picture in the documents."""
 
 LARGEST_PAGE = 7.5e6
 """Bytes."""
@@ -633,10 +632,10 @@ def test_missing_modules_are_told_with_their_command(lab: Run, exported: Path, t
     assert "boost-fmu export --wasm" in done.stderr
 
 
-def test_picture_of_the_readme(browser: Browser, live: Path) -> None:
+def test_picture_of_the_documents(browser: Browser, live: Path) -> None:
     picture = PICTURES / "live.png"
     PICTURES.mkdir(exist_ok=True)
     take(browser, live, picture)
     for file in (picture, ROOT / "docs" / "live.png"):
         assert 20e3 < file.stat().st_size < LARGEST_PICTURE
-    assert "(docs/live.png)" in README
+    assert "(live.png)" in (ROOT / "docs" / "laboratory.md").read_text()
