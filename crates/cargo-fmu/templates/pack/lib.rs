@@ -8,7 +8,14 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
-        let Evaluation { parameters, inputs, states, derivatives, locals, outputs } = variables;
+        let Evaluation {
+            parameters,
+            inputs,
+            states,
+            derivatives,
+            locals,
+            outputs,
+        } = variables;
         let current = inputs.current;
         // Nothing flows beyond the first and the last cell.
         let flow = |from: usize, to: usize| match (states.cell.get(from), states.cell.get(to)) {
@@ -39,9 +46,22 @@ mod tests {
         let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         simulation.step(600.0)?;
-        let Variables { parameters, states, outputs, .. } = &simulation.variables;
-        let heat: f64 = parameters.cell.iter().map(|cell| 2.0 * 2.0 * cell.resistance * 600.0).sum();
-        let stored: f64 = states.cell.iter().map(|cell| (cell.t - 298.15) * 40.0).sum();
+        let Variables {
+            parameters,
+            states,
+            outputs,
+            ..
+        } = &simulation.variables;
+        let heat: f64 = parameters
+            .cell
+            .iter()
+            .map(|cell| 2.0 * 2.0 * cell.resistance * 600.0)
+            .sum();
+        let stored: f64 = states
+            .cell
+            .iter()
+            .map(|cell| (cell.t - 298.15) * 40.0)
+            .sum();
         assert!((stored / heat - 1.0).abs() < 1e-6, "{stored} J of {heat} J");
         assert_eq!(outputs.t_max, states.cell[11].t);
         Ok(())
