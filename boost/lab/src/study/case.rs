@@ -173,8 +173,7 @@ impl Rig {
     pub fn text(&self, case: &Case, variant: Variant<'_>) -> String {
         let fmus = [&*self.plant, &*self.controller];
         let has_input = |name: &str| fmus.iter().any(|fmu| has(fmu, Causality::Input, name));
-        let plant_has = |name: &str| self.plant.description().variable(name).is_some();
-        case.scenario(variant, has_input, plant_has, &recorded(fmus), self.seed)
+        case.scenario(variant, has_input, self.plant.description(), &recorded(fmus), self.seed)
     }
 
     /// A case as a scenario; its FMUs are the controller and the plant.

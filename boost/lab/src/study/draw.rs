@@ -8,7 +8,7 @@ use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use super::names::{LIMP_HOME, SHAFT, TANK_START};
+use super::names::{LIMP_HOME, RUNNING, SHAFT, START, TANK_START, can_start_running};
 use super::situation::{Event, Experiment, STEP, Situation};
 use cargo_fmu::run::latin_fractions;
 use fmu_master::scenario::Signal;
@@ -198,12 +198,12 @@ impl Case {
     }
 
     /// The case as a scenario for `cargo fmu simulate`, with the inputs and records that the FMUs have: `has_input` tells
-    /// whether one of them has an input, `plant_has` whether the plant has a variable.
+    /// whether one of them has an input.
     pub fn scenario(
         &self,
         variant: Variant<'_>,
         has_input: impl Fn(&str) -> bool,
-        plant_has: impl Fn(&str) -> bool,
+        plant: &FmuDescription,
         recorded: &[&str],
         seed: u64,
     ) -> String {
@@ -230,8 +230,12 @@ impl Case {
         for (name, value) in &self.parameters {
             let _ = writeln!(text, "\"{name}\" = {value:?}");
         }
-        if let Some(pressure) = self.experiment.tank_pressure.filter(|_| plant_has(TANK_START)) {
+        if let Some(pressure) = self.experiment.tank_pressure.filter(|_| plant.variable(TANK_START).is_some())
+        {
             let _ = writeln!(text, "\"{TANK_START}\" = {pressure:?}");
+        }
+        if self.experiment.starts_running && can_start_running(plant) {
+            let _ = writeln!(text, "\"{START}\" = \"{RUNNING}\"");
         }
         if let Some(fault) = fault {
             text += "\n[fmu.inputs]\n";

@@ -1,7 +1,9 @@
 //! The faults of a study: those of the plant's parameters `fault`, by signals, and a supply voltage that drops.
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
+use super::situation::help;
 use fmu_master::scenario::Signal;
 
 /// When a fault begins (s).
@@ -14,73 +16,51 @@ const LOW_SUPPLY: (f64, f64) = (3.0, 5.5);
 const DRIFT: (f64, f64) = (1e3, 90.0);
 
 /// What fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
+    /// boost sensor stuck
     BoostSensorStuck,
+    /// boost sensor reads 0
     BoostSensorDead,
+    /// boost sensor drifts by −1 kPa/s
     BoostSensorDriftsDown,
+    /// boost sensor drifts by 1 kPa/s
     BoostSensorDriftsUp,
+    /// boost sensor 10 kPa low
     BoostSensor10KPaLow,
+    /// boost sensor 10 kPa high
     BoostSensor10KPaHigh,
+    /// boost sensor 250 kPa high
     BoostSensor250KPaHigh,
+    /// supply at 5.5 V for 3 s
     SupplyLowFor3S,
+    /// supply sensor 6 V low
     SupplySensor6VLow,
+    /// supply sensor 8 V low
     SupplySensor8VLow,
+    /// supply sensor 8 V high
     SupplySensor8VHigh,
+    /// wastegate stuck shut
     WastegateStuckShut,
+    /// wastegate stuck anywhere
     WastegateStuck,
+    /// wastegate stuck open
     WastegateStuckOpen,
+    /// vacuum leak of 0.02 mm²
     SmallVacuumLeak,
+    /// vacuum leak of 0.04 mm²
     VacuumLeak,
+    /// pump dead
     PumpDead,
+    /// tank sensor reads 0
     TankSensorDead,
 }
 
 impl FaultKind {
-    pub const ALL: [Self; 18] = [
-        Self::BoostSensorStuck,
-        Self::BoostSensorDead,
-        Self::BoostSensorDriftsDown,
-        Self::BoostSensorDriftsUp,
-        Self::BoostSensor10KPaLow,
-        Self::BoostSensor10KPaHigh,
-        Self::BoostSensor250KPaHigh,
-        Self::SupplyLowFor3S,
-        Self::SupplySensor6VLow,
-        Self::SupplySensor8VLow,
-        Self::SupplySensor8VHigh,
-        Self::WastegateStuckShut,
-        Self::WastegateStuck,
-        Self::WastegateStuckOpen,
-        Self::SmallVacuumLeak,
-        Self::VacuumLeak,
-        Self::PumpDead,
-        Self::TankSensorDead,
-    ];
-
     /// For readers.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::BoostSensorStuck => "boost sensor stuck",
-            Self::BoostSensorDead => "boost sensor reads 0",
-            Self::BoostSensorDriftsDown => "boost sensor drifts by \u{2212}1 kPa/s",
-            Self::BoostSensorDriftsUp => "boost sensor drifts by 1 kPa/s",
-            Self::BoostSensor10KPaLow => "boost sensor 10 kPa low",
-            Self::BoostSensor10KPaHigh => "boost sensor 10 kPa high",
-            Self::BoostSensor250KPaHigh => "boost sensor 250 kPa high",
-            Self::SupplyLowFor3S => "supply at 5.5 V for 3 s",
-            Self::SupplySensor6VLow => "supply sensor 6 V low",
-            Self::SupplySensor8VLow => "supply sensor 8 V low",
-            Self::SupplySensor8VHigh => "supply sensor 8 V high",
-            Self::WastegateStuckShut => "wastegate stuck shut",
-            Self::WastegateStuck => "wastegate stuck anywhere",
-            Self::WastegateStuckOpen => "wastegate stuck open",
-            Self::SmallVacuumLeak => "vacuum leak of 0.02 mm\u{b2}",
-            Self::VacuumLeak => "vacuum leak of 0.04 mm\u{b2}",
-            Self::PumpDead => "pump dead",
-            Self::TankSensorDead => "tank sensor reads 0",
-        }
+    pub fn name(self) -> String {
+        help(self)
     }
 }
 
@@ -96,9 +76,10 @@ impl Fault {
     /// A fault by a share from 0 to 1; the sensor of boost pressure sticks at the reference (Pa), the wastegate at a share
     /// of its opening.
     pub fn drawn(share: f64, reference: f64, position: f64) -> Self {
+        let kinds = FaultKind::value_variants();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and not negative
-        let index = (share * FaultKind::ALL.len() as f64) as usize;
-        let kind = FaultKind::ALL[index.min(FaultKind::ALL.len() - 1)];
+        let index = (share * kinds.len() as f64) as usize;
+        let kind = kinds[index.min(kinds.len() - 1)];
         let switched = |name, value| (name, Signal::Steps(vec![(0.0, 0.0), (BEGIN, value)]));
         let drift = |sign: f64| {
             let (rate, duration) = DRIFT;

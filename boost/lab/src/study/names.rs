@@ -1,6 +1,7 @@
 //! The variables of a study, as far as its FMUs have them.
 
 use fmu_master::Fmu;
+use fmu_package::FmuDescription;
 use fmu_terms::Causality;
 
 /// The variables recorded for each case, if the FMUs have them.
@@ -27,6 +28,10 @@ pub const TRUE_BOOST: &str = "intercooler.outlet_pressure";
 pub const TANK: &str = "tank_pressure";
 /// The plant's start value of it.
 pub const TANK_START: &str = "tank.pressure";
+/// The plant's parameter for the states from which it starts, and the value for an engine just started, with its wastegate
+/// shut.
+pub const START: &str = "initialization.mode";
+pub const RUNNING: &str = "running";
 /// The high-pressure wastegate's duty (%).
 pub const DUTY: &str = "hp_wastegate_pwm";
 /// The controller's parameter that lets the findings of its diagnosis act.
@@ -43,6 +48,14 @@ pub const MODEL: &str = "reference_model_pressure";
 /// Whether an FMU has an input or an output.
 pub fn has(fmu: &Fmu, causality: Causality, name: &str) -> bool {
     fmu.names(causality).any(|known| known == name)
+}
+
+/// Whether a plant can start as an engine just started.
+pub fn can_start_running(plant: &FmuDescription) -> bool {
+    plant
+        .variable(START)
+        .and_then(|variable| plant.enumeration(&variable.declared_type))
+        .is_some_and(|enumeration| enumeration.items.iter().any(|(item, _)| item == RUNNING))
 }
 
 /// What of [`RECORDED`] one of the FMUs has.

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::iter;
 
+use clap::ValueEnum as _;
 use serde::Serialize;
 
 use super::case::{Faulty, Measures};
@@ -79,7 +80,7 @@ struct JsonCase {
 
 /// The worst of the cases with a fault, of which [`FAULT_COLUMNS`] names the numbers.
 struct ByFault {
-    fault: &'static str,
+    fault: String,
     cases: usize,
     worst: [String; 9],
 }
@@ -208,7 +209,7 @@ impl StudyReport<'_> {
                 ],
             })
         };
-        FaultKind::ALL.iter().filter_map(of_kind).collect()
+        FaultKind::value_variants().iter().filter_map(of_kind).collect()
     }
 
     pub fn json(&self) -> anyhow::Result<String> {
@@ -639,7 +640,7 @@ pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
     csv.write_record(names.chain(columns.iter().map(String::as_str)))?;
     for outcome in report.outcomes {
         let Case { drawn, experiment, .. } = report.study.cases.case(outcome.case);
-        let fault = experiment.fault.map_or("", |fault| fault.kind.name());
+        let fault = experiment.fault.map_or_else(String::new, |fault| fault.kind.name());
         for (strategy, run) in outcome.runs.iter().enumerate() {
             let text = |value: f64| format!("{value:?}");
             let measured = run.measures.as_ref();

@@ -28,9 +28,8 @@ const FAULTY_STEP: f64 = 20.0;
 const FAULTY_END: f64 = 100.0;
 /// The range of references, to which steps are limited (Pa).
 const REFERENCES: (f64, f64) = (115e3, 215e3);
-/// Noise on measured engine speed (rpm) and supply voltage (V), as a crankshaft wheel and a converter of 8 bits have.
-const SPEED_NOISE: f64 = 10.0;
-const SUPPLY_NOISE: f64 = 0.2;
+/// Noise on engine speed (rpm) and supply voltage (V), as a crankshaft wheel and a converter of 8 bits have.
+const NOISE_BESIDE_BOOST: [(&str, f64); 2] = [("engine_speed", 10.0), ("supply_voltage_measured", 0.2)];
 /// The largest noise on boost pressure (Pa).
 const BOOST_NOISE: f64 = 100.0;
 
@@ -49,7 +48,7 @@ pub enum Situation {
     TipIn,
     /// Nothing moves for 300 s, with noise on boost, engine speed and supply
     Rest,
-    /// The start with a vacuum tank at ambient pressure
+    /// The engine starts with its vacuum tank at ambient pressure
     EmptyTank,
     /// A fault at 10 s, and a reference step at 20 s, with and without limp-home
     Faults,
@@ -66,13 +65,17 @@ const fn logarithmic(name: &'static str, unit: &'static str, from: f64, to: f64)
     (name, unit, Range { from, to, is_logarithmic: true })
 }
 
+/// Between the extremes of the paper's Fig. 14.
+const fn supply(name: &'static str) -> Quantity {
+    range(name, "V", 11.1, 13.5)
+}
+
 /// 0 to 3000 m of altitude.
 const PRESSURE: Quantity = range("ambient_pressure", "Pa", 70e3, 101_325.0);
 /// -20 to 40 degrees Celsius.
 const TEMPERATURE: Quantity = range("ambient_temperature", "K", 253.15, 313.15);
 const NOISE: Quantity = range("noise", "Pa", 0.0, BOOST_NOISE);
-/// The extremes of the paper's Fig. 14.
-const SUPPLY: Quantity = range("supply_voltage", "V", 11.1, 13.5);
+const SUPPLY: Quantity = supply("supply_voltage");
 const SPEED: Quantity = range("engine_speed", "rpm", 1000.0, 5500.0);
 const REFERENCE: Quantity = range("boost_reference", "Pa", REFERENCES.0, 185e3);
 /// Whether the shaft's speed is measured: from a half on.
@@ -81,8 +84,8 @@ const MEASURES_SHAFT: Quantity = range("measures_shaft", "1", 0.0, 1.0);
 const RAMPS: [Quantity; 13] = [
     PRESSURE,
     TEMPERATURE,
-    range("supply_voltage_1", "V", 11.1, 13.5),
-    range("supply_voltage_2", "V", 11.1, 13.5),
+    supply("supply_voltage_1"),
+    supply("supply_voltage_2"),
     NOISE,
     range("engine_speed_1", "rpm", 2000.0, 5500.0),
     range("engine_speed_2", "rpm", 2000.0, 5500.0),
@@ -101,9 +104,9 @@ const STEPS: [Quantity; 8] = [
     SUPPLY,
     NOISE,
     range("engine_speed", "rpm", 1500.0, 5500.0),
-    range("boost_reference_1", "Pa", REFERENCES.0, 155e3),
-    range("boost_reference_2", "Pa", 20e3, 60e3),
-    range("boost_reference_3", "Pa", 20e3, 60e3),
+    range("boost_reference", "Pa", REFERENCES.0, 155e3),
+    range("step_up", "Pa", 20e3, 60e3),
+    range("step_down", "Pa", 20e3, 60e3),
 ];
 
 const TIP_IN: [Quantity; 8] = [
@@ -131,6 +134,12 @@ const FAULTS: [Quantity; 9] = [
     MEASURES_SHAFT,
 ];
 
+/// What the documentation of an enumeration's value says, for readers.
+pub fn help(value: impl ValueEnum) -> String {
+    let value = value.to_possible_value();
+    value.and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
+}
+
 /// What happens in a case, on whatever plant.
 #[derive(Clone, Debug)]
 pub struct Experiment {
@@ -144,6 +153,8 @@ pub struct Experiment {
     pub noise: Vec<(&'static str, f64)>,
     /// The vacuum tank's pressure at the start (Pa), if not the plant's.
     pub tank_pressure: Option<f64>,
+    /// Whether the engine has just started, instead of being at rest for the inputs at the start.
+    pub starts_running: bool,
     pub measures_shaft: bool,
     pub fault: Option<Fault>,
     /// When reference or engine speed start to change (s).
@@ -187,6 +198,7 @@ impl Experiment {
             reference: Signal::Constant(reference),
             noise: vec![("boost_pressure", noise)],
             tank_pressure: None,
+            starts_running: false,
             measures_shaft: true,
             fault: None,
             events: vec![],
@@ -209,8 +221,7 @@ impl Situation {
 
     /// What happens, in a few words.
     pub fn description(self) -> String {
-        let value = self.to_possible_value();
-        value.and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
+        help(self)
     }
 
     /// The experiment for values of the quantities.
@@ -219,9 +230,7 @@ impl Situation {
             Self::Ramps => ramps(values),
             Self::NoisyRamps => {
                 let mut experiment = ramps(values);
-                experiment
-                    .noise
-                    .extend([("engine_speed", SPEED_NOISE), ("supply_voltage_measured", SUPPLY_NOISE)]);
+                experiment.noise.extend(NOISE_BESIDE_BOOST);
                 experiment
             }
             Self::Steps => steps(values),
@@ -325,7 +334,7 @@ fn tip_in(drawn: &[f64]) -> Experiment {
 fn rest(drawn: &[f64]) -> Experiment {
     let [pressure, temperature, supply, noise, speed, reference] = values::<6>(drawn);
     let mut experiment = Experiment::at_rest([pressure, temperature], supply, speed, noise, reference);
-    experiment.noise.extend([("engine_speed", SPEED_NOISE), ("supply_voltage_measured", SUPPLY_NOISE)]);
+    experiment.noise.extend(NOISE_BESIDE_BOOST);
     experiment
 }
 
@@ -333,6 +342,7 @@ fn empty_tank(drawn: &[f64]) -> Experiment {
     let [pressure, temperature, supply, noise, speed, reference] = values::<6>(drawn);
     Experiment {
         tank_pressure: Some(pressure),
+        starts_running: true,
         stop_time: EVACUATION,
         ..Experiment::at_rest([pressure, temperature], supply, speed, noise, reference)
     }
@@ -380,15 +390,16 @@ mod tests {
 
     #[test]
     fn each_fault_is_drawn() {
-        let count = fault::FaultKind::ALL.len();
-        for (index, kind) in fault::FaultKind::ALL.into_iter().enumerate() {
-            let fault = Fault::drawn((index as f64 + 0.5) / count as f64, 150e3, 0.3);
-            assert_eq!(fault.kind, kind);
+        let kinds = fault::FaultKind::value_variants();
+        for (index, kind) in kinds.iter().enumerate() {
+            let fault = Fault::drawn((index as f64 + 0.5) / kinds.len() as f64, 150e3, 0.3);
+            assert_eq!(fault.kind, *kind);
+            assert!(!kind.name().is_empty());
             let changes =
                 |signal: &Signal| signal.at(0.0).to_bits() != signal.at(fault::BEGIN + 2.0).to_bits();
             let signals = fault.signals.iter().map(|(_, signal)| signal.clone()).chain([fault.supply(12.0)]);
             assert_eq!(signals.filter(changes).count(), 1, "{kind:?}");
         }
-        assert_eq!(Fault::drawn(1.0, 150e3, 0.3).kind, fault::FaultKind::ALL[count - 1]);
+        assert_eq!(Fault::drawn(1.0, 150e3, 0.3).kind, kinds[kinds.len() - 1]);
     }
 }

@@ -12,6 +12,7 @@ use super::fit::FirstOrder;
 use super::procedure::{Procedure, SplitRange};
 use super::schedule::{Allocation, Schedule, check_unit};
 use super::speed_fit::SpeedResponse;
+use crate::study::names::{RUNNING, START, can_start_running};
 use fmu_master::{Fmu, Instance, SavedState, Selection};
 use fmu_terms::Causality;
 
@@ -22,8 +23,6 @@ const BYPASS: &str = "hp_bypass";
 const SPEED: &str = "engine_speed";
 const SHAFT: &str = "hp_turbo_speed";
 const FROZEN: &str = "tank.frozen";
-const START: &str = "initialization.mode";
-const RUNNING: &str = "running";
 
 /// The interval at the end of a hold for the drift of boost pressure (s).
 const LOOK_BACK: f64 = 1.0;
@@ -149,10 +148,7 @@ impl<'a> Bench<'a> {
             .into_iter()
             .partition(|(name, _)| schedule.allocation.is_some() && [LOW_PRESSURE, BYPASS].contains(name));
         let freezes_tank = plant.description().variable(FROZEN).is_some();
-        let starts_running = plant.description().variable(START).is_some_and(|variable| {
-            let enumeration = plant.description().enumeration(&variable.declared_type);
-            enumeration.is_some_and(|known| known.items.iter().any(|(item, _)| item == RUNNING))
-        });
+        let starts_running = can_start_running(plant.description());
         let saves_states = plant.has_capability("canGetAndSetFMUstate");
 
         let mut notes = vec![];

@@ -28,7 +28,7 @@ const SEED: u64 = 1;
 /// A measure of the loop before and after.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
-    pub experiment: &'static str,
+    pub experiment: String,
     pub measure: &'static str,
     pub unit: &'static str,
     pub before: f64,
@@ -50,17 +50,22 @@ pub fn compare(rig: &Rig, tuning: &Tuning, set: &Path, threads: &ThreadPool) -> 
     let with = |sets| Loop { rig, tuning, variant: Variant { strategy, ignores_findings: false, sets } };
     let (before, after) = (with(&[]), with(&files));
     let mut compared = vec![];
-    let mut add = |experiment, measures: &[(&'static str, &'static str)], [before, after]: [Vec<f64>; 2]| {
-        for ((&(measure, unit), before), after) in measures.iter().zip(before).zip(after) {
-            compared.push(Compared { experiment, measure, unit, before, after });
-        }
-    };
+    let mut add =
+        |experiment: &str, measures: &[(&'static str, &'static str)], [before, after]: [Vec<f64>; 2]| {
+            for ((&(measure, unit), before), after) in measures.iter().zip(before).zip(after) {
+                compared.push(Compared { experiment: experiment.to_owned(), measure, unit, before, after });
+            }
+        };
     let steps = [("largest overshoot up", "kPa"), ("largest overshoot down", "kPa"), ("slowest 90 %", "s")];
     add("Fig. 13, steps at 1500 rpm", &steps, [before.steps()?, after.steps()?]);
     let ramps = [("largest deviation", "kPa")];
     add("ramps of 250 to 2000 rpm/s at 145 kPa", &ramps, [before.ramps()?, after.ramps()?]);
     let cases = [("within 2 kPa", "%"), ("median deviation", "kPa"), ("largest deviation", "kPa")];
-    add("20 cases of the study on this plant", &cases, [before.cases(threads)?, after.cases(threads)?]);
+    add(
+        &format!("{CASES} cases of the study on this plant"),
+        &cases,
+        [before.cases(threads)?, after.cases(threads)?],
+    );
     Ok(compared)
 }
 

@@ -164,7 +164,7 @@ fn before_and_after(report: &mut Report, tuning: &Tuning) {
     for Compared { experiment, measure, unit, before, after } in &tuning.comparison {
         let numbers = [before, after].map(|value| fmu_plot::Cell::number(&format!("{value:.2} {unit}")));
         let [before, after] = numbers;
-        table.row([(*experiment).into(), (*measure).into(), before, after]);
+        table.row([experiment.as_str().into(), (*measure).into(), before, after]);
     }
     report.table(&table);
 }
