@@ -8,15 +8,8 @@ impl Equations for {Type} {
     type Variables = Variables;
 
     fn evaluate<T: Number>(&self, _time: T, variables: Evaluation<'_, T>) {
-        let Evaluation {
-            parameters,
-            inputs,
-            states,
-            derivatives,
-            locals,
-            outputs,
-        } = variables;
-        let current = inputs.current;
+        let (parameters, states) = (variables.parameters, variables.states);
+        let current = variables.inputs.current;
         // Nothing flows beyond the first and the last cell.
         let flow = |from: usize, to: usize| match (states.cell.get(from), states.cell.get(to)) {
             (Some(from), Some(to)) => (from.t - to.t) * parameters.conductance,
@@ -25,13 +18,13 @@ impl Equations for {Type} {
         for (i, p) in parameters.cell.iter().enumerate() {
             let heat = current * current * p.resistance;
             let from_others = flow(i.wrapping_sub(1), i) + flow(i + 1, i);
-            derivatives.cell[i].charge = -current / p.capacity;
-            derivatives.cell[i].t = (heat + from_others) / parameters.heat_capacity;
-            locals.cell[i].voltage = states.cell[i].charge + 3.2 - current * p.resistance;
+            variables.derivatives.cell[i].charge = -current / p.capacity;
+            variables.derivatives.cell[i].t = (heat + from_others) / parameters.heat_capacity;
+            variables.locals.cell[i].voltage = states.cell[i].charge + 3.2 - current * p.resistance;
         }
-        outputs.voltage = locals.cell.iter().map(|cell| cell.voltage).sum();
+        variables.outputs.voltage = variables.locals.cell.iter().map(|cell| cell.voltage).sum();
         let temperatures = states.cell.iter().map(|cell| cell.t);
-        outputs.t_max = temperatures.fold(T::from(0.0), |hottest, t| hottest.max(t));
+        variables.outputs.t_max = temperatures.fold(T::from(0.0), |hottest, t| hottest.max(t));
     }
 }
 
@@ -46,24 +39,12 @@ mod tests {
         let mut simulation = Simulation::<{Type}>::default();
         simulation.initialize()?;
         simulation.step(600.0)?;
-        let Variables {
-            parameters,
-            states,
-            outputs,
-            ..
-        } = &simulation.variables;
-        let heat: f64 = parameters
-            .cell
-            .iter()
-            .map(|cell| 2.0 * 2.0 * cell.resistance * 600.0)
-            .sum();
-        let stored: f64 = states
-            .cell
-            .iter()
-            .map(|cell| (cell.t - 298.15) * 40.0)
-            .sum();
+        let variables = &simulation.variables;
+        let (parameters, states) = (&variables.parameters.cell, &variables.states.cell);
+        let heat: f64 = parameters.iter().map(|p| 4.0 * p.resistance * 600.0).sum();
+        let stored: f64 = states.iter().map(|cell| (cell.t - 298.15) * 40.0).sum();
         assert!((stored / heat - 1.0).abs() < 1e-6, "{stored} J of {heat} J");
-        assert_eq!(outputs.t_max, states.cell[11].t);
+        assert_eq!(variables.outputs.t_max, states[11].t);
         Ok(())
     }
 }
