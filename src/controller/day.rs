@@ -45,6 +45,16 @@ impl Inputs {
     pub fn measures_ambient_pressure(&self) -> bool {
         self.ambient_pressure >= LEAST_PRESSURE
     }
+
+    /// By how much ambient pressure is below the nominal one (Pa), 0 without a measurement.
+    #[must_use]
+    pub fn pressure_deficit(&self, parameters: &Parameters) -> f64 {
+        if self.measures_ambient_pressure() {
+            parameters.nominal_ambient_pressure - self.ambient_pressure
+        } else {
+            0.0
+        }
+    }
 }
 
 /// Ambient conditions relative to reference conditions.
@@ -58,7 +68,7 @@ pub struct Day {
     work_ratio: f64,
     /// Ambient pressure (Pa).
     ambient_pressure: f64,
-    /// Its difference below the reference value (Pa).
+    /// By how much it is below the reference value (Pa).
     pressure_deficit: f64,
     /// Whether ambient pressure is measured.
     pub is_measured: bool,
@@ -97,7 +107,7 @@ impl Day {
             // Flow is proportional to δ / √τ, and τ to flow to the power ε.
             work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
-            pressure_deficit: nominal_ambient_pressure - ambient_pressure,
+            pressure_deficit: inputs.pressure_deficit(parameters),
             is_measured: inputs.measures_ambient_pressure(),
         }
     }

@@ -184,7 +184,7 @@ impl Sampled for ControlLaw {
         let was_found = self.diagnosis.findings();
         self.diagnosis.check_sensors(parameters, inputs);
         let mut boost_control = self.diagnosis.boost_control(parameters);
-        let is_found = self.diagnosis.findings().boost_sensor_implausible;
+        let is_found = self.diagnosis.findings().has(diagnosis::BOOST_SENSOR);
         if parameters.mode == ControlMode::Boost && self.law.is_none() && !is_found {
             // An outlier may be an input that is not connected yet, or a plant that starts beyond the range.
             if inputs.boost_pressure < LEAST_MEASUREMENT {
@@ -255,13 +255,9 @@ impl ControlLaw {
         let mut reach = self.actuator_reach;
         let holding_duty =
             || self.without_feedback(parameters, inputs, Compensator::new(parameters, None)).hp_duty;
-        let deficit = if inputs.measures_ambient_pressure() {
-            parameters.nominal_ambient_pressure - inputs.ambient_pressure
-        } else {
-            0.0
-        };
+        let measured = (tank_pressure, supply_voltage);
         let is_lost =
-            reach.is_lost(parameters, (tank_pressure, supply_voltage), holding_duty, excess, deficit);
+            reach.is_lost(parameters, measured, holding_duty, excess, inputs.pressure_deficit(parameters));
         self.actuator_reach = reach;
         is_lost
     }

@@ -212,6 +212,13 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         }
     }
 
+    /// The share of the way to the schedule's pressure that an engine goes in a sample (s).
+    #[must_use]
+    pub fn share_of_lag(self, sample_time: f64) -> f64 {
+        let local = self.local_model();
+        sample_time / larger(local.time_constant + local.delay, sample_time)
+    }
+
     /// The value of a table over the schedule's grid.
     #[must_use]
     #[inline]

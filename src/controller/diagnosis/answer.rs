@@ -8,7 +8,6 @@
 
 use fmu_export::Persistent;
 
-use super::boost_sensor::share_of_lag;
 use super::evidence::{MEMORY, STEADY_SPEED};
 use crate::controller::schedule::OperatingPoint;
 use crate::controller::variables::Parameters;
@@ -102,7 +101,7 @@ impl Answer {
             ..Demand::default()
         }));
         let goal = here.pressure_held_by(virtual_duty) - demand.held_before;
-        demand.expected += share_of_lag(parameters, here) * (goal - demand.expected);
+        demand.expected += here.share_of_lag(sample_time) * (goal - demand.expected);
 
         let expected = demand.sign * demand.expected;
         let moved = larger(demand.sign * (boost_pressure - demand.farthest), 0.0);

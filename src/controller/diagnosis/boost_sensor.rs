@@ -208,19 +208,9 @@ impl Constant {
         let sample_time = parameters.sample_time;
         let lag = SLOW_ACTUATOR * parameters.actuator_lag;
         self.asked += sample_time / larger(lag, sample_time) * (due - self.asked);
-        self.expected += share_of_lag(parameters, operating_point) * (self.asked - self.expected);
+        self.expected += operating_point.share_of_lag(sample_time) * (self.asked - self.expected);
         (duty - before).abs() >= STICTION && self.expected.abs() >= due_movement
     }
-}
-
-/// The share of the way to the schedule's pressure that an engine goes in a sample.
-pub fn share_of_lag<const COLUMNS: usize>(
-    parameters: &Parameters,
-    operating_point: OperatingPoint<'_, COLUMNS>,
-) -> f64 {
-    let local = operating_point.local_model();
-    let sample_time = parameters.sample_time;
-    sample_time / larger(local.time_constant + local.delay, sample_time)
 }
 
 /// Before the engine runs, boost pressure is ambient pressure.

@@ -2,8 +2,8 @@
 
 use fmu_export::Persistent;
 
-/// The time constant (s) of the virtual duty, the reference and engine speed before a demand: longer than the duty's response to a
-/// reference step, shorter than the time between a driver's steps.
+/// The time constant (s) of the virtual duty, the reference and engine speed before a demand: longer than the duty's
+/// response to a reference step, shorter than the time between a driver's steps.
 pub const MEMORY: f64 = 1.0;
 /// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
 pub const STEADY_SPEED: f64 = 100.0;

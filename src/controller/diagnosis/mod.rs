@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | boost sensor implausible | see [`boost_sensor`] | the reference model's pressure replaces the measurement |
 //! | loop not answering | boost, far from its reference, does not follow a moving virtual duty; or the integral term has drifted to its limit | least boost once boost stays above its reference by 20 kPa |
-//! | tank not filling | the pressure does not fall with the pump on | none: the pump stays on, and the valves act once the [`Reach`](super::actuator_reach) is lost |
+//! | tank not filling | the pressure does not fall with the pump on | none: the pump stays on, and see [`actuator_reach`](super::actuator_reach) |
 //! | tank sensor implausible | out of range | pump timed |
 //! | supply sensor implausible | out of range | the voltage that the last plausible ones lead to |
 //!
@@ -48,55 +48,58 @@ pub const OVERBOOST: f64 = 20e3;
 const FASTEST_DRIFT: f64 = 2e3;
 
 /// The code of each finding.
-const BOOST_SENSOR: i32 = 1;
+pub const BOOST_SENSOR: i32 = 1;
 const LOOP: i32 = 2;
 const TANK_FILLING: i32 = 4;
 const TANK_SENSOR: i32 = 8;
 const SUPPLY_SENSOR: i32 = 16;
 
-/// What was found.
-#[allow(clippy::struct_excessive_bools, reason = "the findings are independent of each other")]
+/// What a warning says of each finding.
+const TEXTS: [(i32, &str); 5] = [
+    (BOOST_SENSOR, "boost sensor implausible"),
+    (LOOP, "boost does not respond to the duty"),
+    (TANK_FILLING, "vacuum tank does not fill"),
+    (TANK_SENSOR, "tank pressure sensor implausible"),
+    (SUPPLY_SENSOR, "supply voltage sensor implausible"),
+];
+
+/// What was found, as sums of codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
 pub struct Findings {
-    pub boost_sensor_implausible: bool,
-    pub loop_not_answering: bool,
-    pub tank_not_filling: bool,
-    pub tank_sensor_implausible: bool,
-    pub supply_sensor_implausible: bool,
+    found: i32,
+    enabled: i32,
 }
 
 impl Findings {
-    fn all(self) -> [(bool, &'static str); 5] {
-        [
-            (self.boost_sensor_implausible, "boost sensor implausible"),
-            (self.loop_not_answering, "boost does not respond to the duty"),
-            (self.tank_not_filling, "vacuum tank does not fill"),
-            (self.tank_sensor_implausible, "tank pressure sensor implausible"),
-            (self.supply_sensor_implausible, "supply voltage sensor implausible"),
-        ]
+    /// Whether a code is found.
+    pub fn has(self, code: i32) -> bool {
+        self.found & code != 0
     }
 
-    /// The sum of 1, 2, 4, 8 and 16 for the findings in order.
-    fn code(self) -> i32 {
-        self.all().iter().rev().fold(0, |code, &(found, _)| 2 * code + i32::from(found))
+    /// Whether a code is enabled.
+    fn enables(self, code: i32) -> bool {
+        self.enabled & code != 0
     }
 
-    /// The findings of a code alone.
-    fn within(self, code: i32) -> Self {
-        let is_in = |finding: i32| code & finding != 0;
-        Self {
-            boost_sensor_implausible: self.boost_sensor_implausible && is_in(BOOST_SENSOR),
-            loop_not_answering: self.loop_not_answering && is_in(LOOP),
-            tank_not_filling: self.tank_not_filling && is_in(TANK_FILLING),
-            tank_sensor_implausible: self.tank_sensor_implausible && is_in(TANK_SENSOR),
-            supply_sensor_implausible: self.supply_sensor_implausible && is_in(SUPPLY_SENSOR),
+    /// Lets only these codes be found.
+    fn enable(&mut self, codes: i32) {
+        self.enabled = codes;
+        self.found &= codes;
+    }
+
+    /// Says whether a code is found, if it is enabled.
+    fn set(&mut self, code: i32, is_found: bool) {
+        if is_found && self.enables(code) {
+            self.found |= code;
+        } else {
+            self.found &= !code;
         }
     }
 
     /// Warns of new findings.
-    pub fn warn_since(self, before: Self, inputs: &Inputs, context: &mut Context<'_>) {
-        for ((found, what), (was_found, _)) in self.all().into_iter().zip(before.all()) {
-            if found && !was_found {
+    fn warn_since(self, before: Self, inputs: &Inputs, context: &mut Context<'_>) {
+        for (code, what) in TEXTS {
+            if self.has(code) && !before.has(code) {
                 context.warn(format_args!("{what}; {}", Measurements(inputs)));
             }
         }
@@ -172,6 +175,7 @@ impl Diagnosis {
     /// Judges a sample's measurements individually.
     pub fn check_sensors(&mut self, parameters: &Parameters, inputs: &Inputs) {
         let &Parameters { sample_time, nominal_voltage, ref diagnosis, .. } = parameters;
+        self.findings.enable(diagnosis.enabled_codes);
         let confirm = |range: &mut Confirmed, value: f64, least: f64, most: f64| {
             let is_outside = value <= least || value > most;
             range.sample(is_outside, diagnosis.confirmation_time, sample_time);
@@ -183,25 +187,23 @@ impl Diagnosis {
         let voltage = inputs.supply_voltage_measured;
         self.supply_is_outside =
             confirm(&mut self.supply_range, voltage, least * nominal_voltage, most * nominal_voltage);
-        self.findings.tank_sensor_implausible = self.tank_range.holds;
-        self.findings.supply_sensor_implausible = self.supply_range.holds;
+        self.findings.set(TANK_SENSOR, self.tank_range.holds);
+        self.findings.set(SUPPLY_SENSOR, self.supply_range.holds);
         self.judged = TANK_SENSOR | SUPPLY_SENSOR;
         if parameters.mode == ControlMode::Boost {
             self.boost_sensor.check(parameters, inputs);
-            self.findings.boost_sensor_implausible = self.boost_sensor.is_implausible();
+            self.findings.set(BOOST_SENSOR, self.boost_sensor.is_implausible());
             self.judged |= BOOST_SENSOR;
         }
-        self.findings = self.findings.within(diagnosis.enabled_codes);
     }
 
     /// How the boost loop is to be closed.
     pub fn boost_control(&self, parameters: &Parameters) -> BoostControl {
-        let &DiagnosisParameters { limp_home, enabled_codes, .. } = &parameters.diagnosis;
-        if !limp_home || parameters.mode != ControlMode::Boost {
+        if !parameters.diagnosis.limp_home || parameters.mode != ControlMode::Boost {
             BoostControl::Closed
         } else if self.exceeds {
             BoostControl::LeastBoost
-        } else if enabled_codes & BOOST_SENSOR != 0 && !self.boost_sensor.is_usable() {
+        } else if self.findings.enables(BOOST_SENSOR) && !self.boost_sensor.is_usable() {
             BoostControl::WithoutMeasurement
         } else {
             BoostControl::Closed
@@ -221,7 +223,7 @@ impl Diagnosis {
     /// Whether the pump is to run, given the relay's command.
     pub fn pump(&mut self, parameters: &Parameters, relay: bool) -> bool {
         let &Parameters { sample_time, ref diagnosis, .. } = parameters;
-        if !diagnosis.limp_home || !self.findings.tank_sensor_implausible {
+        if !diagnosis.limp_home || !self.findings.has(TANK_SENSOR) {
             self.pump_time = 0.0;
             return relay;
         }
@@ -240,21 +242,19 @@ impl Diagnosis {
 
     /// Whether the supply voltage is replaced: an outlier is, even before it is confirmed.
     pub fn replaces_supply_voltage(&self, parameters: &Parameters) -> bool {
-        let &DiagnosisParameters { limp_home, enabled_codes, .. } = &parameters.diagnosis;
-        limp_home && enabled_codes & SUPPLY_SENSOR != 0 && self.supply_is_outside
+        parameters.diagnosis.limp_home && self.findings.enables(SUPPLY_SENSOR) && self.supply_is_outside
     }
 
     /// Judges whether the tank fills with these commands.
     pub fn check_filling(&mut self, parameters: &Parameters, inputs: &Inputs, outputs: &Outputs) {
+        let mut fails = self.findings.has(TANK_FILLING);
         if outputs.vacuum_pump > 0.0 && !self.tank_range.holds {
-            let fails = self.filling.fails(parameters, outputs.hp_wastegate_pwm, inputs.tank_pressure);
-            self.findings.tank_not_filling |= fails;
+            fails |= self.filling.fails(parameters, outputs.hp_wastegate_pwm, inputs.tank_pressure);
             self.judged |= TANK_FILLING;
         } else {
             self.filling = Filling::default();
         }
-        self.findings.tank_not_filling &= inputs.tank_pressure >= parameters.tank_pressure_off;
-        self.findings = self.findings.within(parameters.diagnosis.enabled_codes);
+        self.findings.set(TANK_FILLING, fails && inputs.tank_pressure >= parameters.tank_pressure_off);
     }
 
     /// Judges the loop and, by the duty, the boost sensor; `here` are measured boost pressure (Pa) and engine speed (rpm)
@@ -280,7 +280,7 @@ impl Diagnosis {
             Expectation { operating_point, duty, engine_speed: inputs.engine_speed },
         );
         self.boost_sensor.recover(parameters, inputs.boost_pressure, done.expected_measurement);
-        self.findings.boost_sensor_implausible = self.boost_sensor.is_implausible();
+        self.findings.set(BOOST_SENSOR, self.boost_sensor.is_implausible());
 
         if !self.boost_sensor.is_usable() || !self.supply_range.is_sound() || !done.tank_has_filled {
             (self.answer, self.drift) = (Answer::default(), Drift::default());
@@ -289,18 +289,19 @@ impl Diagnosis {
             let error = done.asked.reference - here.0;
             match self.answer.judge(parameters, here, operating_point, done.asked, duty) {
                 Verdict::Unknown => {}
-                Verdict::Answers => self.findings.loop_not_answering = false,
+                Verdict::Answers => self.findings.set(LOOP, false),
                 Verdict::Fails => {
-                    self.findings.loop_not_answering = true;
-                    self.exceeds |= error <= -OVERBOOST && parameters.diagnosis.enabled_codes & LOOP != 0;
+                    self.findings.set(LOOP, true);
+                    self.exceeds |= error <= -OVERBOOST && self.findings.enables(LOOP);
                 }
             }
             // The shaft's limit is not the driver's.
             let is_tracking = error.abs() < parameters.diagnosis.answer_error
                 && done.asked.by_driver <= done.asked.reference;
-            self.findings.loop_not_answering |= self.drift.sample(parameters, done.correction, is_tracking);
+            if self.drift.sample(parameters, done.correction, is_tracking) {
+                self.findings.set(LOOP, true);
+            }
         }
-        self.findings = self.findings.within(parameters.diagnosis.enabled_codes);
     }
 
     /// Sets the outputs and local variables at a time (s), and warns of new findings.
@@ -313,18 +314,17 @@ impl Diagnosis {
         context: &mut Context<'_>,
     ) {
         let findings = self.findings;
-        let code = findings.code();
-        outputs.fault_code = f64::from(code);
-        if code != 0 {
-            self.frame.take(code, time, inputs, outputs.hp_wastegate_pwm);
+        outputs.fault_code = f64::from(findings.found);
+        if findings.found != 0 {
+            self.frame.take(findings.found, time, inputs, outputs.hp_wastegate_pwm);
         }
         self.frame.publish(locals);
         locals.diagnosis = DiagnosisLocals {
-            boost_sensor_implausible: findings.boost_sensor_implausible,
-            loop_not_answering: findings.loop_not_answering,
-            tank_not_filling: findings.tank_not_filling,
-            tank_sensor_implausible: findings.tank_sensor_implausible,
-            supply_sensor_implausible: findings.supply_sensor_implausible,
+            boost_sensor_implausible: findings.has(BOOST_SENSOR),
+            loop_not_answering: findings.has(LOOP),
+            tank_not_filling: findings.has(TANK_FILLING),
+            tank_sensor_implausible: findings.has(TANK_SENSOR),
+            supply_sensor_implausible: findings.has(SUPPLY_SENSOR),
             judged_codes: self.judged,
         };
         findings.warn_since(before, inputs, context);
