@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::check::variable;
 use crate::declaration::{AliasDeclaration, Contents, Declaration, VariableDeclaration, within};
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description, outward};
+use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description, name_within, outward};
 use crate::names::{length, rust_type_name};
 
 /// The most components: types could contain each other in numbers that no computer holds.
@@ -147,16 +147,7 @@ impl<'a> Flat<'a> {
                 .iter()
                 .cloned()
                 .chain(element.map(|_| (outer.arrays.len(), outer.name.clone())))
-                .map(|(from, outer)| {
-                    (
-                        from,
-                        if outer.is_empty() {
-                            component.name.clone()
-                        } else {
-                            format!("{outer}.{}", component.name)
-                        },
-                    )
-                })
+                .map(|(from, outer)| (from, name_within(&outer, &component.name)))
                 .collect(),
             index: element.map(|(_, index)| index),
             arrays: outer.arrays.iter().copied().chain(element).collect(),

@@ -93,13 +93,18 @@ impl<'a> Part<'a> {
 
     /// The name in FMI of one of its variables or components.
     pub(crate) fn name_of(&self, inner: &str) -> String {
-        if self.name.is_empty() { inner.to_owned() } else { format!("{}.{inner}", self.name) }
+        name_within(&self.name, inner)
     }
 
     /// A description with those of the components around.
     pub(crate) fn describe(&self, inner: &str) -> String {
         self.description.as_ref().map_or_else(|| inner.to_owned(), |outer| format!("{outer}: {inner}"))
     }
+}
+
+/// The name in FMI of a variable or component, within a component of a name, or within the model without one.
+pub(crate) fn name_within(outer: &str, inner: &str) -> String {
+    if outer.is_empty() { inner.to_owned() } else { format!("{outer}.{inner}") }
 }
 
 /// The positions of a part and those around it, the model last.

@@ -221,6 +221,7 @@ impl<I: Inputs> InputSignal<I> {
         }
     }
 
+    /// Apart from [`Self::update`], so that steps without new values inline the test alone.
     fn take_set(&mut self, watches: bool) {
         let value = |position: usize| bound::<I>(position, self.reals[position].set);
         if watches {
