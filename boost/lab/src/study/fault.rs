@@ -60,7 +60,7 @@ pub enum FaultKind {
 impl FaultKind {
     /// For readers.
     pub fn name(self) -> String {
-        help(self)
+        help(&self)
     }
 }
 

@@ -654,7 +654,7 @@ pub fn csv(report: &StudyReport<'_>, writer: impl Write) -> io::Result<()> {
             let mut numbers: Vec<_> = numbers.collect();
             numbers.insert(2, measured.map(|measures| measures.is_above.to_string()).unwrap_or_default());
             let strategy = report.study.strategies[strategy].clone().unwrap_or_default();
-            let row = [outcome.case.to_string(), strategy, verdict.to_owned(), fault.to_owned()].into_iter();
+            let row = [outcome.case.to_string(), strategy, verdict.to_owned(), fault.clone()].into_iter();
             let row = row.chain(numbers);
             let row = row.chain([run.error.clone().unwrap_or_default()]);
             csv.write_record(row.chain(drawn.iter().map(|(_, value)| text(*value))))?;

@@ -129,13 +129,13 @@ const FAULTS: [Quantity; 9] = [
     SPEED,
     range("boost_reference", "Pa", 125e3, 175e3),
     range("reference_step", "Pa", -20e3, 20e3),
-    range("fault", "1", 0.0, 1.0),
+    range("fault_share", "1", 0.0, 1.0),
     range("stuck_position", "1", 0.0, 1.0),
     MEASURES_SHAFT,
 ];
 
 /// What the documentation of an enumeration's value says, for readers.
-pub fn help(value: impl ValueEnum) -> String {
+pub fn help(value: &impl ValueEnum) -> String {
     let value = value.to_possible_value();
     value.and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
 }
@@ -221,7 +221,7 @@ impl Situation {
 
     /// What happens, in a few words.
     pub fn description(self) -> String {
-        help(self)
+        help(&self)
     }
 
     /// The experiment for values of the quantities.
