@@ -158,22 +158,12 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         here.feedforward() + beyond / here.interpolate(self.schedule.gain)
     }
 
-    /// The range of a correction of the duty (%) that moves boost at rest from a pressure by at most another (Pa). Near the
-    /// last row, where the map has no duty for more boost, it is open downwards.
+    /// The range of a correction of the duty (%) that moves boost at rest from a pressure by at most another (Pa).
     #[must_use]
     pub fn correction(self, boost_pressure: f64, most: f64) -> Limits {
-        let last = self.schedule.boost_pressure[ROWS - 1];
         let at = |pressure| self.extrapolated_feedforward(pressure);
         let held = at(boost_pressure);
-        let is_within = boost_pressure + 0.5 * most < last;
-        Limits {
-            least: if is_within {
-                at(smaller(boost_pressure + most, last)) - held
-            } else {
-                f64::NEG_INFINITY
-            },
-            most: at(boost_pressure - most) - held,
-        }
+        Limits { least: at(boost_pressure + most) - held, most: at(boost_pressure - most) - held }
     }
 
     /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond

@@ -3,7 +3,7 @@
 //! | finding | when | limp-home |
 //! |---|---|---|
 //! | boost sensor implausible | see [`boost_sensor`] | the reference model's pressure replaces the measurement |
-//! | loop not answering | boost, far from its reference, does not follow a moving virtual duty; or the integral term has drifted to its limit | least boost once boost stays above its reference by 20 kPa |
+//! | loop not answering | boost, far from its reference, does not follow a moving virtual duty; or the integral term drifts | least boost once boost stays above its reference by 20 kPa |
 //! | tank not filling | the pressure does not fall with the pump on | none: the pump stays on, and see [`actuator_reach`](super::actuator_reach) |
 //! | tank sensor implausible | out of range | pump timed |
 //! | supply sensor implausible | out of range | the voltage that the last plausible ones lead to |
@@ -28,7 +28,7 @@ use fmu_export::{Context, Error, Persistent};
 
 use self::answer::{Answer, Verdict};
 use self::boost_sensor::{BoostSensor, Expectation};
-use self::evidence::Confirmed;
+use self::evidence::{Confirmed, STEADY_SPEED};
 use self::filling::Filling;
 use self::freeze_frame::FreezeFrame;
 use super::actuator_inverse;
@@ -298,7 +298,8 @@ impl Diagnosis {
             // The shaft's limit is not the driver's.
             let is_tracking = error.abs() < parameters.diagnosis.answer_error
                 && done.asked.by_driver <= done.asked.reference;
-            if self.drift.sample(parameters, done.correction, is_tracking) {
+            let point = [inputs.engine_speed, done.asked.by_driver];
+            if self.drift.sample(parameters, done.correction, point, is_tracking) {
                 self.findings.set(LOOP, true);
             }
         }
@@ -340,23 +341,41 @@ struct Drift {
     before: f64,
     /// The sum of its slow changes since it corrected little, or boost was far from its reference (Pa).
     slow: f64,
+    /// The sum of its slow changes at one operating point (Pa), where an engine needs none.
+    at_point: f64,
+    /// The engine speed (rpm) and the driver's reference (Pa) of that point.
+    point: [f64; 2],
     /// How long it has been at its limit (s).
     exhausted_for: f64,
 }
 
 impl Drift {
-    /// Whether the term is at its limit, for `answer_time`, and moved there slowly.
-    fn sample(&mut self, parameters: &Parameters, correction: Correction, is_tracking: bool) -> bool {
+    /// Whether the term moved slowly, by half of its authority at one operating point or to its limit, for `answer_time`.
+    fn sample(
+        &mut self,
+        parameters: &Parameters,
+        correction: Correction,
+        point: [f64; 2],
+        is_tracking: bool,
+    ) -> bool {
         let &Parameters { sample_time, integral_authority, ref diagnosis, .. } = parameters;
         let Correction { pressure, is_exhausted } = correction;
         let most = FASTEST_DRIFT * sample_time;
-        self.slow += smaller(larger(pressure - self.before, -most), most);
+        let change = smaller(larger(pressure - self.before, -most), most);
+        self.before = pressure;
+        self.slow += change;
         if pressure.abs() < diagnosis.answer_error || !is_tracking {
             self.slow = 0.0;
         }
-        self.before = pressure;
+        self.at_point += change;
+        let [speed_change, reference_change] = [0, 1].map(|i| (point[i] - self.point[i]).abs());
+        if speed_change > STEADY_SPEED || reference_change >= diagnosis.answer_error || !is_tracking {
+            (self.at_point, self.point) = (0.0, point);
+        }
         self.exhausted_for = if is_exhausted && is_tracking { self.exhausted_for + sample_time } else { 0.0 };
-        self.exhausted_for >= diagnosis.answer_time && self.slow.abs() >= 0.5 * integral_authority
+        let is_at_limit = self.exhausted_for >= diagnosis.answer_time;
+        let far = 0.5 * integral_authority;
+        self.at_point.abs() >= far || is_at_limit && self.slow.abs() >= far
     }
 }
 
