@@ -455,7 +455,7 @@ def test_all_commands_take_a_pump_of_any_type(
         # 1: the plant does not meet the criteria.
         assert done.returncode in (0, 1), done.stderr
         studied = (folder / "study" / "results.csv").read_text()
-        assert ",error," not in studied
+        assert ",error," not in studied.partition("\n")[2]
         return [str(coupled["plant:p_boost"].tolist()), out.read_text(), studied]
 
     (tmp_path / "Real").mkdir()
@@ -542,9 +542,7 @@ def test_tune_names_what_does_not_fit(clone: Path, lab: Run, tmp_path: Path) -> 
     plant = clone / "target" / "foreign" / "SurrogatePlant.fmu"
     done = lab("tune", "--plant", plant, "--connections", wrong, "--out", tmp_path / "out", **WITH_PYTHON)
     assert done.returncode == 2
-    assert re.search(
-        r"WRONG +output +boost_pressure +p_bost is missing; similar: p_boost, p_tank", done.stderr
-    )
+    assert re.search(r"WRONG +output +boost_pressure +p_bost is missing; similar: p_boost\n", done.stderr)
     assert not (tmp_path / "out").exists()
 
 

@@ -130,7 +130,7 @@ impl<'i> Port<'i> {
     }
 
     /// The conversion to the interface's values, by that in the direction of the signal.
-    pub(crate) fn to_interface(&self, conversion: &Function) -> Function {
+    pub(crate) fn to_interface(self, conversion: &Function) -> Function {
         match self.kind {
             Kind::Input => conversion.clone().inverse(),
             Kind::Output => conversion.clone(),
