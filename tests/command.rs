@@ -28,6 +28,18 @@ fn refusal(arguments: &[&str]) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
+/// An FMU with a description, and a library of its name for each platform of FMI 2.0, which no command here loads.
+fn fmu_of(name: &str, description: &str) -> String {
+    let (_, identifier) = description.split_once("modelIdentifier=\"").unwrap();
+    let identifier = identifier.split_once('"').unwrap().0;
+    let libraries = [("linux64", "so"), ("win64", "dll"), ("darwin64", "dylib")]
+        .map(|(folder, suffix)| format!("binaries/{folder}/{identifier}.{suffix}"));
+    let libraries = libraries.iter().map(|path| (path.as_str(), b"".as_slice()));
+    let entries: Vec<_> =
+        [("modelDescription.xml", description.as_bytes())].into_iter().chain(libraries).collect();
+    archive_of(name, &entries)
+}
+
 #[test]
 fn exit_statuses_are_in_the_help() {
     let help = String::from_utf8(boost_fmu(&["--help"]).stdout).unwrap();
@@ -73,7 +85,7 @@ fn hostile_archives_are_refused_with_a_reason() {
 #[test]
 fn whether_an_fmu_fits_is_the_exit_code() {
     let code = |arguments: &[&str]| boost_fmu(arguments).status.code();
-    let other = archive("other_plant.fmu", "modelDescription.xml", &description(""));
+    let other = fmu_of("other_plant.fmu", &description(""));
     assert_eq!(code(&["check", &other, "--as", "plant"]), Some(1));
     assert_eq!(code(&["check", "there is no such.fmu", "--as", "plant"]), Some(2));
     assert_eq!(code(&["check", &other, "--as", "engine"]), Some(2));
@@ -91,7 +103,7 @@ fn whether_an_fmu_fits_is_the_exit_code() {
         real("supply_voltage_measured", "output"),
     ]
     .concat();
-    let fitting = archive("fitting_plant.fmu", "modelDescription.xml", &description(&variables));
+    let fitting = fmu_of("fitting_plant.fmu", &description(&variables));
     assert_eq!(code(&["check", &fitting, "--as", "plant"]), Some(0));
     assert_eq!(code(&["check", &fitting, "--as", "controller"]), Some(1));
 }
@@ -110,7 +122,7 @@ fn connections(duty: &str) -> String {
 fn connections_are_written_read_back_and_kept() {
     let variables = r#"<ScalarVariable name="pBoost" causality="output"><Real/></ScalarVariable>
         <ScalarVariable name="duty" causality="input"><Real/></ScalarVariable>"#;
-    let fmu = archive("connected.fmu", "modelDescription.xml", &description(variables));
+    let fmu = fmu_of("connected.fmu", &description(variables));
     let file = scratch("connections.toml");
     let name = file.to_str().unwrap();
     let _ = fs::remove_file(&file);
@@ -179,7 +191,7 @@ fn connections_are_written_read_back_and_kept() {
         (r#""plant:duty", to_unit = "1""#, 0, "hp_wastegate_pwm = 100 · duty"),
         (r#""plant:duty", factor = 0.02, offset = -0.5"#, 0, "hp_wastegate_pwm = 50 · duty + 25"),
         (r#""plant:dutie""#, 1, "dutie is missing; similar: duty"),
-        (r#""plant:duty", to_unit = "V""#, 1, "the unit V does not convert to %"),
+        (r#""plant:duty", to_unit = "V""#, 1, "the unit % does not convert to V"),
         (r#""plant:duty", to_unit = "furlong""#, 1, "the unit 'furlong' is not known"),
     ] {
         let (code, printed) = edited(&connections(duty));
@@ -206,7 +218,7 @@ fn connections_are_written_read_back_and_kept() {
 #[test]
 fn a_file_proposes_what_the_table_suggests() {
     let variables = r#"<ScalarVariable name="speed_engine" causality="input"><Real/></ScalarVariable>"#;
-    let fmu = archive("suggested.fmu", "modelDescription.xml", &description(variables));
+    let fmu = fmu_of("suggested.fmu", &description(variables));
     let file = scratch("suggested.toml");
     let _ = fs::remove_file(&file);
     let output = boost_fmu(&["check", &fmu, "--as", "plant", "--write-connections", file.to_str().unwrap()]);
@@ -216,6 +228,125 @@ fn a_file_proposes_what_the_table_suggests() {
     let text = fs::read_to_string(&file).unwrap();
     let proposal = "# from = \"engine_speed\"\n# to = \"plant:speed_engine\"\n# from_unit = \"rpm\"\n";
     assert!(text.contains(proposal), "{text}");
+}
+
+/// Each proposal has a variable of its own, of any type of numbers, and none that another connection has. What is open is
+/// listed, with what there is to fill in.
+#[test]
+fn a_file_of_connections_lists_all_and_proposes_one_source_for_one_input() {
+    let variable = |name: &str, causality: &str, typed: &str| {
+        format!(
+            r#"<ScalarVariable name="{name}" causality="{causality}" description="What {name} is">{typed}</ScalarVariable>"#
+        )
+    };
+    let variables = [
+        variable("hp_wastegate_pwm", "input", "<Real/>"),
+        variable("LpWastegate", "input", "<Boolean/>"),
+        variable("vacuumPump", "input", "<Integer/>"),
+        variable("gear", "input", "<Integer/>"),
+        variable("label", "input", "<String/>"),
+        variable("boostPressure", "output", r#"<Real unit="bar"/>"#),
+        variable("torque", "output", "<Real/>"),
+    ]
+    .concat();
+    let fmu = fmu_of("open.fmu", &description(&variables));
+    let file = scratch("open.toml");
+    let _ = fs::remove_file(&file);
+    let output = boost_fmu(&["check", &fmu, "--as", "plant", "--write-connections", file.to_str().unwrap()]);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        printed.contains("vacuum_pump, lp_wastegate, boost_pressure are proposals in comments"),
+        "{printed}"
+    );
+    let text = fs::read_to_string(&file).unwrap();
+    for (from, to) in [
+        ("controller:vacuum_pump", "plant:vacuumPump"),
+        ("controller:lp_wastegate", "plant:LpWastegate"),
+        // These are like LpWastegate and hp_wastegate_pwm, too.
+        ("controller:hp_bypass", "plant:?"),
+        ("controller:surge_valve", "plant:?"),
+        ("throttle", "plant:?"),
+        ("engine_speed", "plant:?"),
+        ("plant:boostPressure", "controller:boost_pressure"),
+        ("plant:?", "controller:tank_pressure"),
+        ("plant:?", "controller:hp_turbo_speed"),
+    ] {
+        let open = format!("# [[connection]]\n# from = \"{from}\"\n# to = \"{to}\"\n");
+        assert!(text.contains(&open), "{open}: {text}");
+    }
+    let listed = "\n# inputs of Other without a connection:\n\
+                  #   LpWastegate (Boolean): What LpWastegate is\n\
+                  #   vacuumPump (Integer): What vacuumPump is\n\
+                  #   gear (Integer): What gear is\n\
+                  #   label (String): What label is\n\
+                  \n# outputs of Other without a connection:\n\
+                  #   boostPressure (Real, bar): What boostPressure is\n\
+                  #   torque (Real): What torque is\n";
+    assert!(text.ends_with(listed), "{text}");
+}
+
+/// An FMU whose library no importer finds does not fit; one for other platforms does not run here.
+#[test]
+fn a_missing_or_misnamed_library_is_told() {
+    let [plant, _] = fitting("Libraries");
+    let check = |entry: Option<&str>| {
+        let entries = [("modelDescription.xml", plant.as_bytes())].into_iter();
+        let entries: Vec<_> = entries.chain(entry.map(|path| (path, b"".as_slice()))).collect();
+        let output = boost_fmu(&["check", &archive_of("libraries.fmu", &entries), "--as", "plant"]);
+        (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (code, printed) = check(None);
+    assert!(code == 1 && printed.contains("WRONG  it has neither libraries nor sources"), "{printed}");
+    let (code, printed) = check(Some("binaries/linux64/Other.so"));
+    let wrong = "WRONG  in its binaries/linux64/ there is no Libraries_input.so, but Other.so";
+    assert!(code == 1 && printed.contains(wrong), "{printed}");
+    for path in ["binaries/aarch64-windows/Libraries_input.dll", "sources/all.c"] {
+        let (code, printed) = check(Some(path));
+        let note = "It does not run on this platform: it has no binaries/";
+        assert!(code == 0 && printed.contains(note), "{path}: {printed}");
+    }
+    let output = boost_fmu(&["check", &fmu_of("libraries.fmu", &plant), "--as", "plant"]);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.ends_with("It can replace the plant.\n"), "{printed}");
+}
+
+/// An array's element is a variable, as in a run, and none of a system's connectors.
+#[test]
+fn an_element_of_an_array_fits() {
+    let folder = empty("elements");
+    let float = |name: &str, causality: &str, size: &str| {
+        format!(r#"<Float64 name="{name}" causality="{causality}" valueReference="1">{size}</Float64>"#)
+    };
+    let variables = [
+        float("valves", "output", r#"<Dimension start="2"/>"#),
+        ["hp_wastegate_pwm", "vacuum_pump"].map(|name| float(name, "output", "")).concat(),
+        ["boost_pressure", "tank_pressure", "supply_voltage_measured"]
+            .map(|name| float(name, "input", ""))
+            .concat(),
+    ]
+    .concat();
+    let [plant, _] = fitting("Elements");
+    let controller = description(&variables).replace("\"2.0\"", "\"3.0\"");
+    for (name, text) in [("plant.fmu", &plant), ("controller.fmu", &controller)] {
+        fs::copy(fmu_of(name, text), folder.join(name)).unwrap();
+    }
+    let by_name = ["hp_wastegate_pwm", "vacuum_pump"]
+        .map(|name| format!(r#"{{ from = "controller:{name}", to = "plant:{name}" }},"#));
+    let measured = ["boost_pressure", "tank_pressure", "supply_voltage_measured"]
+        .map(|name| format!(r#"{{ from = "plant:{name}", to = "controller:{name}" }},"#));
+    let elements = r#"{ from = "controller:valves[1]", to = "plant:lp_wastegate" },
+        { from = "controller:valves[2]", to = "plant:hp_bypass" }"#;
+    let list = [by_name.concat(), measured.concat(), elements.to_owned()].concat();
+    fs::write(folder.join("all.toml"), format!("connection = [{list}]")).unwrap();
+    let files = ["--connections", "all.toml"];
+    let check =
+        boost_fmu_in(&folder, &[&["check", "controller.fmu", "--as", "controller"], &files[..]].concat());
+    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stdout));
+    let couple = ["ssp", "--plant", "plant.fmu", "--controller", "controller.fmu"];
+    let refused = boost_fmu_in(&folder, &[&couple[..], &files].concat());
+    let message = String::from_utf8_lossy(&refused.stderr);
+    let reason = "lp_wastegate: a system connects whole variables, and valves[1] is an array's element";
+    assert!(message.contains(reason), "{message}");
 }
 
 /// Two FMUs of other makers, each with its own file: the system connects the names of both.
@@ -233,7 +364,7 @@ fn the_files_of_two_fmus_go_together() {
             format!(r#"<ScalarVariable name="{name}" causality="{causality}"><Real/></ScalarVariable>"#)
         });
         let text = description(&variables.concat()).replace("\"Other\"", &format!("\"{name}\""));
-        let fmu = archive(&format!("two_{role}.fmu"), "modelDescription.xml", &text);
+        let fmu = fmu_of(&format!("two_{role}.fmu"), &text);
         fs::copy(fmu, folder.join(format!("{role}.fmu"))).unwrap();
     }
     let plant = r#"connection = [
@@ -309,7 +440,7 @@ fn a_table_into_a_boolean_is_a_line_in_a_system() {
     let real = r#"name="vacuum_pump" causality="input"><Real/>"#;
     let boolean = r#"name="pump" causality="input"><Boolean/>"#;
     for (fmu, role) in fitting("Table").iter().zip(["plant", "controller"]) {
-        let fmu = archive(&format!("table_{role}.fmu"), "modelDescription.xml", &fmu.replace(real, boolean));
+        let fmu = fmu_of(&format!("table_{role}.fmu"), &fmu.replace(real, boolean));
         fs::copy(fmu, folder.join(format!("{role}.fmu"))).unwrap();
     }
     let of_plant = ["hp_wastegate_pwm", "lp_wastegate", "hp_bypass"]
@@ -409,7 +540,7 @@ fn a_description_does_not_control_the_terminal() {
     let harm = "\u{9d}0;title\u{9c}\u{9b}31m\u{202e}&#10;";
     let shown = r"\u{9d}0;title\u{9c}\u{9b}31m\u{202e}\n";
     let text = description("").replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
-    let fmu = archive("harm.fmu", "modelDescription.xml", &text);
+    let fmu = fmu_of("harm.fmu", &text);
     let printed = |arguments: &[&str]| {
         let output = boost_fmu_in(&empty("harm"), arguments);
         let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
@@ -424,7 +555,7 @@ fn outputs_that_are_inputs_are_refused() {
     let folder = empty("overlap");
     let [plant, controller] = fitting("Own");
     for (name, text) in [("plant.fmu", &plant), ("controller.fmu", &controller)] {
-        fs::copy(archive(name, "modelDescription.xml", text), folder.join(name)).unwrap();
+        fs::copy(fmu_of(name, text), folder.join(name)).unwrap();
     }
     fs::write(folder.join("set.ssv"), "mine").unwrap();
     let plant = fs::read(folder.join("plant.fmu")).unwrap();
@@ -448,8 +579,8 @@ fn outputs_that_are_inputs_are_refused() {
 fn a_failed_write_leaves_no_file() {
     let folder = empty("full");
     let [plant, controller] = fitting("Full");
-    let plant = archive("full_plant.fmu", "modelDescription.xml", &plant);
-    let controller = archive("full_controller.fmu", "modelDescription.xml", &controller);
+    let plant = fmu_of("full_plant.fmu", &plant);
+    let controller = fmu_of("full_controller.fmu", &controller);
     let output = Command::new("sh")
         .args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_boost-fmu")])
         .args(["ssp", "--plant", &plant, "--controller", &controller, "--out", "system.ssp"])
@@ -466,8 +597,8 @@ fn a_failed_write_leaves_no_file() {
 fn too_large_contents_are_refused() {
     if cfg!(unix) {
         let [plant, controller] = fitting("Large");
-        let plant = archive("large_plant.fmu", "modelDescription.xml", &plant);
-        let controller = archive("large_controller.fmu", "modelDescription.xml", &controller);
+        let plant = fmu_of("large_plant.fmu", &plant);
+        let controller = fmu_of("large_controller.fmu", &controller);
         let ssp = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "no.ssp"];
         for arguments in [
             [&ssp[..], &["--parameters", "/dev/zero"]].concat(),

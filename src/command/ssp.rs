@@ -8,6 +8,7 @@ use clap::Args;
 use fmu_io::{reading, writing};
 use fmu_package::{FmuDescription, Kind, ParameterSet, SystemPackage, SystemStructure, connection};
 
+use super::check::Candidate;
 use super::coupling::{Member, couple, linear};
 
 /// The system's name.
@@ -46,12 +47,10 @@ pub fn run(interface: &Interface, arguments: &Arguments) -> Result<()> {
     let inputs = [&fmus, &connections[..], &parameters[..]].concat();
     writing::refuse_overlap(std::slice::from_ref(&out), &inputs)?;
     let connections = connection::read_all(connections)?;
-    let compatibility = |role, description| Compatibility::new(interface, role, description, &connections);
-    let plant_description = FmuDescription::read(plant)?;
-    let controller_description = FmuDescription::read(controller)?;
+    let [of_plant, of_controller] = [Candidate::read(plant)?, Candidate::read(controller)?];
     let fits = [
-        compatibility(Role::Plant, &plant_description)?,
-        compatibility(Role::Controller, &controller_description)?,
+        of_plant.compare(interface, Role::Plant, &connections)?,
+        of_controller.compare(interface, Role::Controller, &connections)?,
     ];
     if let Some(compatibility) = fits.iter().find(|compatibility| !compatibility.fits()) {
         bail!(
@@ -61,11 +60,18 @@ pub fn run(interface: &Interface, arguments: &Arguments) -> Result<()> {
         );
     }
     for (port, found) in fits.iter().flat_map(|compatibility| &compatibility.matches) {
-        let Match::Found { variable, to_interface, threshold, .. } = found else { continue };
+        let Match::Found { variable, conversion, threshold, .. } = found else { continue };
         if threshold.is_some() {
             bail!("{}: a system has no threshold; have the FMU compare the value", port.name());
         }
-        if linear(variable, to_interface).is_none() {
+        if variable.element.is_some() {
+            bail!(
+                "{}: a system connects whole variables, and {} is an array's element",
+                port.name(),
+                variable.name
+            );
+        }
+        if linear(variable, conversion).is_none() {
             bail!("{}: a system has no table from or to a Real; give factor and offset", port.name());
         }
     }

@@ -12,6 +12,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -386,6 +387,85 @@ def test_written_connections_run_as_they_are(
     assert np.array_equal(*(bits(record["plant:p_boost"]) for record in records))
 
 
+def typed_surrogate(folder: Path, kind: str) -> Path:
+    """The engine model with a pump of a type: an enumeration is an Integer of PythonFMU, declared anew."""
+    source = (ROOT / "examples" / "foreign" / "surrogate_plant.py").read_text()
+    inputs = 'inputs = {"wg_duty": "1", "pump_on": "1", '
+    kinds = "Boolean" if kind == "Boolean" else "Integer"
+    start = "False" if kind == "Boolean" else "0"
+    pump = f"""
+        pump = {kinds}("pump_on", causality=Fmi2Causality.input, variability=Fmi2Variability.discrete)
+        pump.unit = "1"
+        self.register_variable(pump)
+"""
+    for old, new in [
+        (inputs, 'inputs = {"wg_duty": "1", '),
+        ("0.44, 0.0", f"0.44, {start}"),
+        ("\n        inputs = {", f"{pump}        inputs = {{"),
+        ("import Fmi2Causality", f"import Fmi2Causality, Fmi2Variability, {kinds}"),
+    ]:
+        assert source.count(old) == 1
+        source = source.replace(old, new)
+    (folder / "surrogate_plant.py").write_text(source)
+    shutil.copy(ROOT / "examples" / "foreign" / "quantity.py", folder)
+    documents.run("pythonfmu build --file surrogate_plant.py quantity.py", folder)
+    fmu = folder / "SurrogatePlant.fmu"
+    if kind == "Enumeration":
+        declare_enumeration(fmu)
+    return fmu
+
+
+def declare_enumeration(fmu: Path) -> None:
+    """Makes the FMU's Integer an enumeration, whose functions are the same in FMI 2.0."""
+    with ZipFile(fmu) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    text = contents["modelDescription.xml"].decode()
+    items = '<Item name="off" value="0"/><Item name="on" value="1"/>'
+    types = f'<TypeDefinitions><SimpleType name="Pump"><Enumeration>{items}</Enumeration></SimpleType>'
+    changed = text.replace("<Integer", '<Enumeration declaredType="Pump"')
+    assert changed.count("declaredType") == 1
+    changed = changed.replace("</UnitDefinitions>", f"</UnitDefinitions>{types}</TypeDefinitions>")
+    contents["modelDescription.xml"] = changed.encode()
+    with ZipFile(fmu, "w") as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+
+
+def test_all_commands_take_a_pump_of_any_type(
+    clone: Path, boost_fmu: Run, cargo_fmu: Run, lab: Run, tmp_path: Path
+) -> None:
+    """Each gives the results of the Real pump, to the last bit: its values are 0 and 1."""
+    ours = clone / "target" / "fmu" / "BoostController.fmu"
+
+    def results(fmu: Path, folder: Path) -> list[str]:
+        done = boost_fmu("check", fmu, "--as", "plant", "--connections", CONNECTIONS, folder=folder)
+        assert done.returncode == 0, done.stdout
+        more = [*replacing("plant", fmu), "--connections", CONNECTIONS]
+        coupled = simulate(cargo_fmu, clone, folder, SCENARIO, *more, "--record", "plant:p_boost")
+
+        parts = ["--plant", fmu, "--controller", ours, "--connections", CONNECTIONS]
+        done = boost_fmu("ssp", *parts, "--out", "system.ssp", folder=folder)
+        assert done.returncode == 0, done.stderr
+        out = folder / "system.csv"
+        options = ["--stop-time", "20", "--record", "boost_pressure,tank_pressure", "--out", out]
+        done = cargo_fmu("simulate", folder / "system.ssp", *options, **WITH_PYTHON)
+        assert (done.returncode, done.stderr) == (0, "")
+
+        done = lab("study", *parts, "--cases", "1", "--out", folder / "study", **WITH_PYTHON)
+        # 1: the plant does not meet the criteria.
+        assert done.returncode in (0, 1), done.stderr
+        studied = (folder / "study" / "results.csv").read_text()
+        assert ",error," not in studied.partition("\n")[2]
+        return [str(coupled["plant:p_boost"].tolist()), out.read_text(), studied]
+
+    (tmp_path / "Real").mkdir()
+    expected = results(clone / "target" / "foreign" / "SurrogatePlant.fmu", tmp_path / "Real")
+    for kind in ["Boolean", "Integer", "Enumeration"]:
+        folder = tmp_path / kind
+        folder.mkdir()
+        assert results(typed_surrogate(folder, kind), folder) == expected, kind
+
+
 def test_lines_of_the_laboratorys_page(clone: Path) -> None:
     lines = documents.lines((ROOT / "docs" / "laboratory.md").read_text())
     lines = [line for line in lines if "target/foreign/" in line]
@@ -462,9 +542,7 @@ def test_tune_names_what_does_not_fit(clone: Path, lab: Run, tmp_path: Path) -> 
     plant = clone / "target" / "foreign" / "SurrogatePlant.fmu"
     done = lab("tune", "--plant", plant, "--connections", wrong, "--out", tmp_path / "out", **WITH_PYTHON)
     assert done.returncode == 2
-    assert re.search(
-        r"WRONG +output +boost_pressure +p_bost is missing; similar: p_boost, p_tank", done.stderr
-    )
+    assert re.search(r"WRONG +output +boost_pressure +p_bost is missing; similar: p_boost\n", done.stderr)
     assert not (tmp_path / "out").exists()
 
 

@@ -13,8 +13,8 @@ use crate::{Interface, Port, Role};
 pub struct Choice {
     /// Its name.
     pub name: String,
-    /// From its values to the interface's.
-    pub to_interface: Conversion,
+    /// From the interface's values to those of an input, from those of an output to the interface's.
+    pub conversion: Conversion,
     /// From which value on a Boolean is true.
     pub threshold: Option<f64>,
     /// The connection that names it.
@@ -69,7 +69,7 @@ pub fn choices(
         };
         let choice = Choice {
             name: own.clone(),
-            to_interface: oriented(&connection.conversion, kind, has_others_name),
+            conversion: at_port(&connection.conversion, kind, has_others_name),
             threshold: connection.threshold.filter(|_| kind == Kind::Input),
             connection: connection.clone(),
         };
@@ -87,16 +87,13 @@ pub fn choices(
     Ok(choices)
 }
 
-/// The conversion to the interface. If the other end does not have the interface's name, its units are not those of the
-/// interface.
-fn oriented(conversion: &Conversion, kind: Kind, has_others_name: bool) -> Conversion {
-    let to_interface = match kind {
-        Kind::Input => conversion.inverse(),
-        Kind::Output => conversion.clone(),
-    };
-    match to_interface {
-        whole if has_others_name => whole,
-        Conversion::Units { from, .. } => Conversion::Units { from, to: None },
-        Conversion::Function(_) => Conversion::DECLARED,
+/// The conversion between interface and FMU. If the other end does not have the interface's name, its units are not those
+/// of the interface.
+fn at_port(conversion: &Conversion, kind: Kind, has_others_name: bool) -> Conversion {
+    match (conversion.clone(), kind) {
+        (whole, _) if has_others_name => whole,
+        (Conversion::Units { to, .. }, Kind::Input) => Conversion::Units { from: None, to },
+        (Conversion::Units { from, .. }, Kind::Output) => Conversion::Units { from, to: None },
+        (Conversion::Function(_), _) => Conversion::DECLARED,
     }
 }

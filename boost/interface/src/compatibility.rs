@@ -10,7 +10,7 @@ use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Function, Kind
 
 use crate::choice::{Choice, choices};
 use crate::likeness::suggestions;
-use crate::units::{conversion, mismatch, relation};
+use crate::units::{converted, mismatch, relation};
 use crate::{Interface, Port, Role};
 
 /// How an FMU fits the interface as a plant or a controller.
@@ -49,8 +49,8 @@ pub enum Match<'a> {
     Found {
         /// The FMU's variable.
         variable: &'a FmuVariable,
-        /// The conversion of its values to the interface.
-        to_interface: Function,
+        /// The conversion from the interface's values to those of an input, from those of an output to the interface's.
+        conversion: Function,
         /// From which value on it is true, if it is a Boolean that a connection gives one.
         threshold: Option<f64>,
         /// Why it does not fit.
@@ -94,10 +94,11 @@ impl<'a> Compatibility<'a> {
         if fmu.co_simulation_identifier().is_none() {
             problems.push("it does not support co-simulation".to_owned());
         }
-        let matches: Vec<(Port<'a>, Match<'a>)> = interface
+        let mut matches: Vec<(Port<'a>, Match<'a>)> = interface
             .ports(role)
             .map(|port| (port, Match::new(&port, fmu, choices.get(port.name()), is_by_name)))
             .collect();
+        suggest(&mut matches, fmu);
         for (index, (port, found)) in matches.iter().enumerate() {
             let twin = matches[..index].iter().find(|(other, same)| {
                 other.kind == Kind::Input && port.kind == Kind::Input && found.is_the_same_as(same)
@@ -119,32 +120,49 @@ impl<'a> Compatibility<'a> {
 
     /// The FMU's inputs without a connection: they keep their start values.
     pub fn other_inputs(&self) -> impl Iterator<Item = &'a FmuVariable> {
-        self.fmu.of_causality(Causality::Input).filter(|input| {
-            !self.matches.iter().any(
-                |(_, found)| matches!(found, Match::Found { variable, .. } if variable.name == input.name),
-            )
-        })
+        self.unconnected(Causality::Input)
     }
+
+    /// The FMU's variables of a causality that are none of the interface's.
+    pub(crate) fn unconnected(&self, causality: Causality) -> impl Iterator<Item = &'a FmuVariable> {
+        self.fmu.of_causality(causality).filter(|variable| !is_found(&self.matches, variable))
+    }
+}
+
+/// Whether a variable is one of the interface's.
+fn is_found(matches: &[(Port<'_>, Match<'_>)], variable: &FmuVariable) -> bool {
+    let is_it =
+        |found: &Match<'_>| matches!(found, Match::Found { variable: own, .. } if own.name == variable.name);
+    matches.iter().any(|(_, found)| is_it(found))
+}
+
+/// Fills in the similar names where no variable was found.
+fn suggest<'a>(matches: &mut [(Port<'a>, Match<'a>)], fmu: &'a FmuDescription) {
+    let wanted = matches.iter().filter_map(|(port, found)| Some((port, found.missing(port)?)));
+    let similar = suggestions(&wanted.collect::<Vec<_>>(), fmu, |variable| !is_found(matches, variable));
+    let missing = matches.iter_mut().filter_map(|(_, found)| match found {
+        Match::Missing { suggestions } | Match::Unknown { suggestions, .. } => Some(suggestions),
+        Match::Unconnected | Match::Found { .. } => None,
+    });
+    missing.zip(similar).for_each(|(suggestions, similar)| *suggestions = similar);
 }
 
 impl<'a> Match<'a> {
     fn new(port: &Port<'_>, fmu: &'a FmuDescription, choice: Option<&Choice>, is_by_name: bool) -> Self {
         // Connections lead to inputs only.
-        let is_by_name = is_by_name || (port.kind == Kind::Output && !port.couples());
-        let (name, to_interface) = match choice {
-            Some(choice) => (choice.name.as_str(), &choice.to_interface),
+        let is_by_name = is_by_name || !port.is_connectable();
+        let (name, conversion) = match choice {
+            Some(choice) => (choice.name.as_str(), &choice.conversion),
             None if is_by_name => (port.name(), &Conversion::DECLARED),
             None => return Self::Unconnected,
         };
         match (fmu.variable(name), choice) {
             (Some(variable), _) => {
                 let threshold = choice.and_then(|choice| choice.threshold);
-                Self::found(port, fmu, variable, to_interface, threshold)
+                Self::found(port, fmu, variable, conversion, threshold)
             }
-            (None, Some(_)) => {
-                Self::Unknown { name: name.to_owned(), suggestions: suggestions(port, name, fmu) }
-            }
-            (None, None) => Self::Missing { suggestions: suggestions(port, name, fmu) },
+            (None, Some(_)) => Self::Unknown { name: name.to_owned(), suggestions: vec![] },
+            (None, None) => Self::Missing { suggestions: vec![] },
         }
     }
 
@@ -152,7 +170,7 @@ impl<'a> Match<'a> {
         port: &Port<'_>,
         fmu: &FmuDescription,
         variable: &'a FmuVariable,
-        to_interface: &Conversion,
+        conversion: &Conversion,
         threshold: Option<f64>,
     ) -> Self {
         let mut problems = vec![];
@@ -165,11 +183,16 @@ impl<'a> Match<'a> {
                 Ok(_) => notes.push(format!("it is true from {} on", number(threshold))),
                 Err(reason) => problems.push(reason),
             },
-            // A run refuses other numbers.
-            (ValueType::Boolean, _) => notes.push("it takes 0 and 1".to_owned()),
-            (ValueType::Integer, _) => notes.push("it takes whole numbers".to_owned()),
-            (ValueType::Enumeration, _) => notes.push("it takes the numbers of its items".to_owned()),
-            (ValueType::Real, _) => {}
+            (value_type, None) if port.kind == Kind::Input => {
+                // A run refuses other numbers.
+                let taken = match value_type {
+                    ValueType::Boolean => "0 and 1; with a connection's threshold any number",
+                    ValueType::Integer => "whole numbers",
+                    _ => "the numbers of its items",
+                };
+                notes.extend((value_type != ValueType::Real).then(|| format!("it takes {taken}")));
+            }
+            _ => {}
         }
         if !variable.dimensions.is_empty() {
             problems.push("it is an array".to_owned());
@@ -179,11 +202,11 @@ impl<'a> Match<'a> {
             let own = Some(variable.causality.text()).filter(|own| !own.is_empty()).unwrap_or("local");
             problems.push(format!("its causality is {own}, not {causality}"));
         }
-        let conversion = conversion(port, fmu, variable, to_interface);
-        let (to_interface, is_certain) = conversion.unwrap_or_else(|problem| {
+        let (conversion, is_certain) = converted(port, fmu, variable, conversion).unwrap_or_else(|problem| {
             problems.push(problem);
             (Function::IDENTITY, true)
         });
+        let to_interface = port.to_interface(&conversion);
         if to_interface != Function::IDENTITY {
             notes.push(relation(port, &to_interface, &variable.name));
         } else if !is_certain {
@@ -197,7 +220,7 @@ impl<'a> Match<'a> {
             }
             Err(text) => problems.push(text),
         }
-        Self::Found { variable, to_interface, threshold, problems, notes }
+        Self::Found { variable, conversion, threshold, problems, notes }
     }
 
     /// Whether both are the same variable.
@@ -217,6 +240,15 @@ impl<'a> Match<'a> {
             Self::Unconnected => Verdict::LeftOut,
             Self::Missing { .. } if !port.is_required() => Verdict::LeftOut,
             _ => Verdict::Wrong,
+        }
+    }
+
+    /// The name that is looked for, if there is no variable of it.
+    fn missing<'m>(&'m self, port: &'m Port<'_>) -> Option<&'m str> {
+        match self {
+            Self::Missing { .. } => Some(port.name()),
+            Self::Unknown { name, .. } => Some(name),
+            Self::Unconnected | Self::Found { .. } => None,
         }
     }
 
@@ -280,7 +312,7 @@ mod tests {
             assert!(compatibility.fits() && compatibility.other_inputs().next().is_none());
             for (_, found) in &compatibility.matches {
                 assert!(
-                    matches!(found, Match::Found { to_interface: Function::IDENTITY, notes, .. } if notes.is_empty())
+                    matches!(found, Match::Found { conversion: Function::IDENTITY, notes, .. } if notes.is_empty())
                 );
             }
         }
@@ -300,12 +332,12 @@ mod tests {
             (r#"max="3e5""#, Err("")),
         ] {
             let fmu = fmu(&real("boost_pressure", "output", unit));
-            let Match::Found { to_interface, problems, .. } = found(&fmu, "boost_pressure") else {
+            let Match::Found { conversion, problems, .. } = found(&fmu, "boost_pressure") else {
                 panic!("{unit}: not found")
             };
             match expected {
                 Ok(factor) => {
-                    assert_eq!((problems, to_interface.linear().factor), (vec![], factor), "{unit}");
+                    assert_eq!((problems, conversion.linear().factor), (vec![], factor), "{unit}");
                 }
                 Err("") => assert!(problems.is_empty(), "{unit}: {problems:?}"),
                 Err(text) => assert!(problems[0].starts_with(text), "{unit}: {problems:?}"),

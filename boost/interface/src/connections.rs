@@ -2,8 +2,8 @@
 
 use fmu_io::document::Location;
 use fmu_io::terminal::in_line;
-use fmu_package::Kind;
 use fmu_package::connection::{Connection, Conversion};
+use fmu_package::{Causality, FmuVariable, Kind};
 
 use crate::compatibility::{Compatibility, Match};
 use crate::{Port, Role};
@@ -13,7 +13,7 @@ const OPEN: &str = "?";
 
 impl Compatibility<'_> {
     /// The text of a file of all connections of the system. Those that are open are comments, with the most similar
-    /// variable if there is one.
+    /// variable if there is one, followed by a list of the FMU's variables that they can have.
     #[must_use]
     pub fn connections(&self) -> String {
         let mut text = format!(
@@ -21,15 +21,14 @@ impl Compatibility<'_> {
             in_line(self.fmu.attribute("modelName")),
             self.role.name()
         );
-        for (port, found) in self.connectable() {
+        for (port, found) in self.matches.iter().filter(|(port, _)| port.is_connectable()) {
             let given = self.choices.get(port.name()).map(|choice| choice.connection.clone());
             let lines = match (found, found.proposal()) {
                 (Match::Found { variable, .. }, _) => {
                     table(&given.unwrap_or_else(|| self.connection(port, &variable.name)))
                 }
                 (_, Some(name)) => commented(&self.connection(port, name)),
-                _ if port.is_required() => commented(&self.connection(port, OPEN)),
-                _ => continue,
+                _ => commented(&self.connection(port, OPEN)),
             };
             let remarks = match found.remarks() {
                 none if none.is_empty() => none,
@@ -42,18 +41,21 @@ impl Compatibility<'_> {
             let connection = connection(&port, self.role.other(), port.name(), Conversion::DECLARED);
             text += &format!("\n{}", table(&connection));
         }
+        for causality in [Causality::Input, Causality::Output] {
+            let variables: String = self.unconnected(causality).map(described).collect();
+            if !variables.is_empty() {
+                let model = in_line(self.fmu.attribute("modelName"));
+                text += &format!("\n# {causality}s of {model} without a connection:\n{variables}");
+            }
+        }
         text
     }
 
     /// The interface's names for which the file proposes a similar name of the FMU.
     pub fn proposed(&self) -> impl Iterator<Item = &str> {
-        let proposed = self.connectable().filter(|(_, found)| found.proposal().is_some());
+        let proposed =
+            self.matches.iter().filter(|(port, found)| port.is_connectable() && found.proposal().is_some());
         proposed.map(|(port, _)| port.name())
-    }
-
-    /// What a connection can lead to or from.
-    fn connectable(&self) -> impl Iterator<Item = &(Port<'_>, Match<'_>)> {
-        self.matches.iter().filter(|(port, _)| port.couples() || port.kind == Kind::Input)
     }
 
     /// The connection of a port with a variable of the FMU. A signal has no declared unit: it has the interface's.
@@ -75,6 +77,14 @@ fn connection(port: &Port<'_>, role: Role, name: &str, conversion: Conversion) -
     };
     let location = Location::argument(port.name());
     Connection { source, output, target, input, conversion, threshold: None, location }
+}
+
+/// A variable's name, type, unit and description, as a comment.
+fn described(variable: &FmuVariable) -> String {
+    let FmuVariable { name, data_type, unit, description, .. } = variable;
+    let unit = if unit.is_empty() { String::new() } else { format!(", {unit}") };
+    let description = if description.is_empty() { String::new() } else { format!(": {description}") };
+    format!("# {}\n", in_line(&format!("  {name} ({data_type}{unit}){description}")))
 }
 
 fn table(connection: &Connection) -> String {

@@ -17,7 +17,7 @@ mod units;
 use std::io;
 
 use clap::ValueEnum;
-use fmu_package::{FmuDescription, FmuVariable, Kind, Unit};
+use fmu_package::{FmuDescription, FmuVariable, Function, Kind, Unit};
 
 pub use self::compatibility::{Compatibility, Match, Verdict};
 pub use self::translation::Translation;
@@ -127,6 +127,20 @@ impl<'i> Port<'i> {
     #[must_use]
     pub fn couples(&self) -> bool {
         self.counterpart.is_some()
+    }
+
+    /// The conversion to the interface's values, by that in the direction of the signal.
+    pub(crate) fn to_interface(self, conversion: &Function) -> Function {
+        match self.kind {
+            Kind::Input => conversion.clone().inverse(),
+            Kind::Output => conversion.clone(),
+        }
+    }
+
+    /// Whether a connection can lead to or from it.
+    #[must_use]
+    pub fn is_connectable(&self) -> bool {
+        self.couples() || self.kind == Kind::Input
     }
 
     /// Whether an FMU in this role must have it.

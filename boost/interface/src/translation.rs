@@ -13,7 +13,8 @@ use crate::compatibility::{Compatibility, Match};
 pub struct Translation {
     /// The description in these names and units.
     pub description: FmuDescription,
-    /// The conversions from the FMU's values, by name; values of other variables are not converted.
+    /// The conversions to an input's values and from those of an output, by name; values of other variables are not
+    /// converted.
     pub conversions: BTreeMap<String, Function>,
     /// From which values on Booleans are true, by name.
     pub thresholds: BTreeMap<String, f64>,
@@ -24,7 +25,7 @@ impl Compatibility<'_> {
     #[must_use]
     pub fn translation(&self) -> Translation {
         let mut description = self.fmu.clone();
-        let (mut to_interface, mut thresholds) = (BTreeMap::new(), BTreeMap::new());
+        let (mut conversions, mut thresholds) = (BTreeMap::new(), BTreeMap::new());
         let units: Vec<_> = self.matches.iter().map(|(port, _)| port.unit()).collect();
         description.units.clear();
         // Without other variables' units that the interface defines differently.
@@ -40,15 +41,15 @@ impl Compatibility<'_> {
         let mut variables = vec![];
         for variable in &self.fmu.variables {
             let connected = self.matches.iter().filter_map(|(port, found)| match found {
-                Match::Found { variable: own, to_interface, threshold, .. } if own.name == variable.name => {
-                    Some((port, to_interface, *threshold))
+                Match::Found { variable: own, conversion, threshold, .. } if own.name == variable.name => {
+                    Some((port, conversion, *threshold))
                 }
                 _ => None,
             });
             let before = variables.len();
-            for (port, function, threshold) in connected {
-                variables.push(translated(variable, port, function));
-                to_interface.insert(port.name().to_owned(), function.clone());
+            for (port, conversion, threshold) in connected {
+                variables.push(translated(variable, port, &port.to_interface(conversion)));
+                conversions.insert(port.name().to_owned(), conversion.clone());
                 thresholds.extend(threshold.map(|threshold| (port.name().to_owned(), threshold)));
             }
             if variables.len() > before {
@@ -69,18 +70,18 @@ impl Compatibility<'_> {
             }
         }
         description.variables = variables.into();
-        Translation { description, conversions: to_interface, thresholds }
+        Translation { description, conversions, thresholds }
     }
 }
 
 /// A variable by the interface's name, in its unit.
-fn translated(variable: &FmuVariable, port: &Port<'_>, function: &Function) -> FmuVariable {
+fn translated(variable: &FmuVariable, port: &Port<'_>, to_interface: &Function) -> FmuVariable {
     let converted = |text: &String| match text.trim().parse::<f64>() {
-        Ok(value) => number(function.apply(value)),
+        Ok(value) => number(to_interface.apply(value)),
         // Empty or not a number.
         Err(_) => text.clone(),
     };
-    let [min, max] = match function {
+    let [min, max] = match to_interface {
         Function::Linear(linear) if linear.factor < 0.0 => [&variable.max, &variable.min].map(converted),
         Function::Linear(_) => [&variable.min, &variable.max].map(converted),
         Function::Table(_) => [String::new(), String::new()],
@@ -97,7 +98,7 @@ fn translated(variable: &FmuVariable, port: &Port<'_>, function: &Function) -> F
 
 #[cfg(test)]
 mod tests {
-    use fmu_package::FmuDescription;
+    use fmu_package::{FmuDescription, Linear};
 
     use super::*;
     use crate::Role;
@@ -126,7 +127,7 @@ mod tests {
         );
         let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
         assert!(compatibility.fits(), "{compatibility}");
-        let Translation { description, conversions: to_interface, .. } = compatibility.translation();
+        let Translation { description, conversions, .. } = compatibility.translation();
         let seen: Vec<_> = description
             .variables
             .iter()
@@ -145,10 +146,10 @@ mod tests {
                 ["slip", "output", "", "", "", ""],
             ]
         );
-        let converted = |name: &str, value| to_interface[name].apply(value).to_bits();
+        let converted = |name: &str, value| conversions[name].apply(value).to_bits();
         assert_eq!(converted("boost_pressure", 1.25), 125_000_f64.to_bits());
-        assert_eq!(converted("hp_wastegate_pwm", 0.75), 25_f64.to_bits());
-        assert_eq!(to_interface.len(), 2);
+        assert_eq!(converted("hp_wastegate_pwm", 25.0), 0.75_f64.to_bits());
+        assert_eq!(conversions.len(), 2);
         assert!(description.unit("bar").is_some());
         assert_eq!(description.unit("%").unwrap().base.unwrap().factor.to_bits(), 0.01_f64.to_bits());
     }
@@ -179,6 +180,26 @@ mod tests {
             assert_eq!(thresholds.get("vacuum_pump").copied(), expected);
             assert_eq!(conversions["vacuum_pump"].apply(1.0).to_bits(), f64::to_bits(of_true), "{more}");
         }
+    }
+
+    /// The whole numbers of an Integer are those of a run, which the inverse of an inverse rounds.
+    #[test]
+    fn a_conversion_is_the_connections_own() {
+        let integer = FMU.replace(
+            r#"<ScalarVariable name="hp_bypass" causality="input"><Real/>"#,
+            r#"<ScalarVariable name="stage" causality="input"><Integer/>"#,
+        );
+        let fmu = FmuDescription::parse(&integer).unwrap();
+        let connections = connected(
+            r#"{ from = "plant:p", to = "controller:boost_pressure", factor = 3, offset = -20 },
+               { from = "controller:hp_wastegate_pwm", to = "plant:stage", factor = 3, offset = -20 }"#,
+        );
+        let compatibility = Compatibility::new(&INTERFACE, Role::Plant, &fmu, &connections).unwrap();
+        assert!(compatibility.fits(), "{compatibility}");
+        let given = Function::from(Linear { factor: 3.0, offset: -20.0 });
+        let Translation { conversions, .. } = compatibility.translation();
+        assert_eq!(conversions["hp_wastegate_pwm"], given);
+        assert_eq!(conversions["boost_pressure"], given);
     }
 
     #[test]

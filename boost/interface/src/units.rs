@@ -9,24 +9,28 @@ use crate::Port;
 /// Values that differ by this factor are probably in different units.
 const SUSPICIOUS_FACTOR: f64 = 10.0;
 
-/// A variable's conversion to the interface, and whether a unit or a connection gives it.
-pub fn conversion(
+/// A variable's conversion from or to the interface, in the direction of the signal, and whether a unit or a connection
+/// gives it.
+pub fn converted(
     port: &Port<'_>,
     fmu: &FmuDescription,
     variable: &FmuVariable,
-    to_interface: &Conversion,
+    conversion: &Conversion,
 ) -> Result<(Function, bool), String> {
-    let (from, to) = match to_interface {
-        Conversion::Function(function) => return Ok((function.clone(), true)),
-        Conversion::Units { from, to } => (from, to),
+    let ((own, interface), is_input) = match (conversion, port.kind) {
+        (Conversion::Function(function), _) => return Ok((function.clone(), true)),
+        (Conversion::Units { from, to }, Kind::Input) => ((to, from), true),
+        (Conversion::Units { from, to }, Kind::Output) => ((from, to), false),
     };
-    let own = from.as_ref().unwrap_or(&variable.unit);
+    let own = own.as_ref().unwrap_or(&variable.unit);
     if own.is_empty() {
         return Ok((Function::IDENTITY, false));
     }
     let wanted = port.unit();
-    let to = (to.as_ref().unwrap_or(&wanted.name).as_str(), std::slice::from_ref(&wanted));
-    unit_conversion((own, &fmu.units), to).map(|conversion| (conversion.into(), true))
+    let interface = (interface.as_ref().unwrap_or(&wanted.name).as_str(), std::slice::from_ref(&wanted));
+    let own = (own.as_str(), fmu.units.as_slice());
+    let (from, to) = if is_input { (interface, own) } else { (own, interface) };
+    unit_conversion(from, to).map(|conversion| (conversion.into(), true))
 }
 
 /// How a port's values follow from a variable's, as text.

@@ -140,14 +140,16 @@ fn size(columns: &[&Column]) -> f64 {
 }
 
 fn panel(time: &[f64], columns: &[&Column]) -> Panel {
-    let largest = size(columns);
-    let of_one_unit: Vec<_> = columns.iter().map(|column| column.scale(largest)).collect();
+    // The display unit that some of one unit declare is that of all: openings from 0 to 1 beside a position in %.
+    let declares = |column: &&&Column| column.display_unit.is_some();
+    let leader = columns.iter().find(declares).or(columns.first());
+    let of_one_unit = leader.map(|leader| leader.scale(size(columns)));
     let has_one_unit = columns.windows(2).all(|pair| pair[0].unit == pair[1].unit)
-        && of_one_unit.windows(2).all(|pair| pair[0] == pair[1]);
-    let scales = if has_one_unit {
-        of_one_unit
-    } else {
-        columns.iter().map(|column| column.scale(size(&[column]))).collect()
+        && columns.iter().filter(declares).all(|column| Some(column.scale(0.0)) == of_one_unit);
+    let own = |column: &&Column| column.scale(size(&[column]));
+    let scales: Vec<_> = match of_one_unit {
+        Some(scale) if has_one_unit => vec![scale; columns.len()],
+        _ => columns.iter().map(own).collect(),
     };
     let label = scales.first().filter(|_| has_one_unit).map_or("", |(unit, _)| unit);
     let mut colors = color::CYCLE.iter().cycle();
@@ -277,6 +279,26 @@ mod tests {
         {
             assert!(svg.contains(text), "{text}: {svg}");
         }
+    }
+
+    /// What a page shows of its lines: in the display unit that one of them declares.
+    #[cfg(feature = "html")]
+    #[test]
+    fn a_panel_of_one_unit_has_one_display_unit() {
+        let mut record = Record::new([
+            Column::from(("throttle", "1")),
+            Column {
+                display_unit: Some(DisplayUnit { name: "%".to_owned(), factor: 100.0, offset: 0.0 }),
+                ..Column::from(("position", "1"))
+            },
+        ]);
+        record.push(0.0, &[0.25, 0.5]);
+        record.push(1.0, &[1.0, 0.0]);
+        let panels = [vec!["throttle".to_owned(), "position".to_owned()]];
+        let html = draw(&record, "", Some(&panels)).html();
+        assert!(html.contains("\"y\":[25.0,100.0]") && html.contains("\"y\":[50.0,0.0]"), "{html}");
+        assert!(html.contains("\"title\":{\"text\":\"%\"}"), "{html}");
+        assert!(html.contains("</span>throttle</label>"), "{html}");
     }
 
     /// As bars that hide texts too long for them: from 0 s for 0.5 s, and from there for 0.5 s.

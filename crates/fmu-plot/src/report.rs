@@ -17,8 +17,11 @@ body, figure { max-width: none; } table { max-width: 90rem; }
 td.number { font-variant-numeric: tabular-nums; } .caption { max-width: none; color: var(--faint); font-size: .9rem; }
 .holds, .differs, .fails { font-weight: 600; } .fails { color: var(--paper); background: var(--ink); padding: 0 .3em; }
 @media (max-width: 30rem) {
-  .wide tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid var(--rule); } .wide :is(th, td) { flex: 1 1 0; min-width: 0; white-space: normal; overflow-wrap: anywhere; border: 0; }
-  .wide :is(th, td):first-child { flex: 0 0 100%; padding-bottom: 0; } .wide th:empty { display: none; } .pairs tr td:nth-child(n) { flex: 0 0 50%; }
+  .wide table:not(.matrix) {
+    tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid var(--rule); } :is(th, td) { flex: 1 1 0; min-width: 0; white-space: normal; overflow-wrap: anywhere; border: 0; }
+    :is(th, td):first-child { flex: 0 0 100%; padding-bottom: 0; } th:empty { display: none; }
+  }
+  .wide .pairs tr td:nth-child(n) { flex: 0 0 50%; }
 }
 details pre { font-size: .8em; background: var(--shade); padding: .8em; overflow-x: auto; }
 @media print { .row, .panel { break-inside: avoid; } .legend input { display: none; } }

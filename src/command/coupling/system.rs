@@ -29,7 +29,8 @@ pub struct Member<'a> {
 struct Wire<'a> {
     port: &'a Port<'a>,
     variable: &'a FmuVariable,
-    to_interface: Linear,
+    /// In the direction of the signal.
+    conversion: Linear,
 }
 
 /// A system under construction.
@@ -214,7 +215,7 @@ impl Builder {
         self.connections.push(Connection {
             start: End { component: None, connector: wire.port.name().to_owned() },
             end: self.end(role, wire),
-            transformation: transformation(wire.to_interface.inverse()),
+            transformation: transformation(wire.conversion),
             corners,
         });
     }
@@ -232,7 +233,7 @@ impl Builder {
         self.connections.push(Connection {
             start: self.end(role, wire),
             end: End { component: None, connector: wire.port.name().to_owned() },
-            transformation: transformation(wire.to_interface),
+            transformation: transformation(wire.conversion),
             corners,
         });
     }
@@ -242,7 +243,7 @@ impl Builder {
         self.connections.push(Connection {
             start: self.end(role, giver),
             end: self.end(role.other(), taker),
-            transformation: transformation(giver.to_interface.then(taker.to_interface.inverse())),
+            transformation: transformation(giver.conversion.then(taker.conversion)),
             corners,
         });
     }
@@ -259,8 +260,8 @@ fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> 
         .iter()
         .filter(|(port, _)| port.kind == kind)
         .filter_map(|(port, found)| match found {
-            Match::Found { variable, to_interface, .. } => {
-                Some(Wire { port, variable, to_interface: linear(variable, to_interface)? })
+            Match::Found { variable, conversion, .. } => {
+                Some(Wire { port, variable, conversion: linear(variable, conversion)? })
             }
             _ => None,
         })
@@ -269,16 +270,16 @@ fn wires<'a>(compatibility: &'a Compatibility<'a>, kind: Kind) -> Vec<Wire<'a>> 
 
 /// The conversion of a variable's values as a system can have it, whose tables are of Booleans or of integers, but not
 /// between these and the interface's numbers. A table of a Boolean's two values is a line through both.
-pub fn linear(variable: &FmuVariable, to_interface: &Function) -> Option<Linear> {
-    let entries = match to_interface {
+pub fn linear(variable: &FmuVariable, conversion: &Function) -> Option<Linear> {
+    let entries = match conversion {
         Function::Linear(linear) => return Some(*linear),
         Function::Table(entries) => entries,
     };
-    let ends = [0.0, 1.0].map(|truth| to_interface.apply(truth));
-    // An input refuses other numbers only if the line leads from 0 and 1.
+    // An input refuses other numbers only if the line leads from 0 and 1 to them.
+    let is_truth = |number: f64| [0.0, 1.0].contains(&number);
     let is_whole = variable.causality == Causality::Output
-        || entries.len() == 2 && ends.iter().all(|end| [0.0, 1.0].contains(end));
-    let [offset, end] = ends;
+        || entries.len() == 2 && entries.iter().all(|(from, to)| is_truth(*from) && is_truth(*to));
+    let [offset, end] = [0.0, 1.0].map(|truth| conversion.apply(truth));
     let factor = end - offset;
     (variable.value_type() == ValueType::Boolean && is_whole && factor != 0.0)
         .then_some(Linear { factor, offset })

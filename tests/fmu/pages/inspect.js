@@ -111,6 +111,14 @@
     if (document.activeElement !== control || control.tabIndex < 0) unreachable.add(name(control));
     else if (getComputedStyle(control).outlineStyle === "none") unmarked.add(name(control));
   }
+  // A cell contains its text.
+  const clipped = new Set();
+  for (const cell of [...document.querySelectorAll("th, td")].filter((each) => each.textContent.trim() && !each.querySelector(".wide") && isShown(each))) {
+    const range = document.createRange();
+    range.selectNodeContents(cell);
+    const [{ right, left }, box] = [range.getBoundingClientRect(), cell.getBoundingClientRect()];
+    if (right > box.right + 1 || left < box.left - 1) clipped.add(name(cell));
+  }
   const cut = new Set(), scrolled = new Set();
   for (const element of [...document.querySelectorAll("main *")].filter(isShown)) {
     const { overflowX, backgroundAttachment } = getComputedStyle(element);
@@ -122,7 +130,7 @@
   }
   document.activeElement.blur();
 
-  const lists = { faint, small, broken, split, wide, unreachable, unmarked, cut, scrolled };
+  const lists = { faint, small, broken, split, wide, unreachable, unmarked, clipped, cut, scrolled };
   return {
     ...Object.fromEntries(Object.entries(lists).map(([rule, found]) => [rule, [...found]])),
     texts: judged.size,

@@ -16,7 +16,7 @@ from fmu.pages.visit import FMUS, HEIGHT, LINEAR, LIVE, PICTURES, Visit
 SWEEP = """
 scenario = "{scenario}"
 [grid]
-"plant:valve.time_constant" = {{ from = 0.008, to = 0.08, points = 4 }}
+"plant:valve.time_constant" = {{ from = 0.008, to = 0.08, points = 4, spacing = "logarithmic" }}
 "plant:tank.volume" = [1e-3, 2e-3]
 [measures]
 least = {{ minimum = "actuator_pressure" }}
@@ -32,7 +32,7 @@ def files(
     """The pages of the FMUs, a report of each command, and the page that runs them."""
     PICTURES.mkdir(exist_ok=True)
     folder = once("pages", lambda folder: write_pages(lab, cargo_fmu, exported, folder))
-    pages = {name: folder / f"{name}.html" for name in [*FMUS, "simulation", "system", LINEAR]}
+    pages = {name: folder / f"{name}.html" for name in [*FMUS, "simulation", "comparison", "system", LINEAR]}
     reports = {name: folder / name / "report.html" for name in ["identification", "study", "sweep"]}
     of_others = {"reproduction": reproduction / "report.html", "tuning": tuned / "report.html", LIVE: live}
     return {**pages, **reports, **of_others}
@@ -65,6 +65,10 @@ def write_pages(lab: Run, cargo_fmu: Run, exported: Path, folder: Path) -> None:
         "--plot",
         folder / "simulation.html",
     )
+    other, page = folder / "other.csv", folder / "comparison.html"
+    larger = ["--set", "plant:tank.volume=2 l", "--out", other]
+    run(cargo_fmu, "simulate", steps, "--fmus", exported, *larger)
+    run(cargo_fmu, "compare", folder / "figure_13.csv", other, "--plot", page)
     pumping = ["--set", "boost_reference=150 kPa", "--stop-time", "60", "--plot", folder / "system.html"]
     run(cargo_fmu, "simulate", exported / "Boost.ssp", "--out", folder, *pumping)
     loop = ["--at", "24", "--path", "hp_wastegate_pwm,boost_pressure", "--loop", "controller:boost_pressure"]

@@ -21,7 +21,7 @@ WIDTHS = [360, 390, 1100, 1366, 1536, 1920, 2560]
 PICTURED = [360, 1366, 2560]
 """Of these widths, one of a telephone and two of screens, there are pictures to look at."""
 
-FITTING = ["identification", "study", "sweep"]
+FITTING = ["comparison", "identification", "study", "sweep"]
 """Whose tables are no matrices, and have short cells."""
 
 LONGEST = 4000
@@ -98,6 +98,17 @@ def test_controls_are_reached_by_keyboard_and_marked(visit: Visit) -> None:
 
 def test_cut_lines_show_that_they_scroll(visit: Visit) -> None:
     assert_none(visit, "cut")
+
+
+def test_cells_contain_their_texts(visit: Visit) -> None:
+    assert_none(visit, "clipped")
+
+
+@pytest.mark.parametrize("visit", [("tuning", "light")], ids="-".join, indirect=True)
+def test_maps_are_whole_on_screens(visit: Visit) -> None:
+    found = {width: found["scrolled"] for width, found in visit.found.items()}
+    assert found[390]
+    assert not any(scrolled for width, scrolled in found.items() if width >= 1100), found
 
 
 @pytest.mark.parametrize("visit", itertools.product(FITTING, ["light"]), ids="-".join, indirect=True)

@@ -15,7 +15,7 @@ HEIGHT = 900
 
 FMUS = ["BoostPlant", "BoostController"]
 
-REPORTS = ["reproduction", "identification", "tuning", "simulation", "system", "study", "sweep"]
+REPORTS = ["reproduction", "identification", "tuning", "simulation", "comparison", "system", "study", "sweep"]
 
 LIVE = "live"
 

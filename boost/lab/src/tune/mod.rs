@@ -208,8 +208,11 @@ impl Task {
         let finish = |jobs: &[_]| {
             let failed = |key: &(Option<usize>, usize), reason| {
                 let speed = self.schedule.engine_speeds[key.1];
-                let part = if key.0.is_none() { "sweep" } else { "steps" };
-                Err(anyhow!("the {part} at {speed} rpm: {reason}"))
+                let part = match key.0 {
+                    None => "sweep at".to_owned(),
+                    Some(row) => format!("steps at {} kPa and", self.schedule.boost_references[row] / 1e3),
+                };
+                Err(anyhow!("the {part} {speed} rpm: {reason}"))
             };
             workers.finish(journal, jobs, failed, |part| progress(duration_of(part)))
         };
@@ -241,17 +244,10 @@ impl Task {
     /// Does a worker's job.
     pub fn work(&self, job: TuningJob) -> Result<TuningPart> {
         let bench = self.bench()?;
-        let speed = |column: usize| self.schedule.engine_speeds[column];
         match job {
-            TuningJob::Sweep(column) => {
-                let sweep = bench.sweep(column);
-                sweep.map(TuningPart::Sweep).with_context(|| format!("the sweep at {} rpm", speed(column)))
-            }
+            TuningJob::Sweep(column) => bench.sweep(column).map(TuningPart::Sweep),
             TuningJob::Point(row, column, duty) => {
-                let point = bench.step_both_ways(row, column, duty);
-                point
-                    .map(|point| TuningPart::Point(Box::new(point)))
-                    .with_context(|| format!("the steps from {duty} % at {} rpm", speed(column)))
+                bench.step_both_ways(row, column, duty).map(|point| TuningPart::Point(Box::new(point)))
             }
         }
     }

@@ -15,10 +15,10 @@ use fmu_record::numbers::{estimate, quantity};
 const STYLE: &str = "
 sub { line-height: 0; }
 .map, .points { font-size: .75rem; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.maps { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(32rem, 100%), 1fr)); gap: 1.6rem 2rem; } .maps > div { min-width: 0; }
+.maps { display: flex; flex-wrap: wrap; gap: 1.6rem 2rem; } .maps > div { max-width: 100%; }
 .map { width: auto; margin: 0; } .map caption { font-size: .85rem; } .map th, .map td { padding: .16em .35em; white-space: nowrap; }
 .map td { text-align: center; border: 1px solid var(--paper); } .map th { color: var(--faint); text-align: right; border: none; }
-.map thead th { text-align: center; }
+.map thead th { text-align: center; } .map :is(th, td):first-child { position: sticky; left: 0; background: var(--paper); }
 .filled { color: var(--faint); font-style: italic; background: repeating-linear-gradient(135deg, var(--shade) 0 4px, var(--paper) 4px 8px); } .raised { text-decoration: underline; text-underline-offset: 2px; }
 .key { max-width: 46rem; } .key td { padding: .1em .7em; border: none; } .settings { max-width: 58rem; }
 .points th, .points td { padding: .2em .5em .2em 0; white-space: nowrap; }
@@ -258,7 +258,7 @@ fn heat_map(tuning: &Tuning, title: &str, decimals: usize, shown: impl Fn(&Cell)
     });
     let speeds = schedule.engine_speeds.iter().map(|speed| format!("<th>{speed}</th>"));
     let mut text = format!(
-        "<div class=\"wide\"><table class=\"map\"><caption>{title}</caption>\n<thead><tr><td></td>{}\
+        "<div class=\"wide\"><table class=\"map matrix\"><caption>{title}</caption>\n<thead><tr><td></td>{}\
          </tr></thead>\n",
         speeds.collect::<String>()
     );

@@ -156,19 +156,20 @@ impl<'a> Comparison<'a> {
         report
     }
 
-    /// For each variable of numbers, a panel with all records next to one with the differences.
+    /// For each variable of numbers that differs, a panel with all records next to one with the differences; the names of
+    /// the equal ones in a text below.
     pub fn draw(&self) -> Figure {
         let title = self.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
         let colors = || color::CYCLE.iter().cycle().copied();
+        let held = |line: Line, variable: &Variable<'_>| if variable.is_held() { line.held() } else { line };
         let row = |variable: &Variable<'_>| {
             let size = variable.columns.iter().flat_map(|column| &column.values);
             let size = size.map(|value| value.abs()).filter(|value| value.is_finite()).fold(0.0, f64::max);
             let (unit, shown) = variable.heading.scale(size);
             let lines = self.records.iter().zip(&variable.columns).zip(colors());
             let lines = lines.map(|(((name, record), column), color)| {
-                Line::new(record.time(), column.values.iter().map(|value| shown.apply(*value)))
-                    .label(name)
-                    .color(color)
+                let line = Line::new(record.time(), column.values.iter().map(|value| shown.apply(*value)));
+                held(line, variable).label(name).color(color)
             });
             let both = Panel::new("time (s)", &unit).title(&variable.heading.name).height(130);
             let size = variable.differences.iter().filter_map(|difference| difference.greatest);
@@ -178,19 +179,33 @@ impl<'a> Comparison<'a> {
             let differences = differences.map(|(((name, _), difference), color)| {
                 let (time, values): (Vec<_>, Vec<_>) = difference.points.iter().copied().unzip();
                 let label = format!("{name} minus {}", self.records[0].0);
-                Line::new(&time, values.into_iter().map(|value| shown.apply(value)))
-                    .label(&label)
-                    .color(color)
+                let line = Line::new(&time, values.into_iter().map(|value| shown.apply(value)));
+                held(line, variable).label(&label).color(color)
             });
             let apart = Panel::new("time (s)", &unit).title("difference").height(130);
             [lines.fold(both, Panel::line), differences.fold(apart, Panel::line)]
         };
-        let drawn = self.variables.iter().filter(|variable| !variable.heading.is_text);
-        drawn.map(row).fold(Figure::new().title(&title), Figure::row).shared_x()
+        let numbers = self.variables.iter().filter(|variable| !variable.heading.is_text);
+        let (equal, drawn): (Vec<_>, Vec<_>) = numbers.partition(|variable| variable.is_equal());
+        let names =
+            equal.iter().map(|variable| variable.heading.name.as_str()).collect::<Vec<_>>().join(", ");
+        let note = if names.is_empty() { names } else { format!("Equal: {names}") };
+        drawn.into_iter().map(row).fold(Figure::new().title(&title).note(&note), Figure::row).shared_x()
     }
 }
 
 impl Variable<'_> {
+    /// Whether all records have the same values.
+    fn is_equal(&self) -> bool {
+        self.differences.iter().all(|difference| difference.greatest.is_none() && difference.undefined == 0)
+    }
+
+    /// Whether its values hold until the next: it is declared discrete, or it is a Boolean, which files have as 0 and 1.
+    fn is_held(&self) -> bool {
+        let is_truth = |column: &Column| column.values.iter().all(|value| [0.0, 1.0].contains(value));
+        self.columns.iter().all(|column| column.is_discrete || is_truth(column))
+    }
+
     /// A record's largest difference, its time, the root mean square, and where there is no finite difference.
     fn row(&self, record: usize) -> [String; 4] {
         let Difference { points, greatest, root_mean_square, undefined } = &self.differences[record];
@@ -401,6 +416,29 @@ mod tests {
             let comparison = Comparison::new(&records, Some(&["p".to_owned()])).unwrap();
             assert_eq!(comparison.variables[0].differences[0].points, differences, "{a:?} and {b:?}");
         }
+    }
+
+    /// What is equal is named, not drawn; a Boolean is drawn in steps, and no unit has a prefix from the axis.
+    #[test]
+    fn only_what_differs_is_drawn_and_booleans_in_steps() {
+        let record = |pump: [f64; 3], duty: [f64; 3]| {
+            let mut record = Record::new([("pump", ""), ("duty", "%"), ("code", ""), ("undefined", "")]);
+            for row in 0..3_u8 {
+                let index = usize::from(row);
+                record.push(f64::from(row), &[pump[index], duty[index], 3.0, f64::NAN]);
+            }
+            record
+        };
+        let records = [
+            ("a".to_owned(), record([0.0, 1.0, 1.0], [40.0, 41.0, 40.0])),
+            ("b".to_owned(), record([0.0, 0.0, 1.0], [40.0, 41.0 - 2e-5, 40.0])),
+        ];
+        let html = Comparison::new(&records, None).unwrap().draw().html();
+        assert_eq!(html.matches("class=\"panel\"").count(), 4, "{html}");
+        assert!(html.contains("<p class=\"caption\">Equal: code, undefined</p>"), "{html}");
+        // The pump in both records, and its difference.
+        assert_eq!(html.matches("\"shape\":\"hv\"").count(), 3, "{html}");
+        assert_eq!(html.matches("\"exponentformat\":\"e\"").count(), 8, "{html}");
     }
 
     #[test]

@@ -700,12 +700,21 @@ fn a_study_has_a_report() {
         "<td>1</td><td>alone: fmi2DoStep at 0 s gave fmi2Error",
         // The runs that did not fail.
         "\"x\":[1.0,2.0,4.0],\"y\":[1.0,2.0,4.0]",
+        // What the colours are, and no more what the axis has.
+        "<p class=\"title\">colours: alone:fail</p>",
+        "one dot per run; colours show the other parameter.",
     ] {
         assert!(page.contains(part), "{part}");
     }
     assert!(page.len() < 6_000_000);
+    assert!(!page.contains("\"type\":\"log\""));
     let header = "run,alone:input,alone:fail,last,error,warnings\n#,,,Pa,,\n0,";
     assert!(bench.read("out/results.csv").starts_with(header));
+    // A range that is spread by logarithms is drawn over them.
+    let range = "{ from = 1.0, to = 4.0, points = 3, spacing = \"logarithmic\" }";
+    bench.write("study.toml", &bench.read("study.toml").replace("[1.0, 2.0, 4.0]", range));
+    bench.run(&["sweep", "study.toml", "--out", "spread"]);
+    assert!(bench.read("spread/report.html").contains("\"type\":\"log\""));
 }
 
 /// The ball of `exchange.c` bounces between communication points: both commands record the rows at its events, or not.

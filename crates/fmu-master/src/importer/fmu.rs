@@ -30,7 +30,7 @@ pub struct Fmu {
     path: PathBuf,
     interface: Interface,
     description: FmuDescription,
-    /// The conversions from the FMU's values, by name.
+    /// The conversions to the FMU's values of inputs and from those of other variables, by name.
     pub(super) conversions: BTreeMap<String, Function>,
     /// From which values on Booleans are true, by name.
     pub(super) thresholds: BTreeMap<String, f64>,
@@ -150,9 +150,9 @@ impl Fmu {
         })
     }
 
-    /// The FMU with another description, whose names and units replace its own from here on. `conversions` lead from
-    /// the FMU's values to those of the names, and `thresholds` are the numbers from which Booleans are true. Both FMUs
-    /// share the loaded library.
+    /// The FMU with another description, whose names and units replace its own from here on. `conversions` lead to the
+    /// FMU's values of inputs and from those of other variables, as signals do, and `thresholds` are the numbers from
+    /// which Booleans are true. Both FMUs share the loaded library.
     #[must_use]
     pub fn translated(
         &self,
@@ -172,6 +172,14 @@ impl Fmu {
             thresholds,
             functions: Arc::clone(&self.functions),
         })
+    }
+
+    /// The conversions from the FMU's values of a variable and to them, if they are converted.
+    pub(super) fn conversions_of(&self, variable: &FmuVariable) -> Option<(Function, Function)> {
+        let given = self.conversions.get(&variable.name)?.clone();
+        let inverse = given.clone().inverse();
+        let is_input = variable.causality == Causality::Input;
+        Some(if is_input { (inverse, given) } else { (given, inverse) })
     }
 
     /// Its modelDescription.xml: variables, units, capabilities, default experiment. Elements of arrays are variables.

@@ -62,8 +62,7 @@ impl Fmu {
                 groups.push(Group::new(&self.functions, number_type, values));
                 groups.len() - 1
             });
-            let conversion =
-                self.conversions.get(name).map(|to_seen| (to_seen.clone(), to_seen.clone().inverse()));
+            let conversion = self.conversions_of(variable);
             groups[group].push(reference, variable.element, position, conversion.clone());
             let domain = match self.thresholds.get(name) {
                 Some(threshold) => Domain::with_threshold(variable, *threshold).map_err(Error::msg)?,
@@ -233,8 +232,8 @@ impl Group {
             for variable in fmu.description().variables.with_reference(*reference) {
                 if let Some(element) = variable.element {
                     let start = start(variable);
-                    let to_seen = fmu.conversions.get(&variable.name);
-                    let own = to_seen.map_or(start, |to_seen| to_seen.clone().inverse().apply(start));
+                    let conversions = fmu.conversions_of(variable);
+                    let own = conversions.map_or(start, |(_, to_own)| to_own.apply(start));
                     self.values.set(places.start + element.position, own);
                 }
             }

@@ -105,6 +105,30 @@ fn a_translated_fmu_has_other_names_and_values() {
     assert!(refused.starts_with("flag: 2 is neither 0 nor 1"), "{refused}");
 }
 
+/// As a connection in a run: each whole number stays one, whatever the rounding of the inverse.
+#[test]
+fn a_translated_integer_takes_what_its_conversion_makes() {
+    let own = opened();
+    let mut instance = started(&own).unwrap();
+    let mut of_own = own.select(["input"]).unwrap();
+    for (factor, offset) in (1..=120).flat_map(|factor| (-30..=30).map(move |offset| (factor, offset))) {
+        let [factor, offset] = [factor, offset].map(f64::from);
+        let conversions = [("input".to_owned(), Linear { factor, offset }.into())];
+        let seen = own.translated(own.description().clone(), conversions.into(), [].into());
+        let mut of_seen = seen.select(["input"]).unwrap();
+        for number in [0.0, 1.0, 7.0] {
+            instance.write(&mut of_seen, &[number]).unwrap();
+            let mut taken = [f64::NAN];
+            instance.read(&mut of_own, &mut taken).unwrap();
+            assert_eq!(
+                taken[0].to_bits(),
+                (factor * number + offset).to_bits(),
+                "{factor} {offset} {number}"
+            );
+        }
+    }
+}
+
 #[test]
 fn values_that_do_not_fit_a_variable_are_refused_by_name() {
     let fmu = opened();

@@ -132,6 +132,9 @@ impl Axis {
         }
         if self.is_logarithmic {
             scale["type"] = "log".into();
+        } else {
+            // By default plotly.js writes prefixes apart from the unit, as in −20µ beside %.
+            scale["exponentformat"] = "e".into();
         }
         if let Some((from, to)) = self.range {
             scale["range"] = json!([self.place(from), self.place(to)]);

@@ -81,8 +81,8 @@ impl Design {
     }
 }
 
-fn parameter(name: &str, node: &Node<'_>) -> Result<Parameter> {
-    let parameter = Parameter { name: name.to_owned(), location: node.location().clone() };
+fn parameter(name: &str, node: &Node<'_>, is_logarithmic: bool) -> Result<Parameter> {
+    let parameter = Parameter { name: name.to_owned(), is_logarithmic, location: node.location().clone() };
     parameter.parts()?;
     Ok(parameter)
 }
@@ -92,8 +92,8 @@ fn read_grid(node: &Node<'_>) -> Result<Design> {
     let mut parameters = vec![];
     let mut points: Vec<Vec<Option<Value>>> = vec![vec![]];
     for (name, node) in node.table("a table of values by the names of parameters")?.entries() {
-        parameters.push(parameter(name, &node)?);
-        let values = read_values(name, &node)?;
+        let (values, is_logarithmic) = read_values(name, &node)?;
+        parameters.push(parameter(name, &node, is_logarithmic)?);
         if points.len().saturating_mul(values.len()) > MOST_RUNS {
             return Err(node.location().error(format!("the grid has more than {MOST_RUNS} points")));
         }
@@ -105,14 +105,16 @@ fn read_grid(node: &Node<'_>) -> Result<Design> {
     Ok(Design { parameters, points })
 }
 
-fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
+/// The values of a list or a range, and whether they are spread by their logarithms.
+fn read_values(name: &str, node: &Node<'_>) -> Result<(Vec<Value>, bool)> {
     const EXPECTED: &str = "a list of values, or a table of from, to, points and spacing";
     if let DeValue::Array(_) = node.value() {
         let list = node.list(EXPECTED)?;
         if list.is_empty() {
             return Err(node.unexpected("at least one value"));
         }
-        return list.iter().map(|node| Ok(read_value(name, node)?.value)).collect();
+        let values: Result<_> = list.iter().map(|node| Ok(read_value(name, node)?.value)).collect();
+        return Ok((values?, false));
     }
     let table = node.table(EXPECTED)?;
     let range = Range::read(&table)?;
@@ -125,10 +127,11 @@ fn read_values(name: &str, node: &Node<'_>) -> Result<Vec<Value>> {
     let values: Vec<_> = (0..count).map(|index| range.at(index as f64 / (count - 1) as f64)).collect();
     // Whole numbers are values of Integers, too.
     let whole: Option<Vec<_>> = values.iter().copied().map(whole).collect();
-    Ok(match whole {
+    let values = match whole {
         Some(whole) => whole.into_iter().map(Value::Integer).collect(),
         None => values.into_iter().map(|value| Value::Real(value, None)).collect(),
-    })
+    };
+    Ok((values, range.is_logarithmic))
 }
 
 /// A number as an Integer, if it is one.
@@ -159,10 +162,10 @@ fn read_latin_hypercube(node: &Node<'_>) -> Result<Design> {
     let mut points = vec![vec![]; count];
     let ranges = table.required("ranges", "a table of ranges by the names of parameters")?;
     for (name, node) in ranges.table("a table of ranges by the names of parameters")?.entries() {
-        parameters.push(parameter(name, &node)?);
         let range_table = node.table("a table of from, to and spacing")?;
         let range = Range::read(&range_table)?;
         range_table.finish()?;
+        parameters.push(parameter(name, &node, range.is_logarithmic)?);
         for (point, fraction) in points.iter_mut().zip(latin_fractions(count, &mut generator)) {
             point.push(Some(Value::Real(range.at(fraction), None)));
         }
@@ -183,7 +186,7 @@ fn read_list(node: &Node<'_>) -> Result<Design> {
             if let Some(index) = parameters.iter().position(|known| known.name == name) {
                 point[index] = value;
             } else {
-                parameters.push(parameter(name, &node)?);
+                parameters.push(parameter(name, &node, false)?);
                 point.push(value);
             }
         }

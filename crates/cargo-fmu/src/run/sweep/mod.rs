@@ -51,6 +51,8 @@ pub struct Study {
 pub struct Parameter {
     /// The name in the study: the FMU's name, a colon and the variable's name.
     pub name: String,
+    /// Whether its values are spread evenly by their logarithms.
+    pub is_logarithmic: bool,
     pub location: Location,
 }
 
@@ -171,7 +173,7 @@ impl Study {
         set("records".into(), keeps_records.to_string());
         set("events in records".into(), records_events.to_string());
         set("runs".into(), points.len().to_string());
-        for (index, Parameter { name, location: _ }) in parameters.iter().enumerate() {
+        for (index, Parameter { name, .. }) in parameters.iter().enumerate() {
             let values = points.iter().map(|point| point[index].as_ref().map(written).unwrap_or_default());
             set(format!("values of {name}"), values.collect::<Vec<_>>().join(", "));
         }

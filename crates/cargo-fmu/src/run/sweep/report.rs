@@ -45,7 +45,8 @@ pub fn html((study, opening): (&Study, &Opening), outcomes: &[Outcome]) -> Strin
     report.table(&table);
     for (index, measure) in measures() {
         report.section(&measure.name);
-        let caption = format!("{} over each parameter; one dot per run.", measure.name);
+        let colors = if study.parameters.len() == 2 { "; colours show the other parameter" } else { "" };
+        let caption = format!("{} over each parameter; one dot per run{colors}.", measure.name);
         report.figure(&drawing((study, opening), outcomes, index), &caption);
     }
     if !failed.is_empty() {
@@ -99,10 +100,13 @@ fn drawing((study, opening): (&Study, &Opening), outcomes: &[Outcome], measure: 
         let most = size(&mut drawn.iter().filter_map(|outcome| value(outcome)));
         let (x_unit, x) = parameter.scale(most);
         let panel = Panel::new(&labelled(&parameter.name, &x_unit), &y_label);
+        // Values in a unit with another zero may be below it.
+        let is_logarithmic = study.parameters[index].is_logarithmic && x.offset == 0.0;
+        let panel = if is_logarithmic { panel.logarithmic_x() } else { panel };
         let (panel, groups) = match study.parameters.len() {
             2 => {
                 let other = 1 - index;
-                let title = format!("by {}", study.parameters[other].name);
+                let title = format!("colours: {}", study.parameters[other].name);
                 (panel.title(&title), groups((study, opening), &drawn, other))
             }
             _ => (panel, vec![(None, drawn)]),
