@@ -230,6 +230,7 @@ def test_a_clock_in_a_model_of_equations_is_refused_with_the_way_that_works(tmp_
     result = cargo("build", tmp_path)
     print(result.stderr)
     assert result.returncode != 0
+    assert "no variables of the type Clock, because its integrator finds the events" in result.stderr
     assert "`next_event` says when its samples are due, and `event` computes them" in result.stderr
 
 

@@ -126,8 +126,8 @@ impl<E: Equations, I: Integrate<E>> Default for Integrated<E, I> {
         const {
             assert!(
                 E::Variables::CLOCKS.is_empty(),
-                "a model of `Equations` has no variables of the type Clock: `next_event` says when its samples are due, \
-                 and `event` computes them"
+                "a model of `Equations` has no variables of the type Clock, because its integrator finds the events, \
+                 not the importer: `next_event` says when its samples are due, and `event` computes them"
             );
         }
         const {

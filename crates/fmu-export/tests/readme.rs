@@ -8,6 +8,9 @@ const SOURCE: &str = include_str!("../../cargo-fmu/templates/dahlquist/lib.rs");
 /// Models whose equations are tested.
 const TESTED: &str = include_str!("equations/src/lib.rs");
 
+/// A model around another crate's simulation.
+const AROUND_A_CRATE: &str = include_str!("equations/tests/checkout.rs");
+
 /// The first code block of a language.
 fn block<'page>(page: &'page str, language: &str) -> &'page str {
     let (_, rest) = page.split_once(&format!("```{language}\n")).expect("the page has such a block");
@@ -23,6 +26,15 @@ fn on_a_line(code: &str) -> String {
 fn sampled_inputs_are_those_of_a_tested_model() {
     let (_, section) = PAGE.split_once("### Sampled inputs").expect("the page has this section");
     let tested = on_a_line(TESTED).replace("furnace::", "");
+    for item in block(section, "rust,ignore").split("\n\n") {
+        assert!(tested.contains(&on_a_line(item)), "{item}");
+    }
+}
+
+#[test]
+fn the_model_of_an_existing_crate_is_tested() {
+    let (_, section) = PAGE.split_once("### An FMU of an existing crate").expect("the page has this section");
+    let tested = on_a_line(AROUND_A_CRATE);
     for item in block(section, "rust,ignore").split("\n\n") {
         assert!(tested.contains(&on_a_line(item)), "{item}");
     }

@@ -249,6 +249,25 @@ def test_configuration_mode_takes_the_sizes_of_the_build(make: Callable[..., FMU
     fmu.freeInstance()
 
 
+def test_another_size_is_refused_with_the_reason_and_the_way(make: Callable[..., FMU3Slave]) -> None:
+    by_name, fmu = references("StateSpace"), make("StateSpace", FMU3Slave)
+    # FMPy's freeInstance unloads the library, too.
+    fmu.fmi3FreeInstance(fmu.component)
+    messages = []
+    fmu.instantiate(loggingOn=True, logMessage=lambda *arguments: messages.append(arguments[-1].decode()))
+    fmu.enterConfigurationMode()
+    with pytest.raises(FMICallException):
+        fmu.setUInt64([by_name["n"]], [4])
+    (message,) = messages
+    for part in (
+        "4 for the size n, fixed at 3 when this FMU was built",
+        "the elements of larger arrays would have the references of other variables",
+        "export the model with another start value",
+    ):
+        assert part in message
+    fmu.freeInstance()
+
+
 CELLS = 100
 RATE = 0.1 * CELLS**2
 """Of the rod: its diffusivity over the square of a cell's length."""

@@ -138,7 +138,8 @@ fn place(variable: &VariableDeclaration, data_type: ValueType) -> Result<(Place,
     };
     let variability = variable.variability.unwrap_or(default);
     let is_continuous = variability == Variability::Continuous;
-    let reason = "the build fixes a structuralParameter, so it is 'fixed'";
+    let reason = "the build fixes a structuralParameter, so it is 'fixed': the elements of larger arrays would have the \
+                  references of other variables; for another size, change its 'start' and build again";
     refuse_if(is_structural && variability != Variability::Fixed, "variability", reason)?;
     let may_tick = matches!(causality, Causality::Input | Causality::Output | Causality::Local);
     refuse_if(is_clock && !may_tick, "causality", "a Clock is an input, an output or local")?;

@@ -107,7 +107,8 @@ impl<M: Model> Instance<M> {
             format!("{} for the variable {}", Shown(value), variable.name())
         } else if variable.causality == Causality::StructuralParameter {
             format!(
-                "{} for the size {}, fixed at {} when this FMU was built",
+                "{} for the size {}, fixed at {} when this FMU was built, since the elements of larger arrays would have \
+                 the references of other variables: export the model with another start value",
                 Shown(value),
                 variable.name(),
                 Shown(variable.min)

@@ -31,6 +31,7 @@ fn main() {
         "alarms",
         "gears",
         "branches",
+        "checkout",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");

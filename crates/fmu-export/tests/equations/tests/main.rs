@@ -4,6 +4,7 @@ mod allocations;
 mod arrays;
 mod branches;
 mod calculated_parameters;
+mod checkout;
 mod enumerations;
 mod event_mode;
 mod foreign_state;
