@@ -13,7 +13,7 @@ use crate::audit::{check_calculated_parameters, check_evaluation, first_discrete
 use crate::context::Context;
 use crate::description::{Causality, DataType};
 use crate::display::Seconds;
-use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, evaluate_values};
+use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate, evaluate_values};
 use crate::error::Error;
 use crate::event_loop::{EventLoop, Hybrid};
 use crate::events::{Event, Events, MOST_ITERATIONS};
@@ -416,7 +416,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         let (mut variables, mut direction) = (variables.clone(), direction.clone());
         variables.inputs_mut().clone_from(inputs);
         direction.states_from_start();
-        let mut duals = variables.combined(&direction, Dual::new);
+        let mut duals = duals(&variables, &direction, &Dual::new);
         calculate_parameters::<E, Dual>(&self.equations, &mut duals);
         initialize(&mut duals);
         evaluate(&self.equations, time, &mut duals);
@@ -543,8 +543,8 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))?;
-        check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
+        check_evaluation(variables, &|variables| evaluate(&self.equations, self.time, variables))?;
+        check_evaluation(variables, &|variables| evaluate_values(&self.equations, self.time, variables))
     }
 
     /// Evaluates after an event, whose branch may omit a variable.
@@ -557,7 +557,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     /// What the branch of an event omits, if it does: a variable may be infinite, or not a number, for another reason.
     #[cold]
     fn check_branch(&self, time: f64, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| evaluate_values(&self.equations, time, variables))
+        check_evaluation(variables, &|variables| evaluate_values(&self.equations, time, variables))
             .map_err(|omitted| Error::new(format!("after the event at {} s, {omitted}", Seconds(time))))
     }
 
@@ -633,14 +633,12 @@ fn with_inputs<V: Variables, R>(
     compute: impl FnOnce(&mut V) -> R,
 ) -> R {
     // As set, they are within their bounds: nothing to keep, so that large arrays are not copied to new memory.
-    if variables.inputs() == inputs {
-        let result = compute(variables);
-        variables.inputs_mut().clone_from(inputs);
-        return result;
-    }
-    let set = mem::replace(variables.inputs_mut(), inputs.clone());
+    let set = (variables.inputs() != inputs).then(|| mem::replace(variables.inputs_mut(), inputs.clone()));
     let result = compute(variables);
-    *variables.inputs_mut() = set;
+    match set {
+        Some(set) => *variables.inputs_mut() = set,
+        None => variables.inputs_mut().clone_from(inputs),
+    }
     result
 }
 

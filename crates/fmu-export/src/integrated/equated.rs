@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::equations::{Equations, Multirate, evaluate, evaluate_values};
+use crate::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
 use crate::integrator::{Directions, Method, Part, Pattern, System, TwoParts};
 use crate::model::Step;
@@ -190,15 +190,14 @@ impl<E: Equations> System for Equated<'_, E> {
                 return;
             }
         }
-        let constant = |value: f64, _| Dual::from(value);
-        let mut duals = self.variables.combined(self.variables, constant);
+        let mut numbers = duals(self.variables, self.variables, &|value, _| Dual::from(value));
         let count = directions.count();
         for direction in 0..count {
-            E::Variables::set_states(&mut duals, |state| {
+            E::Variables::set_states(&mut numbers, |state| {
                 Dual::new(states[state], directions.component(direction, state))
             });
-            evaluate(self.equations, Dual::from(time), &mut duals);
-            E::Variables::each_derivative(&duals, |row, rate: Dual| {
+            evaluate(self.equations, Dual::from(time), &mut numbers);
+            E::Variables::each_derivative(&numbers, |row, rate: Dual| {
                 products[row * count + direction] = rate.derivative;
             });
         }
@@ -208,11 +207,11 @@ impl<E: Equations> System for Equated<'_, E> {
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();
             *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
-            duals = self.variables.combined(&direction, Dual::new);
+            numbers = duals(self.variables, &direction, &Dual::new);
         }
-        E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
-        evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
-        E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+        E::Variables::set_states(&mut numbers, |state| Dual::from(states[state]));
+        evaluate(self.equations, Dual::new(time, 1.0), &mut numbers);
+        E::Variables::each_derivative(&numbers, |row, rate: Dual| by_time[row] = rate.derivative);
     }
 
     fn gradients(
