@@ -105,6 +105,7 @@ impl<T: Number> AtRest<T> {
 /// The steady state for the inputs, with the vacuum tank held at a pressure in Pa.
 ///
 /// If none is found, the states at the end of the transient from [`running`].
+#[inline]
 pub fn settled(parameters: &Parameters, inputs: &Inputs, tank_pressure: f64) -> Settled {
     let at_rest = AtRest::new(parameters, inputs, tank_pressure);
     let still = AtRest::new(&parameters.map(Dual::from), &inputs.map(Dual::from), tank_pressure.into());
@@ -154,6 +155,10 @@ fn settle_actuation<D: Number>(system: &System<D>, inputs: &Inputs<D>, mut state
 
 /// Simulates until everything is at rest, for at most [`LONGEST_TRANSIENT`]. Returns the states and the time in s, those
 /// of the last whole second if the integration fails.
+///
+/// As its callers, it is compiled with the library that exports the model. Otherwise that library would have the model's
+/// runtime twice: from this crate and from its own.
+#[inline]
 fn follow_transient(parameters: &Parameters, inputs: &Inputs, start: States) -> (States, f64) {
     let mut parameters = *parameters;
     parameters.initialization.mode = InitializationMode::Given;

@@ -143,6 +143,7 @@ impl Equations for Plant {
         Ok(())
     }
 
+    #[inline]
     fn prepare(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
         let Variables { parameters, inputs, start, .. } = variables;
         self.latch = DutyLatch::new(context.experiment.start_time);

@@ -218,6 +218,7 @@ impl<D: Elementary> System<D> {
 
     /// Everything at an instant.
     #[must_use]
+    #[inline(never)]
     pub fn evaluate(&self, inputs: &Inputs<D>, states: &States<D>) -> Instant<D> {
         let gas_path = GasPathStates::of(states);
         let actuation =

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.quick
 
 NAMES = ["BoostPlant", "BoostController"]
 
-LARGEST = 600_000
+LARGEST = 540_000
 """Bytes of an FMU."""
 
 

@@ -12,12 +12,12 @@ mod sundials;
 use std::ffi::{c_int, c_long};
 use std::hint::black_box;
 use std::path::Path;
-use std::{array, env};
+use std::{array, env, iter};
 
 use fmu_export::{InputSignal, Integrated, Simulation, Variables};
 use fmu_export_problems::{
-    Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Lorenz, Oregonator, Pleiades, Pollution, Problem,
-    Reference,
+    Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Kuramoto, Lorenz, Network, Oregonator, Pendulums,
+    Pleiades, Pollution, Problem, Reference,
 };
 
 use crate::jacobian::Elements;
@@ -131,9 +131,9 @@ impl Contender<'_> {
     }
 }
 
-/// The solvers of CVODE that suit a problem: the fastest of BDF, and Adams unless it is much slower.
+/// The solvers of CVODE that suit a problem: the fastest with a matrix, and those without unless they are much slower.
 fn solvers<P: Problem>(sundials: &Sundials, elements: &Elements) -> Vec<Solver> {
-    let mut candidates = vec![Solver::Adams];
+    let mut candidates = vec![Solver::Adams, Solver::Gmres];
     let size = P::Variables::STATE_NOMINALS.len();
     if size < 1000 {
         candidates.extend([Solver::Dense, Solver::LapackDense]);
@@ -156,12 +156,12 @@ fn solvers<P: Problem>(sundials: &Sundials, elements: &Elements) -> Vec<Solver> 
     for (solver, seconds) in candidates.iter().zip(&times) {
         eprintln!("{} by CVODE with {solver:?}: {:.3} ms", P::NAME, 1e3 * seconds);
     }
-    let fastest = (1..times.len()).min_by(|&a, &b| times[a].total_cmp(&times[b])).expect("there are some");
-    let mut chosen = vec![candidates[fastest]];
-    if times[0] < SLOW * times[fastest] {
-        chosen.push(candidates[0]);
-    }
-    chosen
+    let timed = || candidates.iter().copied().zip(times.iter().copied());
+    let with_matrix = timed().filter(|(solver, _)| solver.has_matrix());
+    let (fastest, least) =
+        with_matrix.min_by(|(_, one), (_, other)| one.total_cmp(other)).expect("there are some");
+    let without = timed().filter(|(solver, seconds)| !solver.has_matrix() && *seconds < SLOW * least);
+    iter::once(fastest).chain(without.map(|(solver, _)| solver)).collect()
 }
 
 type Measure = fn(&Sundials);
@@ -212,7 +212,7 @@ fn main() {
     let folder = arguments.next().expect("the first argument is the folder of SUNDIALS' libraries");
     let sundials = Sundials::load(Path::new(&folder));
     let named: Vec<_> = arguments.collect();
-    let problems: [(&str, Measure); 10] = [
+    let problems: [(&str, Measure); 13] = [
         (Lorenz::NAME, measure::<Lorenz>),
         (Arenstorf::NAME, measure::<Arenstorf>),
         (Pleiades::NAME, measure::<Pleiades>),
@@ -223,6 +223,9 @@ fn main() {
         (Chain::NAME, measure::<Chain>),
         (Brusselator::NAME, measure::<Brusselator>),
         (Heat::NAME, measure::<Heat>),
+        (Pendulums::NAME, measure::<Pendulums>),
+        (Kuramoto::NAME, measure::<Kuramoto>),
+        (Network::NAME, measure::<Network>),
     ];
     for (name, measure) in problems {
         if named.is_empty() || named.iter().any(|named| named == name) {

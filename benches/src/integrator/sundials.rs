@@ -87,6 +87,7 @@ functions! {
     SUNLinSol_Band(Pointer, Pointer, Pointer) -> Pointer;
     SUNLinSol_LapackBand(Pointer, Pointer, Pointer) -> Pointer;
     SUNLinSol_SuperLUMT(Pointer, Pointer, c_int, Pointer) -> Pointer;
+    SUNLinSol_SPGMR(Pointer, c_int, c_int, Pointer) -> Pointer;
     SUNLinSolFree(Pointer) -> c_int;
     SUNNonlinSol_FixedPoint(Pointer, c_int, Pointer) -> Pointer;
     SUNNonlinSolFree(Pointer) -> c_int;
@@ -110,6 +111,8 @@ const BDF: c_int = 2;
 /// Past the point, then back to it by interpolation.
 const NORMAL: c_int = 1;
 const BY_COLUMNS: c_int = 0;
+const WITHOUT_PRECONDITIONER: c_int = 0;
+const DEFAULT_DIMENSION: c_int = 0;
 /// A problem on which a method takes more steps between two points is none for it.
 const MOST_STEPS: c_long = 100_000;
 /// Communication points and events that differ by no more, relatively, are at one time.
@@ -125,6 +128,15 @@ pub enum Solver {
     Band,
     LapackBand,
     SuperLuMt,
+    /// Iterative, without preconditioner; products with the Jacobian are difference quotients.
+    Gmres,
+}
+
+impl Solver {
+    /// Whether it takes the Jacobian as a matrix.
+    pub fn has_matrix(self) -> bool {
+        !matches!(self, Self::Adams | Self::Gmres)
+    }
 }
 
 /// What happens at a communication point.
@@ -192,7 +204,7 @@ unsafe extern "C" fn jacobian<P: Problem>(
                 fill((sundials.SUNSparseMatrix_IndexValues)(matrix), &elements.rows);
                 (sundials.SUNSparseMatrix_Data)(matrix)
             }
-            Solver::Adams => unreachable!("it has no matrix"),
+            Solver::Adams | Solver::Gmres => unreachable!("it has no matrix"),
         }
     };
     let (lower, stored) = (elements.lower, elements.stored_upper());
@@ -274,7 +286,7 @@ impl<'a, P: Problem> Cvode<'a, P> {
             check((sundials.CVodeSetUserData)(memory, ptr::from_mut(self).cast()));
             let elements = self.elements;
             let matrix = match self.solver {
-                Solver::Adams => ptr::null_mut(),
+                Solver::Adams | Solver::Gmres => ptr::null_mut(),
                 Solver::Dense | Solver::LapackDense => (sundials.SUNDenseMatrix)(size, size, context),
                 Solver::Band | Solver::LapackBand => {
                     let [upper, lower] = [elements.upper, elements.lower].map(count);
@@ -292,11 +304,16 @@ impl<'a, P: Problem> Cvode<'a, P> {
                 Solver::Band => (sundials.SUNLinSol_Band)(vector, matrix, context),
                 Solver::LapackBand => (sundials.SUNLinSol_LapackBand)(vector, matrix, context),
                 Solver::SuperLuMt => (sundials.SUNLinSol_SuperLUMT)(vector, matrix, 1, context),
+                Solver::Gmres => {
+                    (sundials.SUNLinSol_SPGMR)(vector, WITHOUT_PRECONDITIONER, DEFAULT_DIMENSION, context)
+                }
             };
             if self.solver == Solver::Adams {
                 check((sundials.CVodeSetNonlinearSolver)(memory, solver));
             } else {
                 check((sundials.CVodeSetLinearSolver)(memory, solver, matrix));
+            }
+            if self.solver.has_matrix() {
                 check((sundials.CVodeSetJacFn)(memory, jacobian::<P>));
             }
             let begin = crate::processor_time();
@@ -308,6 +325,8 @@ impl<'a, P: Problem> Cvode<'a, P> {
                 check((sundials.SUNNonlinSolFree)(solver));
             } else {
                 check((sundials.SUNLinSolFree)(solver));
+            }
+            if self.solver.has_matrix() {
                 (sundials.SUNMatDestroy)(matrix);
             }
             (sundials.N_VDestroy)(vector);

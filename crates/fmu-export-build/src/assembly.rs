@@ -85,11 +85,13 @@ fn leave_out_clocks(scalars: &mut [Scalar]) {
         scalar.clocks.clear();
         if scalar.is_previous {
             // It is of an earlier event.
-            scalar.reads = Some(Vec::new());
+            scalar.reads = Some([].into());
         }
         (scalar.previous, scalar.is_previous) = (None, false);
         for reads in [&mut scalar.reads, &mut scalar.initial_reads].into_iter().flatten() {
-            reads.retain(|&read| !are_clocks[read]);
+            if reads.iter().any(|&read| are_clocks[read]) {
+                *reads = reads.iter().copied().filter(|&read| !are_clocks[read]).collect();
+            }
         }
     }
 }

@@ -31,7 +31,8 @@ pub(crate) struct Unknown {
     pub(crate) dependencies: Closure,
 }
 
-/// The most reads to follow: no model may take minutes to build.
+/// The most reads to follow, and the most dependencies to list: no model may take minutes to build. What the elements of an
+/// array read alike is followed once.
 pub(crate) const MOST: usize = 2_000_000;
 
 /// The error for the variable at which there are more.
@@ -74,7 +75,15 @@ pub(crate) fn known_in_steps(version: Version) -> fn(&Scalar) -> bool {
 
 /// The knowns reached from a variable through intermediate variables, as ascending positions; none if it may depend on
 /// all.
-type Closure = Option<Rc<[usize]>>;
+pub(crate) type Closure = Option<Rc<[usize]>>;
+
+/// The lists of several variables, such as the elements of an array, once where consecutive ones share theirs; none if one
+/// may depend on all.
+pub(crate) fn lists<'c>(closures: impl IntoIterator<Item = &'c Closure>) -> Option<Vec<&'c [usize]>> {
+    let mut lists: Vec<_> = closures.into_iter().map(Option::as_deref).collect::<Option<_>>()?;
+    lists.dedup_by_key(|list| list.as_ptr());
+    Some(lists)
+}
 
 /// Each variable's closure. A state that is an output depends on itself.
 fn closures(
@@ -90,10 +99,20 @@ fn closures(
     let mut closures: Vec<Closure> = vec![None; scalars.len()];
     // Equal closures are shared, such as those of variables with the same reads.
     let mut distinct: BTreeSet<Rc<[usize]>> = BTreeSet::new();
+    // Those of lists that several variables share, by where these are.
+    let mut of_lists: BTreeMap<*const usize, Closure> = BTreeMap::new();
     let (mut last, mut steps) = (vec![0; scalars.len()], 0);
     for (number, circle) in
         circles(scalars.len(), |position| of(position).unwrap_or_default()).iter().enumerate()
     {
+        let shared = match circle[..] {
+            [member] if !known(&scalars[member]) => of(member).map(<[usize]>::as_ptr),
+            _ => None,
+        };
+        if let Some(closure) = shared.and_then(|list| of_lists.get(&list)) {
+            closures[circle[0]].clone_from(closure);
+            continue;
+        }
         // Each known once: `last` holds the circle for which it was added, counted from 1.
         let mut add = |position: usize, reached: &mut Vec<usize>| {
             if std::mem::replace(&mut last[position], number + 1) != number + 1 {
@@ -128,6 +147,9 @@ fn closures(
                 closures[member] = Some(Rc::clone(&closure));
             }
         }
+        if let Some(list) = shared {
+            of_lists.insert(list, closures[circle[0]].clone());
+        }
     }
     Ok(closures)
 }
@@ -139,6 +161,8 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
     let (mut circles, mut open, mut seen) = (Vec::new(), Vec::new(), 0);
     // When each was first seen, and the earliest open one reachable from it.
     let (mut first, mut earliest, mut is_open) = (vec![NOT_SEEN; count], vec![0; count], vec![false; count]);
+    // The lists of which nothing is open any more: another variable with one need not look at it.
+    let mut closed = BTreeSet::new();
     for start in 0..count {
         let mut path = if first[start] == NOT_SEEN { vec![(start, 0)] } else { Vec::new() };
         while let Some((position, next)) = path.last_mut() {
@@ -148,7 +172,8 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
                 open.push(position);
                 seen += 1;
             }
-            if let Some(&read) = reads(position).get(*next) {
+            let list = reads(position);
+            if let Some(&read) = list.get(*next).filter(|_| *next > 0 || !closed.contains(&list.as_ptr())) {
                 *next += 1;
                 if first[read] == NOT_SEEN {
                     path.push((read, 0));
@@ -168,6 +193,9 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
                     is_open[member] = false;
                 }
                 circle.sort_unstable();
+                if circle.len() == 1 {
+                    closed.insert(list.as_ptr());
+                }
                 circles.push(circle);
             }
         }

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::iter;
+use std::rc::Rc;
 
 use fmu_terms::{Causality, Initial, Variability};
 use fmu_terms::{Unit, Version, is_structured};
@@ -203,8 +204,9 @@ pub(crate) struct Scalar {
     pub(crate) initial_reads: Reads,
 }
 
-/// The positions of the variables that an equation reads; none if it may read everything.
-pub(crate) type Reads = Option<Vec<usize>>;
+/// The positions of the variables that an equation reads, one list for all elements of an array that read alike; none if
+/// it may read everything.
+pub(crate) type Reads = Option<Rc<[usize]>>;
 
 impl Scalar {
     /// The independent variable, on which others are based: it reads nothing.
@@ -214,8 +216,8 @@ impl Scalar {
             description: Some("Time".to_owned()),
             causality: Causality::Independent,
             unit: Some("s".to_owned()),
-            reads: Some(Vec::new()),
-            initial_reads: Some(Vec::new()),
+            reads: Some([].into()),
+            initial_reads: Some([].into()),
             ..Self::default()
         }
     }

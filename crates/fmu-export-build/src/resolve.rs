@@ -1,6 +1,7 @@
 //! Resolves names in a declaration to positions: what equations read, clocks, previous values and units.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 
 use fmu_terms::Unit;
 use fmu_terms::{Causality, Variability};
@@ -26,7 +27,7 @@ impl<'a> Flat<'a> {
             let components: Vec<_> = arrays.iter().map(|(_, index)| *index).collect();
             let reader = Reader { components: &components, sizes };
             let mut look_up = |list: &str, names: &'a [String]| {
-                let mut elements = vec![BTreeSet::new(); positions.len()];
+                let mut all_found = Vec::new();
                 for (number, name) in names.iter().enumerate() {
                     let entries = if known.has(name) { Ok(vec![Read::whole(name)]) } else { Read::all(name) };
                     let found = entries.and_then(|entries| {
@@ -39,8 +40,8 @@ impl<'a> Flat<'a> {
                             read.elements(reader, target.positions, target.sizes)
                         })
                     });
-                    let found = match found {
-                        Ok(found) => found,
+                    match found {
+                        Ok(found) => all_found.push(found),
                         Err(reason) => {
                             let name = match sizes {
                                 [] => first.name.clone(),
@@ -48,24 +49,34 @@ impl<'a> Flat<'a> {
                             };
                             let reason = format!("{name}: {reason}");
                             self.refusals.add(format!("{}.{list}[{number}]", first.key), reason);
-                            continue;
                         }
-                    };
-                    for (element, reads) in elements.iter_mut().enumerate() {
-                        if read > dependencies::MOST {
-                            let reason = dependencies::too_many(&self.scalars[positions[element]]);
-                            self.refusals.add(format!("{}.{list}", first.key), reason);
-                            break;
-                        }
-                        read += found.of(element).len();
-                        reads.extend(found.of(element));
                     }
                 }
-                elements.into_iter().map(|reads| reads.into_iter().collect::<Vec<_>>())
+                let are_alike = all_found.iter().all(|found| matches!(found, Found::Alike(_)));
+                let mut elements: Vec<Rc<[usize]>> = Vec::with_capacity(positions.len());
+                for (element, &position) in positions.iter().enumerate() {
+                    if are_alike && element > 0 {
+                        elements.push(Rc::clone(&elements[0]));
+                        continue;
+                    }
+                    if read > dependencies::MOST {
+                        let reason = dependencies::too_many(&self.scalars[position]);
+                        self.refusals.add(format!("{}.{list}", first.key), reason);
+                        break;
+                    }
+                    let mut reads: Vec<_> =
+                        all_found.iter().flat_map(|found| found.of(element)).copied().collect();
+                    reads.sort_unstable();
+                    reads.dedup();
+                    read += reads.len();
+                    elements.push(reads.into());
+                }
+                // After a refusal, the rest reads nothing.
+                elements.resize(positions.len(), [].into());
+                elements
             };
-            let reads: Option<Vec<_>> = reads.map(|names| look_up("reads", names).collect());
-            let initial_reads: Option<Vec<_>> =
-                initial_reads.map(|names| look_up("initial_reads", names).collect());
+            let reads = reads.map(|names| look_up("reads", names));
+            let initial_reads = initial_reads.map(|names| look_up("initial_reads", names));
             resolved.push((positions, reads, initial_reads));
         }
         connections.refuse_unread(&mut self.refusals);
@@ -73,7 +84,7 @@ impl<'a> Flat<'a> {
             for (element, &position) in positions.iter().enumerate() {
                 let scalar = &mut self.scalars[position];
                 let of_element =
-                    |reads: &Option<Vec<Vec<usize>>>| reads.as_ref().map(|reads| reads[element].clone());
+                    |reads: &Option<Vec<Rc<[usize]>>>| reads.as_ref().map(|reads| Rc::clone(&reads[element]));
                 scalar.initial_reads = of_element(&initial_reads).or_else(|| of_element(&reads));
                 if scalar.place != Place::States {
                     scalar.reads = of_element(&reads);
@@ -117,7 +128,7 @@ impl<'a> Flat<'a> {
             let scalar = &mut self.scalars[position];
             scalar.clocks.push(clock);
             if let Some(reads) = scalar.reads.as_mut().filter(|reads| !reads.contains(&clock)) {
-                reads.push(clock);
+                *reads = reads.iter().copied().chain([clock]).collect();
             }
         }
     }

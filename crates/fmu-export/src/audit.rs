@@ -9,7 +9,7 @@ use crate::variables::Variables;
 ///
 /// # Errors
 /// The first variable that is not set, or changed but read-only.
-pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: impl Fn(&mut V)) -> Result<(), Error> {
+pub(crate) fn check_evaluation<V: Variables>(variables: &V, evaluate: &dyn Fn(&mut V)) -> Result<(), Error> {
     let marked = [false, true].map(|mark| {
         let mut marked = variables.clone();
         marked.mark_calculated(mark);

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::events::Event;
 use crate::integration::Integration;
 use crate::integrator::Part;
-use crate::number::Number;
+use crate::number::{Dual, Number};
 use crate::persistence::Persistent;
 use crate::variables::Variables;
 
@@ -180,7 +180,14 @@ pub(crate) fn calculate_parameters<E: Equations, T: Number>(
     });
 }
 
-/// Evaluates the equations of a model.
+/// Variables as dual numbers, each of two numbers by `pair`. A library has this once.
+#[inline(never)]
+pub(crate) fn duals<V: Variables>(one: &V, other: &V, pair: &dyn Fn(f64, f64) -> Dual) -> V::Of<Dual> {
+    one.combined(other, pair)
+}
+
+/// Evaluates the equations of a model. A library has them once for each number type.
+#[inline(never)]
 pub(crate) fn evaluate<E: Equations, T: Number>(equations: &E, time: T, variables: &mut VariablesOf<E, T>) {
     equations.evaluate(time, E::Variables::evaluation(variables));
 }

@@ -6,14 +6,14 @@ mod integrate;
 
 use core::{fmt, mem};
 
-use self::equated::Equated;
+use self::equated::{Equated, Place};
 pub use self::integrate::Integrate;
 
 use crate::audit::{check_calculated_parameters, check_evaluation, first_discrete_difference};
 use crate::context::Context;
 use crate::description::{Causality, DataType};
 use crate::display::Seconds;
-use crate::equations::{Equations, VariablesOf, calculate_parameters, evaluate, evaluate_values};
+use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate, evaluate_values};
 use crate::error::Error;
 use crate::event_loop::{EventLoop, Hybrid};
 use crate::events::{Event, Events, MOST_ITERATIONS};
@@ -371,7 +371,8 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         }
         let Self { equations, origin: Origin { start, elapsed, time, states, .. }, .. } = self;
         let step = Step::new(*start, *elapsed, inputs);
-        Equated::new(equations, variables, &step).evaluate(*elapsed, *time, |state| states[state]);
+        Equated::new(equations, variables, &step, &mut { Place::NONE })
+            .evaluate(*elapsed, *time, |state| states[state]);
         inputs.copy_set(variables.inputs_mut());
     }
 }
@@ -415,7 +416,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         let (mut variables, mut direction) = (variables.clone(), direction.clone());
         variables.inputs_mut().clone_from(inputs);
         direction.states_from_start();
-        let mut duals = variables.combined(&direction, Dual::new);
+        let mut duals = duals(&variables, &direction, &Dual::new);
         calculate_parameters::<E, Dual>(&self.equations, &mut duals);
         initialize(&mut duals);
         evaluate(&self.equations, time, &mut duals);
@@ -488,6 +489,8 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             evaluate_values(&self.equations, begin, variables);
             self.ask_again(variables, end.rounding())
         };
+        // Inputs with derivatives are those of a moment later.
+        let place = Place { elapsed: if step.inputs.is_constant() { 0.0 } else { f64::NAN }, time: begin };
         self.origin.set(step.start, (0.0, begin), &states);
         let crossed = asked.and_then(|()| self.find_changes(variables));
         // Where inputs change at each step, a step beyond its end would be in vain.
@@ -509,6 +512,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
             context,
             begin,
             looks_ahead,
+            place,
             last_cause: None,
         };
         let stop =
@@ -539,8 +543,8 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     }
 
     fn check_evaluation(&self, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| evaluate(&self.equations, self.time, variables))?;
-        check_evaluation(variables, |variables| evaluate_values(&self.equations, self.time, variables))
+        check_evaluation(variables, &|variables| evaluate(&self.equations, self.time, variables))?;
+        check_evaluation(variables, &|variables| evaluate_values(&self.equations, self.time, variables))
     }
 
     /// Evaluates after an event, whose branch may omit a variable.
@@ -553,7 +557,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     /// What the branch of an event omits, if it does: a variable may be infinite, or not a number, for another reason.
     #[cold]
     fn check_branch(&self, time: f64, variables: &E::Variables) -> Result<(), Error> {
-        check_evaluation(variables, |variables| evaluate_values(&self.equations, time, variables))
+        check_evaluation(variables, &|variables| evaluate_values(&self.equations, time, variables))
             .map_err(|omitted| Error::new(format!("after the event at {} s, {omitted}", Seconds(time))))
     }
 
@@ -629,14 +633,12 @@ fn with_inputs<V: Variables, R>(
     compute: impl FnOnce(&mut V) -> R,
 ) -> R {
     // As set, they are within their bounds: nothing to keep, so that large arrays are not copied to new memory.
-    if variables.inputs() == inputs {
-        let result = compute(variables);
-        variables.inputs_mut().clone_from(inputs);
-        return result;
-    }
-    let set = mem::replace(variables.inputs_mut(), inputs.clone());
+    let set = (variables.inputs() != inputs).then(|| mem::replace(variables.inputs_mut(), inputs.clone()));
     let result = compute(variables);
-    *variables.inputs_mut() = set;
+    match set {
+        Some(set) => *variables.inputs_mut() = set,
+        None => variables.inputs_mut().clone_from(inputs),
+    }
     result
 }
 
@@ -652,6 +654,8 @@ struct Evolution<'a, 'c, E: Equations, I> {
     begin: f64,
     /// Whether the integrator may go beyond the end.
     looks_ahead: bool,
+    /// Where the variables were evaluated last.
+    place: Place,
     /// The first indicator that caused the last event.
     last_cause: Option<usize>,
 }
@@ -694,8 +698,8 @@ impl<E: Equations, I: Integrate<E>> Evolution<'_, '_, E, I> {
             // The dense output may leave a strict bound that no stage has left.
             self.go_to(elapsed).is_ok() && self.variables.first_beyond().is_none() && {
                 let limits = self.limits();
-                let Self { model, variables, step, .. } = self;
-                let system = Equated::new(&model.equations, variables, step);
+                let Self { model, variables, step, place, .. } = self;
+                let system = Equated::new(&model.equations, variables, step, place);
                 model.integrator.agrees(&system, elapsed, &limits)
             }
         });
@@ -745,8 +749,8 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
         loop {
             let span = self.span(target);
             let limits = self.limits();
-            let Self { model, variables, step, states, .. } = self;
-            let mut system = Equated::new(&model.equations, variables, step);
+            let Self { model, variables, step, states, place, .. } = self;
+            let mut system = Equated::new(&model.equations, variables, step, place);
             let counted = Trials { count: &mut *count, most };
             let reached = match model.integrator.step(&mut system, span, states, &limits, counted) {
                 Ok(reached) => reached,
@@ -770,15 +774,15 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
                 self.go_back();
                 continue;
             };
-            let Self { model, variables, step, .. } = self;
-            model.integrator.end_step(&Equated::new(&model.equations, variables, step));
+            let Self { model, variables, step, place, .. } = self;
+            model.integrator.end_step(&Equated::new(&model.equations, variables, step, place));
             return Ok(crossed);
         }
     }
 
     #[inline(always)]
     fn handle(&mut self, due: Option<f64>) -> Result<bool, Error> {
-        let Self { model, variables, step, states, context, last_cause, .. } = self;
+        let Self { model, variables, step, states, context, last_cause, place, .. } = self;
         *last_cause = model.events.first_changed();
         model.happen(variables, false, due, context)?;
         if context.end.is_some() {
@@ -786,6 +790,7 @@ impl<E: Equations, I: Integrate<E>> Hybrid for Evolution<'_, '_, E, I> {
         }
         E::Variables::each_state(&**variables, |state, value| states[state] = value);
         model.origin.set(step.start, (model.elapsed, model.time), states);
+        *place = Place { elapsed: model.elapsed, time: model.time };
         Ok(true)
     }
 
@@ -831,11 +836,11 @@ impl<E: Equations, I: Integrate<E>> Trajectory for Evolution<'_, '_, E, I> {
 
     #[inline(always)]
     fn go_to(&mut self, elapsed: f64) -> Result<bool, Error> {
-        let Self { model, variables, step, states, begin, .. } = self;
+        let Self { model, variables, step, states, begin, place, .. } = self;
         model.elapsed = elapsed;
         let time = if elapsed < step.size { step.start + elapsed } else { step.end() };
         model.time = if time > *begin { time } else { *begin };
-        let mut system = Equated::new(&model.equations, variables, step);
+        let mut system = Equated::new(&model.equations, variables, step, place);
         model.integrator.states_at(&mut system, elapsed, states);
         system.evaluate(elapsed, model.time, |state| states[state]);
         model.find_changes(variables)

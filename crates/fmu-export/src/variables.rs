@@ -66,6 +66,9 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The number of scalars with the value references 0, 1, 2, … at the front of the description, which need no search.
     const FRONT: usize = front(Self::DESCRIPTION.variables);
 
+    /// The value references of the first Real inputs, if they are scalars with consecutive ones: their positions follow.
+    const REAL_INPUTS: Range<ValueReference> = real_inputs(Self::DESCRIPTION.variables);
+
     /// Whether arrays are variables, as in FMI 3.0.
     const HAS_ARRAYS: bool =
         matches!(Self::DESCRIPTION.version, Version::Three) && has_arrays(Self::DESCRIPTION.variables);
@@ -214,7 +217,8 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn set_states<T: Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T);
     /// The value of a Real variable other than the independent one.
     fn real(&self, reference: ValueReference) -> f64;
-    /// Copies the finite values of Real variables; that of the independent one is `time` in s. Returns whether all are.
+    /// Copies the finite values of Real variables; that of the independent one is `time` in s. Returns whether all are
+    /// finite, and of Real variables.
     fn copy_reals(&self, time: f64, references: &[ValueReference], values: &mut [f64]) -> bool;
     /// Sets a Real variable; for a state, its start value.
     fn set_real(&mut self, reference: ValueReference, value: f64);
@@ -341,6 +345,26 @@ const fn front(variables: &[VariableDescription]) -> usize {
         position += 1;
     }
     position
+}
+
+/// The value references of the first Real inputs that are consecutive scalars.
+const fn real_inputs(variables: &[VariableDescription]) -> Range<ValueReference> {
+    let mut found = 0..0;
+    let mut position = 0;
+    while position < variables.len() {
+        let VariableDescription { value_reference, first_real_input, elements, .. } = &variables[position];
+        let is_next = match first_real_input {
+            Some(0) => true,
+            Some(input) => *input == (found.end - found.start) as usize && *value_reference == found.end,
+            None => false,
+        };
+        if is_next && *elements == 1 {
+            found =
+                if found.start == found.end { *value_reference } else { found.start }..*value_reference + 1;
+        }
+        position += 1;
+    }
+    found
 }
 
 /// Whether any variable is an array.

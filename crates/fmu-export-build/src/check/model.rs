@@ -121,7 +121,11 @@ fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
     let of_parameter = |scalar: &Scalar| scalar.place == Place::Parameters || is_calculated(&scalar);
     for scalar in scalars.iter().filter(is_calculated) {
         for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {
-            let read = reads.iter().flatten().map(|&read| &scalars[read]).find(|read| !of_parameter(read));
+            let read = reads
+                .iter()
+                .flat_map(|reads| reads.iter())
+                .map(|&read| &scalars[read])
+                .find(|read| !of_parameter(read));
             if let Some(read) = read {
                 let (name, read) = (&scalar.name, &read.name);
                 let kind = match scalar.causality {

@@ -10,7 +10,7 @@ use fmu_xml::page::{breakable, unit as unit_markup};
 use quick_xml::escape::escape;
 
 use crate::declaration::{OneOrEach, VariableDeclaration};
-use crate::dependencies::{Structure, Unknown};
+use crate::dependencies::{self, Structure, Unknown};
 use crate::model::{Field, Model, Part, Place};
 use crate::start::Start;
 use crate::value_type::ValueType;
@@ -340,11 +340,10 @@ impl<'m, 'a> Page<'m, 'a> {
     /// The inputs and states on which an output depends instantaneously.
     fn dependencies(&self, field: &Field<'_>) -> String {
         let unknowns = field.positions.iter().filter_map(|position| self.outputs.get(position));
-        let knowns: Option<Vec<_>> = unknowns.map(|unknown| unknown.dependencies.as_deref()).collect();
-        let Some(knowns) = knowns else {
+        let Some(lists) = dependencies::lists(unknowns.map(|unknown| &unknown.dependencies)) else {
             return "<span>may depend instantaneously on every input and state</span>".to_owned();
         };
-        let mut knowns: Vec<_> = knowns.concat();
+        let mut knowns = lists.concat();
         knowns.sort_unstable();
         knowns.dedup();
         let mut links: Vec<_> = knowns

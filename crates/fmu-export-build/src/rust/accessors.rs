@@ -29,10 +29,14 @@ impl Generator<'_, '_> {
             // Importers get many Reals at once, for which a call each would cost a third more. Without `black_box`, the addresses
             // of all variables would be computed before the loop.
             let copies = if name == "real" {
-                let time = self
-                    .in_place(Place::Time)
-                    .map(|time| format!("                {} => time,\n", self.first(time).value_reference));
-                let time = time.collect::<String>();
+                // Event indicators are computed, not copied.
+                let others = [(Place::Time, "time"), (Place::EventIndicators, "0.0")];
+                let others = others.iter().flat_map(|&(place, value)| {
+                    let references =
+                        self.in_place(place).map(|variable| self.first(variable).value_reference);
+                    references.map(move |reference| format!("                {reference} => {value},\n"))
+                });
+                let others = others.collect::<String>();
                 format!(
                     "
     fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) -> bool {{
@@ -40,7 +44,7 @@ impl Generator<'_, '_> {
         for (value, &reference) in values.iter_mut().zip(references) {{
             let variables = ::core::hint::black_box(self);
             let number = match reference {{
-{time}{}                _ => 0.0,
+{others}{}                _ => f64::NAN,
             }};
             if number.is_finite() {{
                 *value = number;

@@ -10,7 +10,7 @@ use fmu_xml::{Attributes, XmlWriter, element, empty, float, given};
 use quick_xml::events::{BytesText, Event};
 
 use crate::declaration::{Dimension, RealType, VariableDeclaration};
-use crate::dependencies::{Structure, Unknown};
+use crate::dependencies::{self, Structure, Unknown};
 use crate::model::{Alias, Model, Place, Scalar, derivative_description, without_subscripts};
 use crate::value_type::ValueType;
 
@@ -248,7 +248,8 @@ impl<'m, 'a> Variables<'m, 'a> {
     }
 
     /// Unknowns with the variables on which they, or any of their elements, depend. An empty list is written, too:
-    /// without one the variable depends on everything.
+    /// without one the variable depends on everything. Where all would be too many, none is written for unknowns that share
+    /// theirs.
     fn write_unknowns(
         &self,
         writer: &mut XmlWriter,
@@ -259,15 +260,25 @@ impl<'m, 'a> Variables<'m, 'a> {
         for unknown in unknowns {
             variables.entry(self.variable_of(unknown.scalar)).or_default().push(&unknown.dependencies);
         }
-        variables.into_iter().try_for_each(|(variable, elements)| {
-            let dependencies: Option<Vec<_>> = elements.into_iter().map(Option::as_deref).collect();
-            let dependencies = dependencies.map(|lists| {
+        let variables: Vec<_> = variables
+            .into_iter()
+            .map(|(variable, elements)| (variable, dependencies::lists(elements)))
+            .collect();
+        let all = || variables.iter().filter_map(|(_, lists)| lists.as_ref()).flatten();
+        let are_too_many = all().map(|list| list.len()).sum::<usize>() > dependencies::MOST;
+        let mut uses = BTreeMap::new();
+        all().for_each(|list| *uses.entry(list.as_ptr()).or_insert(0) += 1);
+        variables.iter().try_for_each(|(variable, lists)| {
+            let written = lists
+                .as_ref()
+                .filter(|lists| !are_too_many || lists.iter().all(|list| uses[&list.as_ptr()] == 1));
+            let dependencies = written.map(|lists| {
                 let mut knowns: Vec<_> = lists.concat().into_iter().map(|known| self.number(known)).collect();
                 knowns.sort_unstable();
                 knowns.dedup();
                 knowns.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
             });
-            let attributes = [(key, Some(self.reference(variable))), ("dependencies", dependencies)];
+            let attributes = [(key, Some(self.reference(*variable))), ("dependencies", dependencies)];
             empty(writer, name, given(attributes))
         })
     }

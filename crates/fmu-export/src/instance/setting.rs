@@ -254,7 +254,31 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn set_real(&mut self, references: &[ValueReference], values: &[f64]) -> Answer {
+        let are_inputs = references.iter().all(|reference| M::Variables::REAL_INPUTS.contains(reference));
+        if const { M::Variables::CLOCKS.is_empty() }
+            && self.memory.phase != Phase::ContinuousTimeMode
+            && are_inputs
+            && values.iter().all(|value| value.is_finite())
+        {
+            return Ok(self.set_real_inputs(references, values));
+        }
         self.set(references, values, REALS, setter!(real, set_real, |value| value))
+    }
+
+    /// Sets Real inputs to finite values, which all are allowed at all times but in Continuous-Time Mode: faster than
+    /// looking at the description of each, as importers set inputs at each point.
+    fn set_real_inputs(&mut self, references: &[ValueReference], values: &[f64]) -> Status {
+        self.memory.stale = true;
+        let mut status = Status::Ok;
+        for (&reference, &value) in references.iter().zip(values) {
+            let memory = &mut self.memory;
+            memory.variables.set_real(reference, value);
+            let position = (reference - M::Variables::REAL_INPUTS.start) as usize;
+            if memory.inputs.set_value(position, value) {
+                status = self.warn_of_bounds(reference, value);
+            }
+        }
+        status
     }
 
     /// Sets variables of the types accessed by the functions of Integer (FMI 2.0) or Int32.

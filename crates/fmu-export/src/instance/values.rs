@@ -164,6 +164,11 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
+        // Those of no Reals are not copied.
+        let is_stale = self.memory.stale;
+        if !is_stale && self.memory.variables.copy_reals(self.memory.time, references, values) {
+            return Ok(Status::Ok);
+        }
         Self::check_types(references, REALS)?;
         let status = self.compute_values()?;
         if self.memory.variables.copy_reals(self.memory.time, references, values) {

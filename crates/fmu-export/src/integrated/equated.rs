@@ -2,21 +2,36 @@
 
 use core::ops::Range;
 
-use crate::equations::{Equations, Multirate, evaluate, evaluate_values};
+use crate::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
 use crate::integrator::{Directions, Method, Part, Pattern, System, TwoParts};
 use crate::model::Step;
 use crate::number::Dual;
 use crate::tape::{Recorded, Tape};
+use crate::time::rounding;
 use crate::variables::Variables;
+
+/// Where variables were evaluated: so long after the step's start, and at which time, both in s.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) elapsed: f64,
+    pub(super) time: f64,
+}
+
+impl Place {
+    /// They are not the results of one evaluation.
+    pub(super) const NONE: Self = Self { elapsed: f64::NAN, time: f64::NAN };
+}
 
 /// A model's equations with the inputs of a step.
 pub struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
     inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
-    /// The start of the step and its inputs, in s.
+    /// The start of the step in s.
     start: f64,
+    /// Where the variables were evaluated last.
+    place: &'a mut Place,
 }
 
 impl<'a, E: Equations> Equated<'a, E> {
@@ -24,11 +39,27 @@ impl<'a, E: Equations> Equated<'a, E> {
         equations: &'a E,
         variables: &'a mut E::Variables,
         step: &Step<'a, <E::Variables as Variables>::Inputs>,
+        place: &'a mut Place,
     ) -> Self {
-        Self { equations, variables, inputs: step.inputs, start: step.start }
+        Self { equations, variables, inputs: step.inputs, start: step.start, place }
+    }
+
+    /// Whether the variables are already the results at a place and these states: a step ends with an evaluation where its
+    /// end is asked for, and the next one begins there.
+    fn is_at(&self, Place { elapsed, time }: Place, states: impl Fn(usize) -> f64) -> bool {
+        // The time that the last step has reached may differ by more from the start of this one than by rounding.
+        let mut is_same = self.place.elapsed.to_bits() == elapsed.to_bits()
+            && (!E::Variables::DEPENDS_ON_TIME || (self.place.time - time).abs() <= rounding(time));
+        if is_same {
+            E::Variables::each_state(self.variables, |state, value: f64| {
+                is_same &= value.to_bits() == states(state).to_bits();
+            });
+        }
+        is_same
     }
 
     fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
+        *self.place = Place::NONE;
         if !self.inputs.is_constant() {
             self.inputs.set_at(elapsed, self.variables.inputs_mut());
         }
@@ -37,8 +68,12 @@ impl<'a, E: Equations> Equated<'a, E> {
 
     /// Evaluates at a time in s, and so long after the start.
     pub(super) fn evaluate(&mut self, elapsed: f64, time: f64, states: impl Fn(usize) -> f64) {
-        self.set(elapsed, states);
-        evaluate_values(self.equations, time, self.variables);
+        let place = Place { elapsed, time };
+        if !self.is_at(place, &states) {
+            self.set(elapsed, states);
+            evaluate_values(self.equations, time, self.variables);
+            *self.place = place;
+        }
     }
 
     /// The derivatives of the last evaluation.
@@ -118,16 +153,23 @@ impl<E: Equations> System for Equated<'_, E> {
     }
 
     fn count_from(&mut self, zero: f64) {
-        self.start = zero;
+        (self.start, *self.place) = (zero, Place::NONE);
     }
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {
-        self.set(elapsed, |state| states[state]);
+        let place = Place { elapsed, time: self.start + elapsed };
+        let is_new = !self.is_at(place, |state| states[state]);
+        if is_new {
+            self.set(elapsed, |state| states[state]);
+        }
         if self.variables.first_beyond().is_some() {
             // The integrator takes a shorter step.
             return derivatives.fill(f64::NAN);
         }
-        evaluate_values(self.equations, self.start + elapsed, self.variables);
+        if is_new {
+            evaluate_values(self.equations, place.time, self.variables);
+            *self.place = place;
+        }
         E::Variables::each_derivative(self.variables, |state, rate| derivatives[state] = rate);
     }
 
@@ -148,15 +190,14 @@ impl<E: Equations> System for Equated<'_, E> {
                 return;
             }
         }
-        let constant = |value: f64, _| Dual::from(value);
-        let mut duals = self.variables.combined(self.variables, constant);
+        let mut numbers = duals(self.variables, self.variables, &|value, _| Dual::from(value));
         let count = directions.count();
         for direction in 0..count {
-            E::Variables::set_states(&mut duals, |state| {
+            E::Variables::set_states(&mut numbers, |state| {
                 Dual::new(states[state], directions.component(direction, state))
             });
-            evaluate(self.equations, Dual::from(time), &mut duals);
-            E::Variables::each_derivative(&duals, |row, rate: Dual| {
+            evaluate(self.equations, Dual::from(time), &mut numbers);
+            E::Variables::each_derivative(&numbers, |row, rate: Dual| {
                 products[row * count + direction] = rate.derivative;
             });
         }
@@ -166,11 +207,11 @@ impl<E: Equations> System for Equated<'_, E> {
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();
             *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
-            duals = self.variables.combined(&direction, Dual::new);
+            numbers = duals(self.variables, &direction, &Dual::new);
         }
-        E::Variables::set_states(&mut duals, |state| Dual::from(states[state]));
-        evaluate(self.equations, Dual::new(time, 1.0), &mut duals);
-        E::Variables::each_derivative(&duals, |row, rate: Dual| by_time[row] = rate.derivative);
+        E::Variables::set_states(&mut numbers, |state| Dual::from(states[state]));
+        evaluate(self.equations, Dual::new(time, 1.0), &mut numbers);
+        E::Variables::each_derivative(&numbers, |row, rate: Dual| by_time[row] = rate.derivative);
     }
 
     fn gradients(

@@ -6,7 +6,7 @@ use std::{env, fs};
 
 use fmu_export_build::{Fmi, Interfaces, Package, Version, generate_into};
 
-const PROBLEMS: [(&str, usize, f64); 10] = [
+const PROBLEMS: [(&str, usize, f64); 13] = [
     ("pleiades", 28, 1.0),
     ("pollution", 20, 1e-3),
     ("oregonator", 3, 1.0),
@@ -17,6 +17,9 @@ const PROBLEMS: [(&str, usize, f64); 10] = [
     ("chain", 2000, 1.0),
     ("dense", 200, 1.0),
     ("converter", 2, 1.0),
+    ("kuramoto", 100, 1.0),
+    ("pendulums", 40, 1.0),
+    ("network", 300, 1.0),
 ];
 
 fn main() {

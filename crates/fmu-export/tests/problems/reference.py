@@ -120,6 +120,59 @@ def dense_jacobian(_, states):
     return -np.diag(DECAYS) + 2 * WEIGHTS * states
 
 
+FREQUENCIES = np.sin(3.0 * np.arange(100))
+
+
+def kuramoto(_, states):
+    return FREQUENCIES + 1.5 / 100 * np.sin(states - states[:, None]).sum(axis=1)
+
+
+def pendulums(_, states):
+    angles, speeds = states[::2], states[1::2]
+    torques = -9.81 * np.sin(angles)
+    torques[1:] += 5 * (angles[:-1] - angles[1:])
+    torques[:-1] += 5 * (angles[1:] - angles[:-1])
+    return np.stack([speeds, torques], axis=1).ravel()
+
+
+def swinging():
+    """The start of the pendulums."""
+    return np.stack([1.5 * np.cos(0.4 * np.arange(20)), np.zeros(20)], axis=1).ravel()
+
+
+def random(place):
+    """A pseudo-random number from 0 to 1, by SplitMix64."""
+    mask = 2**64 - 1
+    bits = (place + 1) * 0x9E3779B97F4A7C15 & mask
+    bits = (bits ^ bits >> 30) * 0xBF58476D1CE4E5B9 & mask
+    bits = (bits ^ bits >> 27) * 0x94D049BB133111EB & mask
+    return ((bits ^ bits >> 31) >> 11) / 2**53
+
+
+def conductances():
+    """Of the network: the flow into each node by temperatures."""
+    matrix = np.zeros((300, 300))
+    for link in range(900):
+        one, other = link % 300, (link + 1) % 300 if link < 300 else int(random(5000 + link) * 300)
+        conductance = 0.1 * 100 ** random(9000 + link)
+        ends = np.ix_([one, other], [one, other])
+        matrix[ends] += conductance * np.array([[-1, 1], [1, -1]]) if one != other else 0.0
+    return matrix
+
+
+CONDUCTANCES = conductances()
+PER_CAPACITY = 10 ** (-4 * np.array([random(20_000 + node) for node in range(300)]))
+HEATING = np.where(np.arange(300) % 10 == 0, 50.0, 0.0)
+
+
+def network(_, states):
+    return PER_CAPACITY * (CONDUCTANCES @ states - 1.134e-9 * (states**4 - 293.15**4) + HEATING)
+
+
+def network_jacobian(_, states):
+    return PER_CAPACITY[:, None] * (CONDUCTANCES - np.diag(4 * 1.134e-9 * states**3))
+
+
 def heat():
     """The solution in the eigenvectors of the differences."""
 
@@ -173,6 +226,9 @@ SOLVED = {
     "lorenz": (lorenz, np.ones(3), 10.0, 1.0, "DOP853", None),
     "brusselator": (brusselator, cells(PLACES), 7.5, 1.0, "Radau", brusselator_jacobian),
     "dense": (dense, 1 + 0.5 * np.cos(np.arange(200)), 10.0, 1.0, "Radau", dense_jacobian),
+    "kuramoto": (kuramoto, 3 * np.sin(7.0 * np.arange(100)), 20.0, 1.0, "DOP853", None),
+    "pendulums": (pendulums, swinging(), 10.0, 1.0, "DOP853", None),
+    "network": (network, np.full(300, 293.15), 3600.0, 1.0, "Radau", network_jacobian),
 }
 #: Those with a closed form. Their perturbations decay.
 CLOSED = {"heat": heat, "chain": chain, "converter": converter}

@@ -301,7 +301,7 @@ impl ::fmu_export::Variables for Variables {
                 7 => variables.parameters.stiffness,
                 10..=11 => variables.states.wear[(reference - 10) as usize],
                 20..=21 => variables.derivatives.wear[(reference - 20) as usize],
-                _ => 0.0,
+                _ => f64::NAN,
             };
             if number.is_finite() {
                 *value = number;

@@ -10,8 +10,8 @@ use fmu_export::{
     Equations, Inputs as _, Integrated, Model as _, Number, Persistent, Simulation, Variables as _,
     check_dependencies,
 };
-use fmu_export_equations::Field;
 use fmu_export_equations::field::{Evaluation, Inputs, States, Variables};
+use fmu_export_equations::{Field, decay, gears, van_der_pol};
 
 fn reference(name: &str) -> ValueReference {
     Variables::described().find(|(_, variable)| variable.name() == name).expect("it is described").0
@@ -265,4 +265,19 @@ impl Equations for Undeclared {
 fn an_undeclared_element_is_found_among_many() {
     let error = check_dependencies::<Integrated<Undeclared>>(&Variables::default()).unwrap_err();
     assert_eq!(error.to_string(), "der(x[10]) depends on x[201], which its 'reads' omit");
+}
+
+/// Importers set them at each point; their positions are computed.
+#[test]
+fn consecutive_real_inputs_are_numbered_by_their_references() {
+    fn check<V: fmu_export::Variables>(count: usize) {
+        let found: Vec<_> =
+            V::REAL_INPUTS.map(|input| V::attributes(input).unwrap().first_real_input).collect();
+        assert_eq!(found, (0..count).map(Some).collect::<Vec<_>>());
+    }
+    check::<decay::Variables>(1);
+    check::<van_der_pol::Variables>(0);
+    check::<gears::Variables>(0);
+    // The first is an array.
+    check::<Variables>(0);
 }

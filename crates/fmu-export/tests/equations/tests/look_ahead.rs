@@ -23,6 +23,9 @@ const ACCUMULATED: f64 = 10.0;
 
 thread_local! {
     static EVALUATIONS: Cell<u32> = const { Cell::new(0) };
+    /// The place of the last one with numbers: time, state and input. And how many were at that of the one before.
+    static PLACE: Cell<[u64; 3]> = const { Cell::new([0; 3]) };
+    static REPEATED: Cell<u32> = const { Cell::new(0) };
     /// The latest time (s) at which the equations are evaluated.
     static LATEST: Cell<f64> = const { Cell::new(f64::NEG_INFINITY) };
     /// From when on (s) they are not valid, and whether they panic then.
@@ -32,9 +35,9 @@ thread_local! {
     static PERIOD: Cell<f64> = const { Cell::new(f64::INFINITY) };
 }
 
-/// The tests of a method.
+/// The tests of a method, and its most evaluations in a communication step for which one internal step suffices.
 macro_rules! tests_of {
-    ($($module:ident: $method:ident),*) => {$(
+    ($($module:ident: $method:ident, $evaluations:literal);*) => {$(
         mod $module {
             use super::*;
 
@@ -53,6 +56,10 @@ macro_rules! tests_of {
                 fn evaluate<T: Number>(&self, time: T, variables: EvaluationOf<'_, Self, T>) {
                     EVALUATIONS.set(EVALUATIONS.get() + 1);
                     LATEST.set(LATEST.get().max(time.value()));
+                    let numbers = [time, variables.states.x, variables.inputs.target];
+                    let is_dual = size_of::<T>() > size_of::<f64>();
+                    let place = if is_dual { [0; 3] } else { numbers.map(|number| number.value().to_bits()) };
+                    REPEATED.set(REPEATED.get() + u32::from(PLACE.replace(place) == place && !is_dual));
                     let is_valid = time.value() <= VALID_UNTIL.get();
                     assert!(is_valid || !PANICS.get(), "they are not valid");
                     self.0.evaluate(if is_valid { time } else { T::from(f64::NAN) }, variables);
@@ -196,6 +203,36 @@ macro_rules! tests_of {
                 assert!(3 * cost < every_step, "{cost} evaluations, {every_step} without steps beyond the points");
             }
 
+            /// The derivatives at a step's start and end are those of evaluations that are made anyway.
+            #[test]
+            fn no_place_is_evaluated_twice_in_a_row() {
+                run(None, |importer, number| {
+                    importer.set("target", f64::from(number) * 1e-3);
+                    if number == 1 {
+                        // The first step looks for the length of steps.
+                        EVALUATIONS.set(0);
+                    }
+                });
+                let (found, steps) = (EVALUATIONS.get(), STEPS.unsigned_abs() - 1);
+                assert!(found <= $evaluations * steps, "{found} evaluations in {steps} steps");
+                for seed in 1..=50 {
+                    let mut draw = draws(seed);
+                    let (mut importer, mut time) = (Importer::new(None), SIZE);
+                    importer.set("rate", f64::from(1 + draw(1000)));
+                    importer.step(0);
+                    REPEATED.set(0);
+                    for _ in 0..50 {
+                        if draw(5) > 0 {
+                            importer.set("target", f64::from(draw(5)) - 0.5 * time);
+                        }
+                        let size = [SIZE, 0.1 * SIZE, 20.0 * SIZE][draw(3) as usize];
+                        importer.step_from(time, size);
+                        time += size;
+                    }
+                    assert_eq!(REPEATED.get(), 0, "seed {seed}");
+                }
+            }
+
             #[test]
             fn a_run_that_saves_at_every_step_is_that_of_one_that_never_does() {
                 let found = run(None, |_, _| {});
@@ -235,12 +272,7 @@ macro_rules! tests_of {
             #[test]
             fn in_any_order_what_changes_nothing_changes_nothing() {
                 for seed in 1..=50_u32 {
-                    let mut random = seed;
-                    // Of Numerical Recipes: its upper bits.
-                    let mut draw = |of: u32| {
-                        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                        (random >> 16) % of
-                    };
+                    let mut draw = draws(seed);
                     let (mut one, mut other) = (Importer::new(None), Importer::new(None));
                     let (mut time, mut target, mut rate) = (0.0, 0.0, 2.0);
                     for _ in 0..200 {
@@ -324,7 +356,16 @@ macro_rules! tests_of {
         }
     )*};
 }
-tests_of!(explicit: DOP853, linearly_implicit: RODAS5P, automatic: AUTOMATIC);
+tests_of!(explicit: DOP853, 13; linearly_implicit: RODAS5P, 11; automatic: AUTOMATIC, 13);
+
+/// Random numbers below a bound, from a seed.
+fn draws(mut random: u32) -> impl FnMut(u32) -> u32 {
+    move |of| {
+        // Of Numerical Recipes: its upper bits.
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 16) % of
+    }
+}
 
 #[test]
 fn stiff_states_are_within_the_tolerance_at_all_points() {

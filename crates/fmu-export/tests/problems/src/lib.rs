@@ -2,6 +2,7 @@
 //! to the derivative of its last state.
 
 use std::array::from_fn;
+use std::sync::LazyLock;
 
 use fmu_export::{Context, Equations, Error, Event, Number, Persistent, Variables as _};
 
@@ -428,6 +429,114 @@ impl Problem for Dense {
             for (other, &state) in states.iter().enumerate() {
                 *slope += state * state * weights[place.abs_diff(other)];
             }
+        }
+    }
+}
+
+problem! {
+    /// 100 oscillators that pull each other into step, all by all (Kuramoto, 1975), not stiff.
+    Kuramoto {}, kuramoto: "kuramoto"
+}
+
+impl Problem for Kuramoto {
+    const NAME: &'static str = "kuramoto";
+    const END: f64 = 20.0;
+
+    fn start(states: &mut [f64]) {
+        for (place, state) in states.iter_mut().enumerate() {
+            *state = 3.0 * (7.0 * place as f64).sin();
+        }
+    }
+
+    fn rates<T: Number>(&self, states: &[T], rates: &mut [T]) {
+        let coupling = 1.5 / states.len() as f64;
+        for (place, rate) in rates.iter_mut().enumerate() {
+            let pull = states.iter().fold(T::from(0.0), |sum, &other| sum + (other - states[place]).sin());
+            *rate = pull * coupling + (3.0 * place as f64).sin();
+        }
+    }
+}
+
+problem! {
+    /// 20 pendulums in a row, joined by springs, not stiff. Angle and speed of one are neighbours.
+    Pendulums {}, pendulums: "pendulums"
+}
+
+impl Problem for Pendulums {
+    const NAME: &'static str = "pendulums";
+    const END: f64 = 10.0;
+
+    fn start(states: &mut [f64]) {
+        for (place, motion) in states.chunks_exact_mut(2).enumerate() {
+            motion[0] = 1.5 * (0.4 * place as f64).cos();
+        }
+    }
+
+    fn rates<T: Number>(&self, states: &[T], rates: &mut [T]) {
+        let angles = || states.iter().step_by(2).copied();
+        let mut before = None;
+        for ((here, after), place) in angles().zip(angles().skip(1).map(Some).chain([None])).zip(0..) {
+            let of_springs = [before, after].into_iter().flatten();
+            let torque = of_springs.fold(here.sin() * -9.81, |sum, other: T| sum + (other - here) * 5.0);
+            [rates[2 * place], rates[2 * place + 1]] = [states[2 * place + 1], torque];
+            before = Some(here);
+        }
+    }
+}
+
+/// The nodes of the network.
+const NODES: usize = 300;
+
+problem! {
+    /// A thermal network: 300 nodes with capacities over four decades, joined by a ring and 600 random links; every tenth
+    /// is heated, and all radiate. Temperatures are in K, stiff.
+    Network {}, network: "network"
+}
+
+/// A pseudo-random number from 0 to 1 (Steele, Lea and Flood's `SplitMix64`).
+fn random(place: usize) -> f64 {
+    let mut bits = (place as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// The links of the network: two nodes and the conductance in W/K.
+static LINKS: LazyLock<Vec<(usize, usize, f64)>> = LazyLock::new(|| {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a node")]
+    let other = |link: usize| match link {
+        0..NODES => (link + 1) % NODES,
+        _ => (random(5000 + link) * NODES as f64) as usize,
+    };
+    let links =
+        (0..3 * NODES).map(|link| (link % NODES, other(link), 0.1 * 100_f64.powf(random(9000 + link))));
+    links.filter(|(one, other, _)| one != other).collect()
+});
+/// The reciprocal of each node's capacity, in K/J.
+static PER_CAPACITY: LazyLock<Vec<f64>> =
+    LazyLock::new(|| (0..NODES).map(|node| 10_f64.powf(-4.0 * random(20_000 + node))).collect());
+
+impl Problem for Network {
+    const NAME: &'static str = "network";
+    const END: f64 = 3600.0;
+
+    fn start(states: &mut [f64]) {
+        states.fill(293.15);
+    }
+
+    fn rates<T: Number>(&self, states: &[T], rates: &mut [T]) {
+        for (node, (rate, &temperature)) in rates.iter_mut().zip(states).enumerate() {
+            let square = temperature * temperature;
+            let heating = if node % 10 == 0 { 50.0 } else { 0.0 };
+            *rate = (square * square - 293.15_f64.powi(4)) * -1.134e-9 + heating;
+        }
+        for &(one, other, conductance) in &*LINKS {
+            let flow = (states[one] - states[other]) * conductance;
+            rates[one] -= flow;
+            rates[other] += flow;
+        }
+        for (rate, &factor) in rates.iter_mut().zip(&*PER_CAPACITY) {
+            *rate = *rate * factor;
         }
     }
 }

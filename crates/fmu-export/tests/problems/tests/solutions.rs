@@ -3,8 +3,8 @@
 
 use fmu_export::{Integrated, Simulation, Variables as _};
 use fmu_export_problems::{
-    Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Lorenz, Oregonator, Pleiades, Pollution, Problem,
-    Reference,
+    Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Kuramoto, Lorenz, Network, Oregonator, Pendulums,
+    Pleiades, Pollution, Problem, Reference,
 };
 
 /// A step errs by at most the tolerance, relative to a state and its nominal value. The steps are some hundred, so that
@@ -47,4 +47,7 @@ problems! {
     chain_follows_its_closed_form: Chain 1e-8,
     dense_agrees_with_radau: Dense 1e-8,
     converter_follows_its_closed_form: Converter 1e-8,
+    kuramoto_agrees_with_dop853: Kuramoto 1e-8,
+    pendulums_agree_with_dop853: Pendulums 1e-8,
+    network_agrees_with_radau: Network 1e-8,
 }
