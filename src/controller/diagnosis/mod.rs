@@ -298,7 +298,9 @@ impl Diagnosis {
             // The shaft's limit is not the driver's.
             let is_tracking = error.abs() < parameters.diagnosis.answer_error
                 && done.asked.by_driver <= done.asked.reference;
-            let point = [inputs.engine_speed, done.asked.by_driver];
+            // An engine that cannot follow, on the seat or elsewhere, winds the term up, too.
+            let follows = error.abs() < parameters.diagnosis.answer_movement && duty <= done.duty;
+            let point = (is_tracking && follows).then_some([inputs.engine_speed, done.asked.by_driver]);
             if self.drift.sample(parameters, done.correction, point, is_tracking) {
                 self.findings.set(LOOP, true);
             }
@@ -343,8 +345,8 @@ struct Drift {
     slow: f64,
     /// The sum of its slow changes at one operating point (Pa), where an engine needs none.
     at_point: f64,
-    /// The engine speed (rpm) and the driver's reference (Pa) of that point.
-    point: [f64; 2],
+    /// The engine speed (rpm) and the driver's reference (Pa) of that point; none while boost does not follow.
+    point: Option<[f64; 2]>,
     /// How long it has been at its limit (s).
     exhausted_for: f64,
 }
@@ -355,7 +357,7 @@ impl Drift {
         &mut self,
         parameters: &Parameters,
         correction: Correction,
-        point: [f64; 2],
+        point: Option<[f64; 2]>,
         is_tracking: bool,
     ) -> bool {
         let &Parameters { sample_time, integral_authority, ref diagnosis, .. } = parameters;
@@ -368,8 +370,10 @@ impl Drift {
             self.slow = 0.0;
         }
         self.at_point += change;
-        let [speed_change, reference_change] = [0, 1].map(|i| (point[i] - self.point[i]).abs());
-        if speed_change > STEADY_SPEED || reference_change >= diagnosis.answer_error || !is_tracking {
+        let stays = self.point.zip(point).is_some_and(|(before, now)| {
+            (now[0] - before[0]).abs() <= STEADY_SPEED && (now[1] - before[1]).abs() < diagnosis.answer_error
+        });
+        if !stays {
             (self.at_point, self.point) = (0.0, point);
         }
         self.exhausted_for = if is_exhausted && is_tracking { self.exhausted_for + sample_time } else { 0.0 };
