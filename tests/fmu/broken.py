@@ -18,3 +18,14 @@ def copy_with(source: Path, target: Path, pattern: str, replacement: str) -> Pat
                 content = edited.encode()
             new.writestr(entry, content)
     return target
+
+
+def edit(fmu: Path, pattern: str, replacement: str) -> None:
+    """Replaces all matches of a pattern in the description of an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        contents = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    edited = re.sub(pattern, replacement, contents["modelDescription.xml"].decode())
+    contents["modelDescription.xml"] = edited.encode()
+    with zipfile.ZipFile(fmu, "w") as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmu import TARGET, libclang
-from fmu.broken import copy_with
+from fmu.broken import copy_with, edit
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple, staircase
 from fmu.master import Make
 
@@ -47,6 +47,26 @@ def test_every_number_equals_that_of_fmpy(run: Run, exported: Path, plant: Make,
     assert not different.any(), f"first at {table[different.any(axis=1), 0][0]} s"
     # The comparison would not detect constant tables.
     assert (np.ptp(table, axis=0) > 0).sum() > 10
+
+
+OF_TYPES = "unit|displayUnit|nominal|quantity|relativeQuantity|unbounded"
+"""Attributes of Float64 that the crate does not read."""
+
+
+def test_fmi_3_gives_the_numbers_of_fmi_2(run: Run, tmp_path: Path) -> None:
+    """As far as the crate reads it: without units, and what it knows of types alone."""
+    exported = TARGET / "both"
+    of_fmi2, whole = run(exported), run(exported / "fmi3")
+    assert (of_fmi2.returncode, of_fmi2.stderr) == (0, "")
+    assert whole.returncode == 1
+    assert 'in element "BaseUnit"' in whole.stderr
+    for name in NAMES:
+        file = tmp_path / f"{name}.fmu"
+        copy_with(exported / "fmi3" / file.name, file, r"(?s)<UnitDefinitions>.*</UnitDefinitions>", "")
+        edit(file, rf' (?:{OF_TYPES})="[^"]*"(?=[^<]*/?>)', "")
+    of_fmi3 = run(tmp_path)
+    assert (of_fmi3.returncode, of_fmi3.stderr) == (0, "")
+    assert of_fmi3.stdout == of_fmi2.stdout
 
 
 def test_missing_fmu_is_named(run: Run, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ use super::model::Model;
 use super::report::{Place, Report};
 use super::rules::{
     AMPERE_OR_KELVIN, ARRAY, CLOCK_VARIABLE, ENUMERATION_VARIABLE, Rule, STRUCTURAL_PARAMETER,
-    TYPE_DESCRIPTION,
+    TYPE_DESCRIPTION, UNIT_OF_VARIABLE,
 };
 use crate::xml::named;
 
@@ -47,8 +47,11 @@ pub static ALL: &[Importer] = &[
     Importer {
         name: "fmi",
         versions: "0.8.0",
-        evidence: "source of the crate fmi-schema",
-        refuses: &[(&AMPERE_OR_KELVIN, "reading fails: it knows these attributes as `a` and `k`")],
+        evidence: "tried",
+        refuses: &[
+            (&AMPERE_OR_KELVIN, "reading fails: it knows these attributes as `a` and `k`"),
+            (&UNIT_OF_VARIABLE, "reading fails: it knows these attributes of types alone"),
+        ],
     },
     Importer {
         name: "FMI.jl",
@@ -111,6 +114,10 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
         }
     }
     for variable in &model.variables {
+        let of_type = ["unit", "displayUnit", "nominal", "quantity", "relativeQuantity", "unbounded"];
+        if let Some(name) = of_type.into_iter().find(|name| variable.element.has_attribute(*name)) {
+            note(&UNIT_OF_VARIABLE, model.at(variable), &format!("it has the attribute {name}"));
+        }
         if variable.data_type == DataType::Enumeration {
             note(&ENUMERATION_VARIABLE, model.at(variable), "it is an enumeration");
         }

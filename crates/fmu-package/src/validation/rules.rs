@@ -244,4 +244,6 @@ rules! {
         "No clocks." => "Export the FMU for FMI 2.0, which has none.";
     AMPERE_OR_KELVIN: Note "ampere-or-kelvin" ("importers")
         "No units of the base units `A` and `K`." => "Export the FMU for FMI 2.0, or omit the unit's definition.";
+    UNIT_OF_VARIABLE: Note "unit-of-variable" ("importers")
+        "No `unit`, `displayUnit`, `nominal`, `quantity`, `relativeQuantity` and `unbounded` of variables." => "Export the FMU for FMI 2.0, or give them by a declared type.";
 }

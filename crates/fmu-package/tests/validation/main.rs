@@ -152,6 +152,7 @@ fn what_an_importer_refuses_is_noted_for_it_alone() {
     let text = include_str!("fmi3.xml")
         .replace("</UnitDefinitions>", r#"<Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit></UnitDefinitions>"#)
         .replace(r#"<EnumerationType name="Mode""#, r#"<EnumerationType name="Mode" description="On or off""#)
+        .replace(r#"<Float64 name="time""#, r#"<Float64 name="time" nominal="2""#)
         .replace(
             "</TypeDefinitions>",
             r#"<ClockType name="Tick" description="Read by all" intervalVariability="triggered"/></TypeDefinitions>"#,
@@ -163,7 +164,7 @@ fn what_an_importer_refuses_is_noted_for_it_alone() {
     let found: [(&str, &[&str]); 7] = [
         ("CasADi", &["structural-parameter: size", arrays[0], arrays[1]]),
         ("Chrono", &["structural-parameter: size", "clock-variable: tick", "enumeration-variable: mode"]),
-        ("fmi", &["ampere-or-kelvin: "]),
+        ("fmi", &["ampere-or-kelvin: ", "unit-of-variable: time"]),
         ("FMI.jl", &arrays),
         ("FMPy", &["type-description: "]),
         ("OMSimulator", &arrays),
