@@ -28,7 +28,7 @@ class Report(HTMLParser):
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
         named = dict(attributes)
-        self.maps += tag == "table" and named.get("class") == "map"
+        self.maps += tag == "table" and "map" in named.get("class", "").split()
         self.cells += tag == "td" and "title" in named
         self.names += [value for name, value in attributes if name == "id"]
         # Links within the page load nothing.

@@ -9,6 +9,8 @@ use crate::time::End;
 const APART: f64 = 1e-7;
 /// The most trials and events are too many where they advance by less than this share of a step.
 const ADVANCE: f64 = 0.01;
+/// Steps after an event start short: with at least one event per this many trials, events are the cause of many trials.
+pub(crate) const MOST_TRIALS_AN_EVENT: u32 = 8;
 
 /// States that are integrated between the events of a model.
 pub trait Hybrid {
@@ -66,8 +68,8 @@ pub struct EventLoop {
 
 impl EventLoop {
     /// A step from `start` by a size, both in s. If it `samples_inputs`, an event due at its end belongs to the next one.
-    /// It fails after `most_trials` of integrator and events that hardly advance; a time event apart from the last one starts
-    /// a new count.
+    /// It fails after `most_trials` of integrator and events that hardly advance, or of which many are events; a time event
+    /// apart from the last one starts a new count.
     #[must_use]
     pub fn new((start, size, end): (f64, f64, End), samples_inputs: bool, most_trials: u32) -> Self {
         Self {
@@ -115,7 +117,9 @@ impl EventLoop {
                 next.filter(|&due| if samples_inputs { end.is_after(due, last) } else { end.has(due, last) })
             };
             let is_at_end = hybrid.elapsed() >= size;
-            if hybrid.elapsed() - self.since >= ADVANCE * size {
+            // Events that come ever faster may advance by any share.
+            let few_events = self.events < self.trials / MOST_TRIALS_AN_EVENT;
+            if few_events && hybrid.elapsed() - self.since >= ADVANCE * size {
                 self.count_from(hybrid.elapsed());
             }
             let is_due = due.is_some_and(|due| due - start <= hybrid.elapsed() || is_at_end);

@@ -15,7 +15,7 @@ use crate::description::{Causality, DataType};
 use crate::display::Seconds;
 use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate, evaluate_values};
 use crate::error::Error;
-use crate::event_loop::{EventLoop, Hybrid};
+use crate::event_loop::{EventLoop, Hybrid, MOST_TRIALS_AN_EVENT};
 use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
@@ -36,8 +36,6 @@ const TRIALS_A_LONGEST_STEP: f64 = 50.0;
 const MOST_AUDITED: u32 = 1000;
 /// The most communication steps that an internal step goes beyond its end: more would save nothing.
 const MOST_AHEAD: f64 = 1000.0;
-/// Steps after an event start short: with at least one event per this many trials, events are the cause.
-const MOST_TRIALS_AN_EVENT: u32 = 8;
 
 /// From where a communication step can be integrated again, and where a failed one is left: its start, or the last event
 /// in it.
