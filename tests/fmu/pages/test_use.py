@@ -42,7 +42,7 @@ def test_no_target_of_a_link_is_covered(opened: Callable[..., Page], name: str, 
     """Neither by the contents nor by the filter of variables."""
     found = opened(name, width).evaluate(COVERED)
     assert found["covered"] == []
-    assert found["count"] > (100 if name in FMUS else 1) or name in ["simulation", "system"]
+    assert found["count"] > (100 if name in FMUS else 1) or name in ["simulation", "system", "comparison"]
 
 
 @pytest.mark.parametrize("width", [1366, 1920, 2560])

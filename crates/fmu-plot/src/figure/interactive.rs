@@ -132,6 +132,8 @@ impl Axis {
         }
         if self.is_logarithmic {
             scale["type"] = "log".into();
+            // plotly.js writes the digits between powers of ten by three quarters of this (px).
+            scale["tickfont"] = json!({ "size": 14 });
         } else {
             // By default plotly.js writes prefixes apart from the unit, as in −20µ beside %.
             scale["exponentformat"] = "e".into();
