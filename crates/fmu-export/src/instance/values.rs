@@ -164,18 +164,17 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn get_real(&mut self, references: &[ValueReference], values: &mut [f64]) -> Answer {
-        // Those of no Reals are not copied.
-        let is_stale = self.memory.stale;
-        if !is_stale && self.memory.variables.copy_reals(self.memory.time, references, values) {
-            return Ok(Status::Ok);
+        let mut status = Status::Ok;
+        if self.memory.stale {
+            Self::check_types(references, REALS)?;
+            status = self.compute_values()?;
         }
-        Self::check_types(references, REALS)?;
-        let status = self.compute_values()?;
         if self.memory.variables.copy_reals(self.memory.time, references, values) {
-            Ok(status)
-        } else {
-            self.no_number(references)
+            return Ok(status);
         }
+        // One is of no Real, or no finite number.
+        Self::check_types(references, REALS)?;
+        self.no_number(references)
     }
 
     /// The answer if the value of a Real variable is no finite number. The other values are still returned: after a failed
