@@ -173,7 +173,7 @@ impl Study {
         set("records".into(), keeps_records.to_string());
         set("events in records".into(), records_events.to_string());
         set("runs".into(), points.len().to_string());
-        for (index, Parameter { name, .. }) in parameters.iter().enumerate() {
+        for (index, Parameter { name, is_logarithmic: _, location: _ }) in parameters.iter().enumerate() {
             let values = points.iter().map(|point| point[index].as_ref().map(written).unwrap_or_default());
             set(format!("values of {name}"), values.collect::<Vec<_>>().join(", "));
         }
