@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use super::situation::help;
+use super::names::help;
 use fmu_master::scenario::Signal;
 
 /// When a fault begins (s).

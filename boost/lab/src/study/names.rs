@@ -1,5 +1,6 @@
-//! The variables of a study, as far as its FMUs have them.
+//! The variables of a study, as far as its FMUs have them, and names for readers.
 
+use clap::ValueEnum;
 use fmu_master::Fmu;
 use fmu_package::FmuDescription;
 use fmu_terms::Causality;
@@ -56,6 +57,12 @@ pub fn can_start_running(plant: &FmuDescription) -> bool {
         .variable(START)
         .and_then(|variable| plant.enumeration(&variable.declared_type))
         .is_some_and(|enumeration| enumeration.items.iter().any(|(item, _)| item == RUNNING))
+}
+
+/// What the documentation of an enumeration's value says, for readers.
+pub fn help(value: &impl ValueEnum) -> String {
+    let value = value.to_possible_value();
+    value.and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
 }
 
 /// What of [`RECORDED`] one of the FMUs has.

@@ -7,6 +7,7 @@ use cargo_fmu::run::Range;
 use fmu_master::scenario::Signal;
 
 use super::fault::{self, Fault};
+use super::names::help;
 
 /// The communication step (s): the controller's sample time.
 pub const STEP: f64 = 0.0125;
@@ -133,12 +134,6 @@ const FAULTS: [Quantity; 9] = [
     range("stuck_position", "1", 0.0, 1.0),
     MEASURES_SHAFT,
 ];
-
-/// What the documentation of an enumeration's value says, for readers.
-pub fn help(value: &impl ValueEnum) -> String {
-    let value = value.to_possible_value();
-    value.and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
-}
 
 /// What happens in a case, on whatever plant.
 #[derive(Clone, Debug)]
