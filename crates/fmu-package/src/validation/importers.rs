@@ -47,7 +47,7 @@ pub static ALL: &[Importer] = &[
     Importer {
         name: "fmi",
         versions: "0.8.0",
-        evidence: "tried",
+        evidence: "`unit` and base units tried; source of the crate fmi-schema",
         refuses: &[
             (&AMPERE_OR_KELVIN, "reading fails: it knows these attributes as `a` and `k`"),
             (&UNIT_OF_VARIABLE, "reading fails: it knows these attributes of types alone"),
