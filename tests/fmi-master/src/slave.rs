@@ -38,7 +38,7 @@ impl Slave {
         let failed = |what| format!("cannot {what} {}", file.display());
         let version =
             peek_descr_path(file).and_then(|description| description.major_version().map_err(Into::into));
-        match version.with_context(|| failed("import"))? {
+        let (name, [inputs, outputs], instance) = match version.with_context(|| failed("import"))? {
             MajorVersion::FMI2 => {
                 let import: Fmi2Import = from_path(file).with_context(|| failed("import"))?;
                 let name = import.model_description().model_name.clone();
@@ -52,13 +52,8 @@ impl Slave {
                     });
                     reals.map(|variable| (variable.name.clone(), variable.value_reference)).collect()
                 };
-                let [inputs, outputs] = [Causality2::Input, Causality2::Output].map(reals);
-                Ok(Self {
-                    name,
-                    inputs,
-                    outputs,
-                    instance: Instance::Two(Box::new(instance), Box::new(import)),
-                })
+                let reals = [Causality2::Input, Causality2::Output].map(reals);
+                (name, reals, Instance::Two(Box::new(instance), Box::new(import)))
             }
             MajorVersion::FMI3 => {
                 let import: Fmi3Import = from_path(file).with_context(|| failed("import"))?;
@@ -70,16 +65,12 @@ impl Slave {
                     let reals = variables.into_iter().filter(|variable| variable.causality() == causality);
                     reals.map(|variable| (variable.name().to_owned(), variable.value_reference())).collect()
                 };
-                let [inputs, outputs] = [Causality3::Input, Causality3::Output].map(reals);
-                Ok(Self {
-                    name,
-                    inputs,
-                    outputs,
-                    instance: Instance::Three(Box::new(instance), Box::new(import)),
-                })
+                let reals = [Causality3::Input, Causality3::Output].map(reals);
+                (name, reals, Instance::Three(Box::new(instance), Box::new(import)))
             }
             MajorVersion::FMI1 => bail!("{}: it is FMI 1.0", failed("import")),
-        }
+        };
+        Ok(Self { name, inputs, outputs, instance })
     }
 
     /// The value reference of a Real input.
