@@ -453,6 +453,23 @@ fn a_drift_of_the_boost_sensor_is_found_on_other_engines() {
     }
 }
 
+/// A throttle that shuts slowly, at one operating point, is no drift of the sensor: the duty holds boost above a fifth of its
+/// opening by few per cent.
+#[test]
+fn nothing_is_found_as_a_throttle_shuts_slowly() {
+    let mut random = Random(1128);
+    for _ in 0..8 {
+        let mut control = at(random.between(1500.0, 4500.0), random.between(125e3, 150e3));
+        let (opening, duration) = (random.between(0.2, 0.6), random.between(20.0, 150.0));
+        while control.time() < BEGIN + duration {
+            let share = (control.time() - BEGIN) / duration;
+            control.surroundings.throttle = 1.0 + share * (opening - 1.0);
+            control.step();
+        }
+        control.run(BEGIN + duration + 10.0, |_| {});
+    }
+}
+
 /// What a live sensor taught of an engine that differs from the maps remains.
 #[test]
 fn a_stuck_boost_sensor_leaves_what_was_learnt() {
