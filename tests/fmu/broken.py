@@ -7,25 +7,14 @@ import zipfile
 from pathlib import Path
 
 
-def copy_with(source: Path, target: Path, pattern: str, replacement: str) -> Path:
-    """Copies an FMU with the first match of a pattern in its description replaced."""
+def copy_with(source: Path, target: Path, pattern: str, replacement: str, *, most: int = 1) -> Path:
+    """Copies an FMU with matches of a pattern in its description replaced: the first ones, or with 0 all."""
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
         for entry in old.infolist():
             content = old.read(entry)
             if entry.filename == "modelDescription.xml":
-                edited, count = re.subn(pattern, replacement, content.decode(), count=1)
-                assert count == 1, f"nothing in {source} matches {pattern}"
+                edited, count = re.subn(pattern, replacement, content.decode(), count=most)
+                assert count > 0, f"nothing in {source} matches {pattern}"
                 content = edited.encode()
             new.writestr(entry, content)
     return target
-
-
-def edit(fmu: Path, pattern: str, replacement: str) -> None:
-    """Replaces all matches of a pattern in the description of an FMU."""
-    with zipfile.ZipFile(fmu) as archive:
-        contents = {entry.filename: archive.read(entry) for entry in archive.infolist()}
-    edited = re.sub(pattern, replacement, contents["modelDescription.xml"].decode())
-    contents["modelDescription.xml"] = edited.encode()
-    with zipfile.ZipFile(fmu, "w") as archive:
-        for name, content in contents.items():
-            archive.writestr(name, content)
