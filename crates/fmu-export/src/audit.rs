@@ -1,7 +1,8 @@
 //! Checks that a model's equations set every calculated variable, and nothing else.
 
+use fmu_solve::Error;
+
 use crate::description::{DataType, ScalarVariable, ValueReference, Variability};
-use crate::error::Error;
 use crate::variables::Variables;
 
 /// Evaluates twice from different values of the calculated variables. The results must be equal, except for discrete

@@ -13,12 +13,13 @@ pub(crate) mod states;
 use core::ffi::{c_char, c_void};
 use core::ptr;
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
+use crate::allocation::check_memory;
 use crate::calling_sequence::Function;
 use crate::checksum::checksum;
 use crate::description::ValueReference;
-use crate::error::{Error, check_memory};
 use crate::floating_point::in_default_environment;
 use crate::instance::{Answer, Instance, Offer, Preemption};
 use crate::logger::Logger;

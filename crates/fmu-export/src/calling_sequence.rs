@@ -3,10 +3,9 @@
 
 use core::fmt;
 
+use fmu_solve::Error;
+use fmu_solve::persistence::{Archive, Persistent};
 use fmu_terms::Interface;
-
-use crate::error::Error;
-use crate::persistence::{Archive, Persistent};
 
 /// Declares the states: their names, and the only interface whose instances have them, if there is just one.
 macro_rules! phases {

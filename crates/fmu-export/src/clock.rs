@@ -1,8 +1,9 @@
 //! The clocks of FMI 3.0 (FMI 3.0.2, section 2.2.8), as a model sees them among its variables.
 
+use fmu_solve::Error;
+use fmu_solve::display::Shown;
+
 use crate::description::{IntervalVariability, Name};
-use crate::display::Shown;
-use crate::error::Error;
 
 /// A clock: whether it ticks now and, if the model determines it, when it ticks next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

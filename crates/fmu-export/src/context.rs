@@ -2,8 +2,10 @@
 
 use core::fmt;
 
-use crate::display::{Seconds, Shown};
-use crate::error::Error;
+use fmu_solve::Error;
+use fmu_solve::display::{Seconds, Shown};
+use fmu_solve::table::ReadResource;
+
 use crate::logger;
 use crate::resources::{self, Resources};
 use crate::variables::Variables;
@@ -181,6 +183,12 @@ impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for Timed<F> {
 
     fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
         (self.log)(category, format_args!("at {} s: {message}", Seconds(self.time)));
+    }
+}
+
+impl ReadResource for Context<'_> {
+    fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
+        Context::resource(self, name)
     }
 }
 

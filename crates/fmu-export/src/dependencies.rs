@@ -3,11 +3,11 @@
 use core::fmt;
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_solve::{Dual, Error};
+
 use crate::context::{Context, Experiment};
 use crate::description::{Causality, DataType, Dependencies, Name, ValueReference};
-use crate::error::Error;
 use crate::model::{Fmu, Model};
-use crate::number::Dual;
 use crate::panics;
 use crate::resources::Resources;
 use crate::variables::Variables;

@@ -1,13 +1,11 @@
 //! Models defined by equations of time, parameters, inputs and states, generic over the number type. The runtime
 //! derives the rest: co-simulation with its integrator, Model Exchange, and exact derivatives.
 
+use fmu_solve::integrator::Part;
+use fmu_solve::persistence::Persistent;
+use fmu_solve::{Dual, Error, Event, Integration, Number};
+
 use crate::context::Context;
-use crate::error::Error;
-use crate::events::Event;
-use crate::integration::Integration;
-use crate::integrator::Part;
-use crate::number::{Dual, Number};
-use crate::persistence::Persistent;
 use crate::variables::Variables;
 
 /// A model of ordinary differential equations, optionally with events.

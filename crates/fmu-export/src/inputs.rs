@@ -3,9 +3,10 @@
 
 use core::mem;
 
-use crate::error::Error;
+use fmu_solve::Error;
+use fmu_solve::persistence::{Archive, Persistent};
+
 use crate::floating_point::in_default_environment;
-use crate::persistence::{Archive, Persistent};
 
 /// The highest accepted order of an input derivative.
 pub const MAX_ORDER: usize = 8;

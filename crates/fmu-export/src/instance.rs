@@ -19,20 +19,19 @@ mod values;
 use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
+use fmu_solve::display::{Seconds, Shown};
+use fmu_solve::{Error, Tape};
 use fmu_terms::InstanceType;
 
 use crate::calling_sequence::{Function, Phase};
 use crate::context::{Context, Experiment, Timed};
 use crate::description::{Causality, ModelDescription, ValueReference};
-use crate::display::{Seconds, Shown};
-use crate::error::Error;
 use crate::floating_point::in_default_environment;
 use crate::logger::{Delivery, Logger};
 use crate::model::Model;
 use crate::panics::{contain, with_cause};
 use crate::resources::Resources;
 use crate::status::Status;
-use crate::tape::Tape;
 use crate::variables::Variables;
 
 use memory::Memory;

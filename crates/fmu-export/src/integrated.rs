@@ -6,26 +6,22 @@ mod integrate;
 
 use core::{fmt, mem};
 
+use fmu_solve::display::Seconds;
+use fmu_solve::event_loop::{EventLoop, Hybrid, MOST_TRIALS_AN_EVENT};
+use fmu_solve::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
+use fmu_solve::search::{self, Trajectory};
+use fmu_solve::{Dual, Error, Event, Events, MOST_ITERATIONS, Recorded, Stop, Stops, Tape, time};
+
 use self::equated::{Equated, Place};
 pub use self::integrate::Integrate;
 
 use crate::audit::{check_calculated_parameters, check_evaluation, first_discrete_difference};
 use crate::context::Context;
 use crate::description::{Causality, DataType};
-use crate::display::Seconds;
 use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate, evaluate_values};
-use crate::error::Error;
-use crate::event_loop::{EventLoop, Hybrid, MOST_TRIALS_AN_EVENT};
-use crate::events::{Event, Events, MOST_ITERATIONS};
 use crate::inputs::{InputSignal, Inputs as _};
-use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step};
-use crate::number::Dual;
 use crate::panics;
-use crate::search::{self, Trajectory};
-use crate::stops::{Stop, Stops};
-use crate::tape::{Recorded, Tape};
-use crate::time;
 use crate::variables::Variables;
 
 /// The most trials and events in a hundredth of a communication step, which must end …
@@ -155,7 +151,7 @@ impl<E: Equations, I: Integrate<E>> Fmu for Integrated<E, I> {
 
 /// The rest belongs to a step in progress.
 impl<E: Equations, I: Integrate<E>> crate::Persistent for Integrated<E, I> {
-    fn persist(&mut self, archive: &mut crate::persistence::Archive<'_>) -> Result<(), Error> {
+    fn persist(&mut self, archive: &mut fmu_solve::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
         self.integrator.persist(archive)?;
         self.time.persist(archive)?;

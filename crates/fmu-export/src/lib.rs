@@ -9,22 +9,23 @@
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
 //   integrated, sampled                   models of equations (integrated) and sampled ones as models
-//   equations, integration                the trait of models of equations, and how they are integrated
-//   event_loop, integrator, search        from event to event, the integrator, and the first event in its step
-//   events, audit, typed                  when and why a model has an event, what its equations set, typed numbers
-//   table, space                          tables for equations, and vectors and rotations
+//   equations                             the trait of models of equations
+//   audit, typed                          what a model's equations set, typed numbers
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, calling_sequence, variables
-//   clock, inputs, logger, number, tape, resources, saved_states
-//   persistence, checksum, wasm::host
+//   clock, inputs, logger, resources, saved_states
+//   checksum, wasm::host
 //   panics, floating_point
-//   error, display, description, status
+//   allocation, description, status
+//
+// Below all of them is the crate fmu-solve, whose names a model uses as if they stood here.
 
 // This crate's macros refer to it by this name.
 #[cfg(all(test, feature = "derive"))]
 extern crate self as fmu_export;
 
+mod allocation;
 mod audit;
 mod c_boundary;
 mod calling_sequence;
@@ -33,11 +34,7 @@ mod clock;
 mod context;
 mod dependencies;
 pub mod description;
-pub mod display;
 mod equations;
-mod error;
-pub mod event_loop;
-mod events;
 pub mod floating_point;
 pub mod fmi2;
 pub mod fmi3;
@@ -46,27 +43,15 @@ pub mod generic_code {}
 mod inputs;
 mod instance;
 mod integrated;
-mod integration;
-pub mod integrator;
 mod logger;
 mod model;
-mod number;
 mod panics;
-pub mod persistence;
 mod resources;
 mod sampled;
 mod saved_states;
-pub mod search;
 mod serialized_state;
 mod simulation;
-pub mod space;
 mod status;
-pub mod steady_state;
-mod stops;
-pub mod table;
-mod tape;
-#[doc(hidden)]
-pub mod time;
 #[doc(hidden)]
 pub mod typed;
 mod variables;
@@ -78,27 +63,26 @@ pub use clock::Clock;
 pub use context::{Context, Experiment, Log};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
-pub use error::Error;
-pub use events::{Event, Events};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
+#[doc(inline)]
+pub use fmu_solve::{
+    DEFAULT_TOLERANCE, Dual, Error, Event, Events, Integration, Number, Persistent, Recorded, Tape, display,
+    event_loop, integrator, integrator::Part, integrator::TwoRates, persistence, persistent, search, space,
+    steady_state, table,
+};
+#[doc(hidden)]
+pub use fmu_solve::{EventsLeft, Stop, Stops, time};
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
 #[doc(hidden)]
 pub use integrated::{Integrate, Integrated};
-pub use integration::{DEFAULT_TOLERANCE, Integration};
-pub use integrator::{Part, TwoRates};
 #[doc(hidden)]
 pub use model::Serves;
 pub use model::{Fmu, InputsOf, Model, Step};
-pub use number::{Dual, Number};
-pub use persistence::Persistent;
 #[doc(hidden)]
 pub use sampled::SampledModel;
 pub use sampled::{Sample, Sampled};
 pub use simulation::Simulation;
-#[doc(hidden)]
-pub use stops::{EventsLeft, Stop, Stops};
-pub use tape::{Recorded, Tape};
 pub use variables::Variables;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that

@@ -13,10 +13,11 @@ use core::fmt;
 use std::ffi::CString;
 use std::sync::Arc;
 
+use fmu_solve::Error;
+use fmu_solve::persistence::{Archive, Persistent};
+
 use crate::checksum::checksum;
 use crate::description::{ModelDescription, Version};
-use crate::error::Error;
-use crate::persistence::{Archive, Persistent};
 use crate::status::Status;
 
 /// The category of errors.

@@ -3,16 +3,13 @@
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value references, C or
 //! the order of importers' calls.
 
+use fmu_solve::persistence::Persistent;
+use fmu_solve::time::{Ahead, End};
+use fmu_solve::{Dual, Error, Event, Events, Stop, Stops, Tape};
+
 use crate::context::Context;
 use crate::description::ModelDescription;
-use crate::error::Error;
-use crate::events::{Event, Events};
 use crate::inputs::InputSignal;
-use crate::number::Dual;
-use crate::persistence::Persistent;
-use crate::stops::{Stop, Stops};
-use crate::tape::Tape;
-use crate::time::{Ahead, End};
 use crate::variables::Variables;
 
 /// A model that steps itself: for co-simulation.

@@ -9,7 +9,7 @@ use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::error::Error;
+use fmu_solve::Error;
 
 thread_local! {
     /// Where this thread last panicked. The type has no destructor, because one would outlive the library.

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::error::Error;
+use fmu_solve::Error;
+
 use crate::variables::Variables;
 
 /// The folder's path, or why there is none.

@@ -5,17 +5,16 @@
 //! Samples are counted in integers, so they do not drift in long experiments. A sample at a communication point belongs
 //! to the step that starts there; `time.rs` knows which times are the same.
 
+use fmu_solve::display::Shown;
+use fmu_solve::persistence::Persistent;
+use fmu_solve::time::{nearer, rounding};
+use fmu_solve::{Error, Event, Events, Stop, Stops, due_until};
+
 use crate::audit::check_calculated_parameters;
 use crate::clock::Clock;
 use crate::context::Context;
 use crate::description::Version;
-use crate::display::Shown;
-use crate::error::Error;
-use crate::events::{Event, Events};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
-use crate::persistence::Persistent;
-use crate::stops::{Stop, Stops, due_until};
-use crate::time::{nearer, rounding};
 use crate::variables::Variables;
 
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.

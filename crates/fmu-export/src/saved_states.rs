@@ -10,7 +10,8 @@ use core::any::Any;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
-use crate::error::Error;
+use fmu_solve::Error;
+
 use crate::panics::contain;
 
 /// The states by handle.

@@ -11,12 +11,13 @@
 //!
 //! Numbers are little-endian.
 
+use fmu_solve::Error;
+use fmu_solve::persistence::{Archive, Persistent};
 use fmu_terms::InstanceType;
 
+use crate::allocation::check_memory;
 use crate::checksum::checksum;
 use crate::description::ModelDescription;
-use crate::error::{Error, check_memory};
-use crate::persistence::{Archive, Persistent};
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increment with every change of the runtime's content. (The GUID identifies the model's content.)

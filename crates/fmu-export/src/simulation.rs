@@ -1,12 +1,13 @@
 //! A model without an FMU, for tests and programs in Rust.
 
+use fmu_solve::Error;
+use fmu_solve::time::Ahead;
+
 use crate::clock::Clock;
 use crate::context::{Context, Experiment, Log, Timed};
-use crate::error::Error;
 use crate::inputs::InputSignal;
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
 use crate::resources::Resources;
-use crate::time::Ahead;
 use crate::variables::Variables;
 
 /// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.

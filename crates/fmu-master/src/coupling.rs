@@ -13,9 +13,9 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use anyhow::{Context, Error, Result, anyhow, bail};
-use fmu_export::display::Seconds;
-use fmu_export::time::coincidence;
 use fmu_package::{Domain, Function, Value};
+use fmu_solve::display::Seconds;
+use fmu_solve::time::coincidence;
 
 use crate::importer::{Course, Ended, Fmu, Instance, Misfit, Selection};
 use crate::scenario::{Assignment, Member, RunIn, Signal, Stepping};

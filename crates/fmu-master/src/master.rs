@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use fmu_export::time::rounding;
 use fmu_io::terminal::number;
 use fmu_package::{FmuDescription, FmuVariable, Function, ValueType};
+use fmu_solve::time::rounding;
 use fmu_terms::{Causality, Variability, like};
 
 use crate::columns::{Columns, Found};

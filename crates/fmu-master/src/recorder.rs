@@ -3,9 +3,9 @@
 use std::cell::LazyCell;
 
 use anyhow::Result;
-use fmu_export::time::rounding;
 use fmu_package::Function;
 use fmu_record::{Column, Record};
+use fmu_solve::time::rounding;
 use fmu_terms::like;
 
 use crate::coupling::{Coupling, converted};

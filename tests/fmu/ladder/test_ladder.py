@@ -43,7 +43,7 @@ ALL = pytest.mark.parametrize("interface", INTERFACES)
 ACCURATE = pytest.mark.parametrize("interface", ["co-simulation", "CVode"])
 EPSILON = np.finfo(float).eps
 HYSTERESIS = 1e-12
-"""By how much an importer sees an event indicator shifted (crates/fmu-export/src/events.rs)."""
+"""By how much an importer sees an event indicator shifted (crates/fmu-solve/src/events.rs)."""
 
 
 def simulate(fmu, interface, **arguments):

@@ -8,7 +8,9 @@ use core::ffi::{CStr, c_char};
 use core::slice;
 use std::borrow::Cow;
 
-use crate::error::{Error, check_memory};
+use fmu_solve::Error;
+
+use crate::allocation::check_memory;
 use crate::instance::Answer;
 
 /// An array argument; null counts as empty.

@@ -4,8 +4,9 @@ use core::ffi::c_void;
 use core::ptr;
 use std::sync::PoisonError;
 
+use fmu_solve::Error;
+
 use super::arguments::{elements, not_null, write_elements};
-use crate::error::Error;
 use crate::instance::memory::Memory;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;

@@ -9,6 +9,7 @@ use core::ffi::{CStr, c_void};
 use core::ptr;
 use std::ffi::CString;
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use super::c_types::{
@@ -19,7 +20,6 @@ use super::calling_sequence;
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::context::Experiment;
-use crate::error::Error;
 use crate::instance::{Answer, Instance};
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;

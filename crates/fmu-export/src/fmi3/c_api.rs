@@ -7,6 +7,8 @@
 
 use core::iter;
 
+use fmu_solve::Error;
+
 use super::c_types::{
     self, Binary, Boolean, Byte, Enumeration, FALSE, FmuState, Status, String, ValueReference,
 };
@@ -14,7 +16,6 @@ use super::calling_sequence;
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::context::Experiment;
-use crate::error::Error;
 use crate::instance::Instance;
 use crate::instance::dependencies::DEPENDENT;
 use crate::model::Model;

@@ -2,13 +2,14 @@
 
 use core::mem;
 
+use fmu_solve::Error;
+use fmu_solve::display::Shown;
+use fmu_solve::time::summed_rounding;
+
 use super::{Answer, ClockUpdate, Instance};
 use crate::calling_sequence::Phase;
 use crate::description::{ClockDescription, IntervalVariability, ValueReference};
-use crate::display::Shown;
-use crate::error::Error;
 use crate::model::Model;
-use crate::time::summed_rounding;
 use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {

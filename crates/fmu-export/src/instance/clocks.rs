@@ -5,13 +5,14 @@
 
 use core::mem;
 
+use fmu_solve::Error;
+
 use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::clock::{IntervalQualifier, check_time};
 use crate::context::{Context, Timed};
 use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
-use crate::error::Error;
 use crate::model::Model;
 use crate::status::Status;
 use crate::variables::Variables;

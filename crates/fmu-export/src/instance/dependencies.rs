@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use fmu_solve::Error;
+
 use super::Instance;
 use crate::description::{Dependencies, ValueReference};
-use crate::error::Error;
 use crate::model::Model;
 use crate::variables::Variables;
 

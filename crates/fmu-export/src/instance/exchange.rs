@@ -2,6 +2,9 @@
 
 use core::mem;
 
+use fmu_solve::display::{Seconds, Shown};
+use fmu_solve::time::summed_rounding;
+use fmu_solve::{Error, Event, MOST_ITERATIONS};
 use fmu_terms::InstanceType;
 
 use super::memory::{EventUnderWay, Memory};
@@ -9,13 +12,9 @@ use super::{Answer, Instance, check_finite};
 use crate::calling_sequence::Phase;
 use crate::context::{Context, Timed};
 use crate::description::ValueReference;
-use crate::display::{Seconds, Shown};
-use crate::error::Error;
-use crate::events::{Event, MOST_ITERATIONS};
 use crate::floating_point::in_default_environment;
 use crate::model::Model;
 use crate::status::Status;
-use crate::time::summed_rounding;
 use crate::variables::Variables;
 
 /// The outcome of an event: `fmi2EventInfo`.

@@ -5,18 +5,17 @@
 
 use core::mem;
 
+use fmu_solve::time::Ahead;
+use fmu_solve::{Error, Events};
 use fmu_terms::InstanceType;
 
 use crate::calling_sequence::Phase;
 use crate::clock::Clock;
 use crate::context::Experiment;
 use crate::description::ClockDescription;
-use crate::error::Error;
-use crate::events::Events;
 use crate::inputs::InputSignal;
 use crate::logger::RecentMessages;
 use crate::model::{InputsOf, Model, calculate_parameters};
-use crate::time::Ahead;
 use crate::variables::Variables;
 
 /// The content of a saved state.

@@ -2,11 +2,12 @@
 
 use core::mem;
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use super::Instance;
 use super::memory::Memory;
-use crate::error::{Error, check_memory};
+use crate::allocation::check_memory;
 use crate::model::Model;
 use crate::serialized_state;
 

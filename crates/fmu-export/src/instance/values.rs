@@ -3,11 +3,13 @@
 use core::mem;
 use std::ffi::CString;
 
+use fmu_solve::Error;
+use fmu_solve::display::Shown;
+
 use super::{Answer, Instance};
+use crate::allocation::check_memory;
 use crate::calling_sequence::Phase;
 use crate::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
-use crate::display::Shown;
-use crate::error::{Error, check_memory};
 use crate::model::Model;
 use crate::status::Status;
 use crate::variables::Variables;

@@ -2,13 +2,14 @@
 
 use core::ops::Range;
 
+use fmu_solve::integrator::{Directions, Method, Part, Pattern, System, TwoParts};
+use fmu_solve::time::rounding;
+use fmu_solve::{Dual, Recorded, Tape};
+
 use crate::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
-use crate::integrator::{Directions, Method, Part, Pattern, System, TwoParts};
 use crate::model::Step;
-use crate::number::Dual;
-use crate::tape::{Recorded, Tape};
-use crate::time::rounding;
+use crate::panics;
 use crate::variables::Variables;
 
 /// Where variables were evaluated: so long after the step's start, and at which time, both in s.
@@ -154,6 +155,10 @@ impl<E: Equations> System for Equated<'_, E> {
 
     fn count_from(&mut self, zero: f64) {
         (self.start, *self.place) = (zero, Place::NONE);
+    }
+
+    fn attempt<T>(trial: impl FnOnce() -> T) -> Option<T> {
+        panics::attempt(trial)
     }
 
     fn derivatives(&mut self, elapsed: f64, states: &[f64], derivatives: &mut [f64]) {

@@ -2,10 +2,11 @@
 
 use core::fmt;
 
+use fmu_solve::integrator::{Integrator, Span, StepFailure, Tolerance, Trials, TwoRates};
+use fmu_solve::persistence::Persistent;
+
 use super::equated::Equated;
 use crate::equations::{Equations, Multirate};
-use crate::integrator::{Integrator, Span, StepFailure, Tolerance, Trials, TwoRates};
-use crate::persistence::Persistent;
 use crate::variables::Variables as _;
 
 /// An integrator of the model `E`.

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use fmu_export::display::Seconds;
+use fmu_solve::display::Seconds;
 
 use super::c_boundary::{Handle, Vector};
 use super::fmu::Fmu;

@@ -4,7 +4,7 @@
 use std::mem;
 use std::ops::Range;
 
-use fmu_export::integrator::{Directions, Pattern};
+use fmu_solve::integrator::{Directions, Pattern};
 
 /// The directions along which the products of a Jacobian were computed.
 pub struct Columns<'a> {

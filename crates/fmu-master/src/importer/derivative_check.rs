@@ -13,7 +13,7 @@ use std::mem;
 use std::sync::Arc;
 
 use anyhow::Result;
-use fmu_export::integrator::check_direction;
+use fmu_solve::integrator::check_direction;
 
 use super::c_boundary::Vector;
 use super::calls::Calls;

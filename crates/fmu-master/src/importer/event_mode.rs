@@ -3,10 +3,10 @@
 use std::ffi::c_int;
 
 use anyhow::{Result, bail};
-use fmu_export::display::Seconds;
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::time::coincidence;
 use fmu_io::terminal::number;
+use fmu_solve::display::Seconds;
+use fmu_solve::time::coincidence;
 use fmu_terms::IntervalVariability;
 
 use super::calls::Calls;

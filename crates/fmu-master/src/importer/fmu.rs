@@ -7,12 +7,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::integrator::Pattern;
 use fmu_io::{reading, terminal};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{
     BuildConfiguration, FmuDescription, FmuVariable, Function, MODEL_DESCRIPTION, Platform, read_xml,
 };
+use fmu_solve::integrator::Pattern;
 use fmu_terms::{Causality, DataType, Interface, like};
 
 use super::c_boundary::Functions;

@@ -1,7 +1,7 @@
 //! Continuous inputs in Model Exchange that follow functions of time between communication points and events.
 
 use anyhow::{Result, bail};
-use fmu_export::display::Seconds;
+use fmu_solve::display::Seconds;
 
 use super::selection::{Misfit, Selection};
 

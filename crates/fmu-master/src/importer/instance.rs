@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_export::fmi2::c_types::{FmuState, ValueReference};
-use fmu_export::time::coincidence;
 use fmu_package::{FmuVariable, ParameterSet, Value};
+use fmu_solve::time::coincidence;
 
 use super::Interface;
 use super::c_boundary::Handle;
@@ -137,7 +137,7 @@ impl Instance {
     }
 
     /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]. In Model Exchange it is that
-    /// of this crate's integrator; the default there is [`DEFAULT_TOLERANCE`](fmu_export::DEFAULT_TOLERANCE).
+    /// of this crate's integrator; the default there is [`DEFAULT_TOLERANCE`](fmu_solve::DEFAULT_TOLERANCE).
     pub fn set_tolerance(&mut self, tolerance: Option<f64>) {
         self.calls.handle.tolerance.set(tolerance);
     }

@@ -5,14 +5,14 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow, bail};
-use fmu_export::display::Seconds;
-use fmu_export::event_loop::{EventLoop, Hybrid};
 use fmu_export::fmi2::c_types::ValueReference;
-use fmu_export::integrator::{Directions, Integrator, Pattern, System, Tolerance, Trials};
-use fmu_export::search::{Trajectory, first_event};
-use fmu_export::time::End;
-use fmu_export::{DEFAULT_TOLERANCE, Events, Stops};
 use fmu_io::terminal::number;
+use fmu_solve::display::Seconds;
+use fmu_solve::event_loop::{EventLoop, Hybrid};
+use fmu_solve::integrator::{Directions, Integrator, Pattern, System, Tolerance, Trials};
+use fmu_solve::search::{Trajectory, first_event};
+use fmu_solve::time::End;
+use fmu_solve::{DEFAULT_TOLERANCE, Events, Stops};
 
 use super::c_boundary::{Dependency, Vector};
 use super::calls::Calls;

@@ -4,8 +4,8 @@ use std::ffi::c_int;
 use std::fmt;
 
 use anyhow::Error;
-use fmu_export::display::Seconds;
 use fmu_package::{FmuDescription, FmuVariable};
+use fmu_solve::display::Seconds;
 use fmu_terms::DataType;
 
 /// A status, as the FMU returned it.

@@ -37,13 +37,13 @@ mod signal;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use fmu_export::time::rounding;
 use fmu_io::document::{Document, Node, TomlTable};
 use fmu_io::reading;
 use fmu_io::terminal::number;
 use fmu_package::connection::{self, Connection};
 use fmu_package::{ParameterSet, Value};
 use fmu_record::Data;
+use fmu_solve::time::rounding;
 use toml::de::DeValue;
 
 use crate::importer::Interface;

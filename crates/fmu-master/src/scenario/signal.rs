@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use anyhow::Result;
-use fmu_export::time::rounding;
 use fmu_io::document::{Node, TomlTable};
 use fmu_io::terminal::number as shown;
+use fmu_solve::time::rounding;
 
 /// A value over time. Points are pairs of a time (s) and a value, sorted by time; there is at least one. Two points of
 /// one time are a jump.

@@ -1,8 +1,9 @@
 //! The functions of clocks.
 
+use fmu_solve::Error;
+
 use crate::c_boundary::arguments::{elements, write_elements};
 use crate::c_boundary::c_functions;
-use crate::error::Error;
 use crate::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
 use crate::fmi3::calling_sequence;
 use crate::instance::activation::fraction;

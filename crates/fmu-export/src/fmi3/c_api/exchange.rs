@@ -1,10 +1,10 @@
 //! The functions of Model Exchange, and of events in Co-Simulation.
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{self, c_functions};
-use crate::error::Error;
 use crate::fmi3::c_types::{Boolean, FALSE, Status};
 use crate::fmi3::calling_sequence;
 use crate::instance::Instance;

@@ -2,11 +2,11 @@
 
 use core::ffi::CStr;
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::{c_string, elements};
 use crate::c_boundary::{self, silence_panics};
-use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
     LogMessageCallback, Status, String, ValueReference,

@@ -1,10 +1,10 @@
 //! The functions of Scheduled Execution, and its locks.
 
+use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use super::instantiation::{Options, instantiate};
 use crate::c_boundary::{Exported, call, refuse, silence_panics};
-use crate::error::Error;
 use crate::fmi3::c_types::{
     Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
     Status, String, ValueReference,

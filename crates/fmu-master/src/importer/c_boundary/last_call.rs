@@ -14,7 +14,7 @@ use std::os::windows::io::AsRawHandle;
 use std::path::Path;
 use std::slice;
 
-use fmu_export::display::Seconds;
+use fmu_solve::display::Seconds;
 
 /// The size of the file. Its first byte is the state; then come an FMU's name, which may be cut, the time, and a
 /// function. A text ends with a NUL.

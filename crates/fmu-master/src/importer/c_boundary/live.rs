@@ -10,8 +10,8 @@ use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use fmu_export::display::Seconds;
 use fmu_io::{temporary, terminal};
+use fmu_solve::display::Seconds;
 
 use super::super::messages::{Function, Message, Status};
 use super::last_call::told;

@@ -39,7 +39,6 @@ mod tests;
 mod work;
 
 use crate::error::Error;
-use crate::panics;
 use crate::persistence::{Archive, Persistent};
 use crate::search::ROUNDINGS;
 
@@ -183,12 +182,12 @@ impl Integrator {
     }
 
     /// Forgets a step beyond the present time.
-    pub(crate) fn forget_ahead(&mut self) {
+    pub fn forget_ahead(&mut self) {
         self.is_ahead = false;
     }
 
     /// Has times count from another zero.
-    pub(crate) fn shift(&mut self, zero: f64) {
+    pub fn shift(&mut self, zero: f64) {
         if let (true, Some(last)) = (self.is_ahead, &mut self.last) {
             last.begin -= zero;
             last.end -= zero;
@@ -237,7 +236,7 @@ impl Integrator {
             (last.length, last.end, last.has_dense) = (length, to, is_beyond);
             let error = if is_beyond {
                 // What fails beyond the end is of no concern yet.
-                let tried = panics::attempt(|| work.trial_beyond(last, system, jacobian, tolerance));
+                let tried = S::attempt(|| work.trial_beyond(last, system, jacobian, tolerance));
                 let Some(error) = tried.filter(|error| error.largest.is_finite()) else {
                     limit = end;
                     continue;
@@ -324,7 +323,7 @@ impl Integrator {
 
     /// Whether the derivatives at a time in a step that went beyond are what its dense output lets expect. Otherwise there
     /// is something that the stages of the step have missed. `take` writes the derivatives.
-    pub(crate) fn agrees<S: System>(
+    pub fn agrees<S: System>(
         &mut self,
         time: f64,
         tolerance: &Tolerance<'_>,
@@ -340,7 +339,7 @@ impl Integrator {
 
     /// The position of the state whose error determined the length of the last trial.
     #[must_use]
-    pub(crate) fn decisive_state(&self) -> usize {
+    pub fn decisive_state(&self) -> usize {
         self.work.as_ref().map_or(0, |work| work.decisive)
     }
 }

@@ -83,7 +83,7 @@ impl Tape {
 
     /// The derivatives with respect to the numbers on the tape, in their order: first those of variables created
     /// before any operation.
-    pub(crate) fn derivatives_in_order(&self) -> impl Iterator<Item = f64> {
+    pub fn derivatives_in_order(&self) -> impl Iterator<Item = f64> {
         (1..).map_while(|place| {
             self.operations.borrow().get(place).map(|operation: &Operation| operation.adjoint)
         })
@@ -91,7 +91,7 @@ impl Tape {
 
     /// Computes the derivatives of one result with respect to so many variables, the first numbers on the tape, which
     /// holds no weights. It goes back as far as the result rests on operations.
-    pub(crate) fn differentiate(&self, result: Recorded<'_>, variables: usize) {
+    pub fn differentiate(&self, result: Recorded<'_>, variables: usize) {
         let mut operations = self.operations.borrow_mut();
         for variable in &mut operations[1..=variables] {
             variable.adjoint = 0.0;
@@ -120,7 +120,7 @@ impl Tape {
 
     /// Where the matrix of the results' derivatives with respect to as many variables has elements. These are the first
     /// numbers on the tape.
-    pub(crate) fn pattern(&self, results: &[Recorded<'_>]) -> Pattern {
+    pub fn pattern(&self, results: &[Recorded<'_>]) -> Pattern {
         let (operations, variables) = (self.operations.borrow(), results.len());
         // The result from which each number was last reached.
         let mut reached = vec![usize::MAX; operations.len()];

@@ -1,6 +1,8 @@
 //! What the integrator steps: a system of equations, as a whole or in two parts, and the error that it may make.
 
 use core::ops::Range;
+use core::panic::AssertUnwindSafe;
+use std::panic::catch_unwind;
 
 use super::method::{Method, RODAS5P};
 use super::pattern::Pattern;
@@ -64,6 +66,10 @@ pub trait System {
     fn pattern(&mut self, time: f64, states: &[f64]) -> Pattern {
         let _ = (time, states);
         Pattern::full()
+    }
+    /// Runs a trial where the system need not be valid. There, a panic only ends the trial.
+    fn attempt<T>(trial: impl FnOnce() -> T) -> Option<T> {
+        catch_unwind(AssertUnwindSafe(trial)).ok()
     }
 }
 

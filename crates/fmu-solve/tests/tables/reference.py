@@ -1,6 +1,6 @@
 """Prints what SciPy interpolates between the numbers of the tests of tables:
 
-python crates/fmu-export/tests/tables/reference.py > crates/fmu-export/tests/tables/values.csv
+python crates/fmu-solve/tests/tables/reference.py > crates/fmu-solve/tests/tables/values.csv
 
 Run with SciPy 1.17.1."""
 

@@ -1,7 +1,7 @@
 //! Tables beside `SciPy`, whose values `tables/reference.py` prints, and their derivatives beside differences.
 
-use fmu_export::table::{Beyond, Curve, Surface, Table};
-use fmu_export::{Dual, Number, Tape};
+use fmu_solve::table::{Beyond, Curve, Surface, Table};
+use fmu_solve::{Dual, Number, Tape};
 
 const KNOTS: [f64; 6] = [-1.0, 0.0, 0.5, 2.0, 2.25, 7.0];
 const VALUES: [f64; 6] = [3.0, 1.0, 1.0, -2.0, 4.0, 4.5];

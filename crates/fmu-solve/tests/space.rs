@@ -1,7 +1,7 @@
 //! Vectors, matrices and rotations beside `NumPy` and `SciPy`, and their derivatives beside differences.
 
-use fmu_export::space::{Matrix, Quaternion, Vector};
-use fmu_export::{Dual, Number};
+use fmu_solve::space::{Matrix, Quaternion, Vector};
+use fmu_solve::{Dual, Number};
 
 const A: Vector<f64> = Vector([1.0, -2.0, 0.5]);
 const B: Vector<f64> = Vector([0.25, 3.0, -1.5]);

@@ -6,9 +6,9 @@ use crate::time::End;
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stops {
-    pub(crate) events: EventsLeft,
+    pub events: EventsLeft,
     /// Whether at the end of each internal step, too.
-    pub(crate) internal_steps: bool,
+    pub internal_steps: bool,
 }
 
 impl Stops {
@@ -25,7 +25,7 @@ pub enum Stop {
 }
 
 impl Stop {
-    pub(crate) fn time(self) -> f64 {
+    pub fn time(self) -> f64 {
         let (Self::Event(time) | Self::InternalStep(time)) = self;
         time
     }
@@ -45,7 +45,7 @@ pub enum EventsLeft {
 
 impl EventsLeft {
     /// Whether they include an event at a time in s, in a step to `end`.
-    pub(crate) fn has(self, time: f64, end: f64) -> bool {
+    pub fn has(self, time: f64, end: f64) -> bool {
         match self {
             Self::All => true,
             Self::AtEnd => time >= end,
@@ -55,7 +55,7 @@ impl EventsLeft {
 }
 
 /// The time in s of a time event due in a step, if any, after one at `last`: what is the same as its end is there.
-pub(crate) fn due_until(end: &End, next: Option<f64>, last: f64) -> Option<f64> {
+pub fn due_until(end: &End, next: Option<f64>, last: f64) -> Option<f64> {
     let due = next.filter(|next| end.has(*next, last))?;
     Some(if end.is_after(due, last) { due } else { end.time })
 }

@@ -1,25 +1,8 @@
-//! The error of a failed call, as text for the user.
+//! Memory is known to be there before it is allocated.
 
-use core::{fmt, hint};
+use core::hint;
 
-/// The error of a failed call; its message reaches the user through the importer's logger.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Error(String);
-
-impl Error {
-    /// An error whose message names the item and its value.
-    pub fn new(message: impl Into<String>) -> Self {
-        Self(message.into())
-    }
-}
-
-impl fmt::Display for Error {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&self.0)
-    }
-}
-
-impl core::error::Error for Error {}
+use fmu_solve::Error;
 
 /// The bytes that a call allocates in addition, for messages and other small items.
 const SMALL_ALLOCATIONS: usize = 64 << 10;

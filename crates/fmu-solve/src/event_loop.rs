@@ -10,7 +10,7 @@ const APART: f64 = 1e-7;
 /// The most trials and events are too many where they advance by less than this share of a step.
 const ADVANCE: f64 = 0.01;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause of many trials.
-pub(crate) const MOST_TRIALS_AN_EVENT: u32 = 8;
+pub const MOST_TRIALS_AN_EVENT: u32 = 8;
 
 /// States that are integrated between the events of a model.
 pub trait Hybrid {

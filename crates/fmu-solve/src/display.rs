@@ -5,7 +5,7 @@ use core::fmt;
 /// A value with six significant digits and no long runs of zeros.
 ///
 /// ```
-/// use fmu_export::display::Rounded;
+/// use fmu_solve::display::Rounded;
 ///
 /// assert_eq!(Rounded(148.904_466_319_720_78).to_string(), "148.904");
 /// assert_eq!(Rounded(3.608e-300).to_string(), "3.608e-300");
@@ -23,7 +23,7 @@ impl fmt::Display for Rounded {
 /// A time (s) to the nanosecond, without the round-off of summed steps.
 ///
 /// ```
-/// assert_eq!(fmu_export::display::Seconds(6.162_500_000_000_000_5).to_string(), "6.1625");
+/// assert_eq!(fmu_solve::display::Seconds(6.162_500_000_000_000_5).to_string(), "6.1625");
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Seconds(pub f64);
@@ -36,7 +36,7 @@ impl fmt::Display for Seconds {
 
 /// A number with all digits and no long runs of zeros.
 #[derive(Debug)]
-pub(crate) struct Shown(pub(crate) f64);
+pub struct Shown(pub f64);
 
 impl fmt::Display for Shown {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {

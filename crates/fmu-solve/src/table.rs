@@ -5,6 +5,7 @@
 //! so make them where they are evaluated. [`Table`] reads the numbers from CSV. Check them once, when the model starts:
 //!
 //! ```
+//! # use fmu_solve as fmu_export;
 //! use fmu_export::table::{Beyond, Curve};
 //! use fmu_export::{Dual, Error};
 //!
@@ -20,7 +21,6 @@
 //! so does that of [`Beyond::Hold`] at the edges. The integrator copes with such a kink by shorter steps; make the
 //! knot an event if the model crosses it often, or if its states' derivatives jump by more than their usual size.
 
-use crate::context::Context;
 use crate::error::Error;
 use crate::number::Number;
 
@@ -86,7 +86,7 @@ impl<'a, V: Number> Curve<'a, V> {
     }
 
     /// The next knot after a place, where the slope may jump: for a curve over the time,
-    /// [`next_event`](crate::Equations::next_event) in one line. There is none beyond the last, unless the curve repeats.
+    /// `Equations::next_event` in one line. There is none beyond the last, unless the curve repeats.
     #[must_use]
     pub fn next_point(self, x: f64) -> Option<f64> {
         let knots = &self.knots[..self.knots.len().min(self.values.len())];
@@ -344,6 +344,15 @@ fn check_finite<V: Number>(what: &str, numbers: &[V]) -> Result<(), String> {
     }
 }
 
+/// The files that a model brings along.
+pub trait ReadResource {
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    fn resource(&self, name: &str) -> Result<Vec<u8>, Error>;
+}
+
 /// The numbers of a CSV file, by rows. Empty lines and those that begin with `#` are left out, as is a first line of
 /// names. The first cell may be a text, which a grid does not use.
 #[derive(Clone, Debug, PartialEq)]
@@ -383,12 +392,12 @@ impl Table {
         Ok(Self { name: name.to_owned(), rows, corner })
     }
 
-    /// Reads a file in the FMU's folder `resources`.
+    /// Reads a file of a model's resources, which are those of `fmu_export::Context`.
     ///
     /// # Errors
-    /// Those of [`Context::resource`] and [`Table::parse`], or when it is not UTF-8.
-    pub fn resource(context: &Context<'_>, name: &str) -> Result<Self, Error> {
-        let bytes = context.resource(name)?;
+    /// Those of [`ReadResource::resource`] and [`Table::parse`], or when it is not UTF-8.
+    pub fn resource(resources: &impl ReadResource, name: &str) -> Result<Self, Error> {
+        let bytes = resources.resource(name)?;
         let text = str::from_utf8(&bytes).map_err(|error| refused(name, &error.to_string()))?;
         Self::parse(name, text)
     }

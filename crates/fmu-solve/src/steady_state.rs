@@ -1,5 +1,4 @@
-//! Starts at rest: [`Equations::prepare`](crate::Equations::prepare) finds the steady state of a model, and
-//! [`Equations::initialize`](crate::Equations::initialize) starts from it.
+//! Starts at rest: `Equations::prepare` finds the steady state of a model, and `Equations::initialize` starts from it.
 //!
 //! It is found by pseudo-transient continuation. Each iteration is one linearized implicit Euler step, (1/Δt − J)·Δx =
 //! f(x). While Δt is short this follows the transient from the guess, and so finds the steady state that the model would

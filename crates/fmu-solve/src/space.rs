@@ -3,6 +3,7 @@
 //! A state, input or parameter that is an array becomes a vector by `Vector(array)`, and back by `.0`:
 //!
 //! ```
+//! # use fmu_solve as fmu_export;
 //! use fmu_export::space::{Quaternion, Vector};
 //!
 //! let attitude = Quaternion::about(Vector([0.0, 0.0, 1.0]), std::f64::consts::FRAC_PI_2);

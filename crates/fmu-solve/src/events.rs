@@ -8,7 +8,7 @@ use crate::persistence::{Archive, Persistent};
 use crate::time::nearer;
 
 /// The most events at one time, each caused by the previous one.
-pub(crate) const MOST_ITERATIONS: u32 = 1000;
+pub const MOST_ITERATIONS: u32 = 1000;
 
 /// The hysteresis of indicators for importers ("a small hysteresis" in FMI 2.0.5, section 3.1): an indicator is shifted
 /// away from its next crossing, so that it is never 0 when the importer continues, and has certainly crossed 0 where
@@ -22,7 +22,7 @@ const SOON: f64 = 1e-12;
 #[derive(Debug, Default)]
 pub struct Events {
     /// The time of the next time event, in s.
-    pub(crate) next: Option<f64>,
+    pub next: Option<f64>,
     /// The time of the last event, in s.
     reached: f64,
     /// How many consecutive events closely followed the previous one.
@@ -125,18 +125,18 @@ impl Events {
     }
 
     /// Which indicators have changed since the last event.
-    pub(crate) fn changed(&self) -> &[bool] {
+    pub fn changed(&self) -> &[bool] {
         &self.changed
     }
 
     /// The position of the first of them.
-    pub(crate) fn first_changed(&self) -> Option<usize> {
+    pub fn first_changed(&self) -> Option<usize> {
         self.changed.iter().position(|changed| *changed)
     }
 
     /// Counts an event at a time in s of an experiment of a length in s, if it closely follows the previous one. Returns
     /// whether there were so many that the experiment may never end.
-    pub(crate) fn crowd(&mut self, time: f64, length: f64) -> bool {
+    pub fn crowd(&mut self, time: f64, length: f64) -> bool {
         let distance = (time - self.reached).abs();
         if distance <= 0.0 {
             // Another iteration of it.
@@ -244,7 +244,7 @@ impl Events {
 
     /// Rejects a finished event that leaves a limit exceeded, because no further event may follow. `names` are the
     /// names of the indicators, `limits` the positions of those that are limits; they were computed after the event.
-    pub(crate) fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
+    pub fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
         match limits.iter().find(|limit| self.indicators[**limit] > 0.0) {
             Some(&exceeded) => Err(Error::new(format!(
                 "the event at {} s leaves {} at {}, though it is a limit: an event must put the state onto the limit \
@@ -280,7 +280,7 @@ impl Events {
     }
 
     /// Accepts the changes found: the model has handled its event.
-    pub(crate) fn accept(&mut self) {
+    pub fn accept(&mut self) {
         for (positive, changed) in self.positive.iter_mut().zip(&mut self.changed) {
             *positive ^= *changed;
             *changed = false;
@@ -288,7 +288,7 @@ impl Events {
     }
 
     /// The indicators as an importer sees them.
-    pub(crate) fn shift(&self, indicators: &mut [f64]) {
+    pub fn shift(&self, indicators: &mut [f64]) {
         for (indicator, positive) in indicators.iter_mut().zip(&self.positive) {
             *indicator += if *positive { HYSTERESIS } else { -HYSTERESIS };
         }
@@ -296,17 +296,17 @@ impl Events {
 
     /// The time of the last event in s, if it is at most `rounding` later than a given time; otherwise the given time.
     /// Time events may be handled slightly early, and must not recur.
-    pub(crate) fn time(&self, time: f64, rounding: f64) -> f64 {
+    pub fn time(&self, time: f64, rounding: f64) -> f64 {
         if self.reached > time && self.reached <= time + rounding { self.reached } else { time }
     }
 
     /// The time of the last event in s.
-    pub(crate) fn last(&self) -> f64 {
+    pub fn last(&self) -> f64 {
         self.reached
     }
 
     /// When the time event that is reached at a time in s was due, which may be later within a `rounding`.
-    pub(crate) fn due(&self, time: f64, rounding: f64) -> Option<f64> {
+    pub fn due(&self, time: f64, rounding: f64) -> Option<f64> {
         self.next.filter(|next| *next <= time + nearer(rounding, *next - self.reached))
     }
 
@@ -315,7 +315,7 @@ impl Events {
     ///
     /// # Errors
     /// When the model's answer is not a number.
-    pub(crate) fn move_next(&mut self, next: Option<f64>, time: f64) -> Result<(), Error> {
+    pub fn move_next(&mut self, next: Option<f64>, time: f64) -> Result<(), Error> {
         match next {
             Some(next) if next.is_nan() => self.set_next(Some(next), time, false),
             next => {
@@ -330,7 +330,7 @@ impl Events {
     ///
     /// # Errors
     /// When the model's answer is not after the present time.
-    pub(crate) fn set_next(&mut self, next: Option<f64>, time: f64, is_initial: bool) -> Result<(), Error> {
+    pub fn set_next(&mut self, next: Option<f64>, time: f64, is_initial: bool) -> Result<(), Error> {
         let next = next.filter(|next| *next != f64::INFINITY);
         if let Some(next) = next
             && !(next > time || next >= time && is_initial)
@@ -348,7 +348,7 @@ impl Events {
 
     /// The error of an event at a time in s that does not end; `names` are the indicators'.
     #[cold]
-    pub(crate) fn endless(&self, time: f64, names: &[&str]) -> Error {
+    pub fn endless(&self, time: f64, names: &[&str]) -> Error {
         let changing: Vec<_> =
             names.iter().zip(&self.changed).filter(|(_, changed)| **changed).map(|(name, _)| *name).collect();
         let still = if changing.is_empty() {
