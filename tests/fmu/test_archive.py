@@ -101,7 +101,7 @@ def test_licenses_are_those_of_what_is_linked(root: Path, exported: Path, name: 
         assert b"hashbrown" in archive.read(f"{folder}{notices}")
     listed = dict(re.findall(r"^- (\S+) (\d\S*): ", text, re.MULTILINE))
     package = {"BoostPlant": "plant-fmu", "BoostController": "controller-fmu"}[name]
-    assert listed.keys() == {package, "fmu-export", "fmu-solve", "fmu-terms", "boost-fmu"}
+    assert listed.keys() == {package, "fmu-abi", "fmu-export", "fmu-solve", "fmu-terms", "boost-fmu"}
     locked = tomllib.loads((root / "Cargo.lock").read_text())["package"]
     assert listed.items() <= {(known["name"], known["version"]) for known in locked}
     sections = {owner: section for owners, section in parts(text) for owner in owners}

@@ -13,23 +13,22 @@ pub(crate) mod states;
 use core::ffi::{c_char, c_void};
 use core::ptr;
 
-use fmu_solve::Error;
-use fmu_terms::InstanceType;
-
 use crate::allocation::check_memory;
-use crate::calling_sequence::Function;
 use crate::checksum::checksum;
 use crate::description::ValueReference;
-use crate::floating_point::in_default_environment;
 use crate::instance::{Answer, Instance, Offer, Preemption};
 use crate::logger::Logger;
 use crate::model::Model;
 use crate::panics::contain;
 use crate::saved_states;
-use crate::status::Status;
 use crate::variables::Variables;
 
 use arguments::{c_string, check_count, elements, not_null, write_elements};
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Function;
+use fmu_abi::floating_point::in_default_environment;
+use fmu_solve::Error;
+use fmu_terms::InstanceType;
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.

@@ -4,10 +4,8 @@
 use core::fmt;
 use core::ops::Deref;
 
+pub use fmu_abi::ValueReference;
 pub use fmu_terms::{Causality, DataType, Initial, Interfaces, IntervalVariability, Variability, Version};
-
-/// An importer's handle for a variable.
-pub type ValueReference = u32;
 
 /// A model as its modelDescription.xml describes it.
 #[derive(Debug)]

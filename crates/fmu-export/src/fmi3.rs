@@ -1,6 +1,7 @@
-//! FMI 3.0: its C functions, their types, and the allowed order of calls.
+//! FMI 3.0: its C functions.
 
 pub mod c_api;
-pub mod c_types;
-mod calling_sequence;
 mod functions;
+
+#[doc(hidden)]
+pub use fmu_abi::fmi3::c_types;

@@ -3,10 +3,9 @@
 
 use core::mem;
 
+use fmu_abi::floating_point::in_default_environment;
 use fmu_solve::Error;
 use fmu_solve::persistence::{Archive, Persistent};
-
-use crate::floating_point::in_default_environment;
 
 /// The highest accepted order of an input derivative.
 pub const MAX_ORDER: usize = 8;

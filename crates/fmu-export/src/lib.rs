@@ -13,13 +13,13 @@
 //   audit, typed                          what a model's equations set, typed numbers
 //   model                                 the trait of models
 //   context                               what a model receives besides variables and inputs
-//   serialized_state, calling_sequence, variables
+//   serialized_state, variables
 //   clock, inputs, logger, resources, saved_states
 //   checksum, wasm::host
-//   panics, floating_point
-//   allocation, description, status
+//   panics
+//   allocation, description
 //
-// Below all of them is the crate fmu-solve, whose names a model uses as if they stood here.
+// Below all of them are the crates fmu-solve, whose names a model uses as if they stood here, and fmu-abi.
 
 // This crate's macros refer to it by this name.
 #[cfg(all(test, feature = "derive"))]
@@ -28,14 +28,12 @@ extern crate self as fmu_export;
 mod allocation;
 mod audit;
 mod c_boundary;
-mod calling_sequence;
 mod checksum;
 mod clock;
 mod context;
 mod dependencies;
 pub mod description;
 mod equations;
-pub mod floating_point;
 pub mod fmi2;
 pub mod fmi3;
 #[doc = include_str!("generic_code.md")]
@@ -51,7 +49,6 @@ mod sampled;
 mod saved_states;
 mod serialized_state;
 mod simulation;
-mod status;
 #[doc(hidden)]
 pub mod typed;
 mod variables;
@@ -63,6 +60,8 @@ pub use clock::Clock;
 pub use context::{Context, Experiment, Log};
 pub use dependencies::check_dependencies;
 pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
+#[doc(hidden)]
+pub use fmu_abi::{fmi2_calls, fmi3_calls};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 #[doc(inline)]

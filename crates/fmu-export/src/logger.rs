@@ -13,12 +13,12 @@ use core::fmt;
 use std::ffi::CString;
 use std::sync::Arc;
 
+use fmu_abi::Status;
 use fmu_solve::Error;
 use fmu_solve::persistence::{Archive, Persistent};
 
 use crate::checksum::checksum;
 use crate::description::{ModelDescription, Version};
-use crate::status::Status;
 
 /// The category of errors.
 pub const ERROR: &str = "logStatusError";

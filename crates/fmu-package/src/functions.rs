@@ -10,8 +10,8 @@ macro_rules! names {
     };
 }
 
-fmu_export::fmi2_calls!(names, FMI2);
-fmu_export::fmi3_calls!(names, FMI3);
+fmu_abi::fmi2_calls!(names, FMI2);
+fmu_abi::fmi3_calls!(names, FMI3);
 
 fn table(version: Version) -> &'static [(&'static str, &'static str)] {
     match version {

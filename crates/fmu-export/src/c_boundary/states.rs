@@ -4,6 +4,7 @@ use core::ffi::c_void;
 use core::ptr;
 use std::sync::PoisonError;
 
+use fmu_abi::Status;
 use fmu_solve::Error;
 
 use super::arguments::{elements, not_null, write_elements};
@@ -11,7 +12,6 @@ use crate::instance::memory::Memory;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;
 use crate::saved_states;
-use crate::status::Status;
 
 /// Reads the state behind a handle.
 pub(crate) fn with_state<M: Model, T>(

@@ -9,14 +9,14 @@ use core::ffi::{CStr, c_void};
 use core::ptr;
 use std::ffi::CString;
 
-use fmu_solve::Error;
-use fmu_terms::InstanceType;
-
-use super::c_types::{
+use fmu_abi::fmi2::c_types::{
     Boolean, Byte, CO_SIMULATION, CallbackFunctions, CallbackLogger, Component, Enumeration, EventInfo,
     FALSE, FmuState, Integer, MODEL_EXCHANGE, Status, String, ValueReference, status_kind,
 };
-use super::calling_sequence;
+use fmu_abi::fmi2::calling_sequence;
+use fmu_solve::Error;
+use fmu_terms::InstanceType;
+
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::context::Experiment;

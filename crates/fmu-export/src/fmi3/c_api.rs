@@ -7,12 +7,12 @@
 
 use core::iter;
 
-use fmu_solve::Error;
-
-use super::c_types::{
+use fmu_abi::fmi3::c_types::{
     self, Binary, Boolean, Byte, Enumeration, FALSE, FmuState, Status, String, ValueReference,
 };
-use super::calling_sequence;
+use fmu_abi::fmi3::calling_sequence;
+use fmu_solve::Error;
+
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::context::Experiment;

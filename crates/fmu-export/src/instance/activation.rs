@@ -2,12 +2,12 @@
 
 use core::mem;
 
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::Error;
 use fmu_solve::display::Shown;
 use fmu_solve::time::summed_rounding;
 
 use super::{Answer, ClockUpdate, Instance};
-use crate::calling_sequence::Phase;
 use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::model::Model;
 use crate::variables::Variables;

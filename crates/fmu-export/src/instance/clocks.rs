@@ -5,16 +5,16 @@
 
 use core::mem;
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::Error;
 
 use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
-use crate::calling_sequence::Phase;
 use crate::clock::{IntervalQualifier, check_time};
 use crate::context::{Context, Timed};
 use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {

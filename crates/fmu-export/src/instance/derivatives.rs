@@ -1,17 +1,17 @@
 //! Derivatives: directional (FMI 2.0.5, section 2.1.9), adjoint (FMI 3.0.2, section 2.2.11), and of outputs over time
 //! (FMI 2.0.5, section 4.2.1).
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::display::Shown;
 use fmu_solve::{Dual, Error};
 
 use super::values::REALS;
 use super::{Answer, Instance};
-use crate::calling_sequence::Phase;
 use crate::description::{
     Causality, Roles, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {

@@ -1,13 +1,13 @@
 //! Co-Simulation with Event Mode and Intermediate Update Mode (FMI 3.0.2, section 4.2).
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::{Error, EventsLeft, Stop, Stops};
 use fmu_terms::InstanceType;
 
 use super::{Answer, Instance, IntermediateCallback};
-use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 impl<M: Model> Instance<M> {

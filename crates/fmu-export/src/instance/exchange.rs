@@ -2,6 +2,9 @@
 
 use core::mem;
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
+use fmu_abi::floating_point::in_default_environment;
 use fmu_solve::display::{Seconds, Shown};
 use fmu_solve::time::summed_rounding;
 use fmu_solve::{Error, Event, MOST_ITERATIONS};
@@ -9,12 +12,9 @@ use fmu_terms::InstanceType;
 
 use super::memory::{EventUnderWay, Memory};
 use super::{Answer, Instance, check_finite};
-use crate::calling_sequence::Phase;
 use crate::context::{Context, Timed};
 use crate::description::ValueReference;
-use crate::floating_point::in_default_environment;
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 /// The outcome of an event: `fmi2EventInfo`.

@@ -5,11 +5,12 @@
 
 use core::mem;
 
+use fmu_abi::calling_sequence::Phase;
+use fmu_solve::persistence::{Archive, Persistent};
 use fmu_solve::time::Ahead;
 use fmu_solve::{Error, Events};
 use fmu_terms::InstanceType;
 
-use crate::calling_sequence::Phase;
 use crate::clock::Clock;
 use crate::context::Experiment;
 use crate::description::ClockDescription;
@@ -74,10 +75,45 @@ struct BeforeTicks<M: Model> {
 }
 
 // An instance of another type rejects the memory before; ticks are rewound before.
-crate::persistent!(<M: Model> Memory<M> {
-    phase, model, variables, inputs, experiment, is_set_up, time, ahead, stale, parameters_changed, recent_messages, end,
-    events, event,
-} without instance_type, ticks);
+impl<M: Model> Persistent for Memory<M> {
+    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
+        let Self {
+            instance_type: _,
+            phase,
+            model,
+            variables,
+            inputs,
+            experiment,
+            is_set_up,
+            time,
+            ahead,
+            stale,
+            parameters_changed,
+            recent_messages,
+            end,
+            events,
+            event,
+            ticks: _,
+        } = self;
+        let mut number = *phase as u8;
+        number.persist(archive)?;
+        *phase = Phase::numbered(number)
+            .ok_or_else(|| Error::new(format!("{number} is not a state of an instance")))?;
+        model.persist(archive)?;
+        variables.persist(archive)?;
+        inputs.persist(archive)?;
+        experiment.persist(archive)?;
+        is_set_up.persist(archive)?;
+        time.persist(archive)?;
+        ahead.persist(archive)?;
+        stale.persist(archive)?;
+        parameters_changed.persist(archive)?;
+        recent_messages.persist(archive)?;
+        end.persist(archive)?;
+        events.persist(archive)?;
+        event.persist(archive)
+    }
+}
 
 impl<M: Model> Memory<M> {
     const CLOCKS: &'static [ClockDescription] = M::Variables::CLOCKS;

@@ -1,17 +1,17 @@
 //! Setting variables (FMI 2.0.5, section 2.1.7), and the derivatives of inputs (section 4.2.1).
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
+use fmu_abi::floating_point::in_default_environment;
 use fmu_solve::Error;
 use fmu_solve::display::Shown;
 
 use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::calling_sequence::Phase;
 use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
-use crate::floating_point::in_default_environment;
 use crate::inputs::MAX_ORDER;
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 /// How to set values of a type.

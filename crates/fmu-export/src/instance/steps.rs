@@ -1,16 +1,16 @@
 //! Communication steps (FMI 2.0.5, section 4.2.1).
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::display::Shown;
 use fmu_solve::time::{self, summed_rounding};
 use fmu_solve::{Error, Events};
 
 use super::memory::Memory;
 use super::{Answer, Instance, check_finite};
-use crate::calling_sequence::Phase;
 use crate::context::{Context, Timed};
 use crate::description::{Capabilities, Version};
 use crate::model::{InputsOf, Model, Step};
-use crate::status::Status;
 
 impl<M: Model> Instance<M> {
     /// Advances by one communication step.

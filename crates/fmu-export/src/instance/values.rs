@@ -3,15 +3,15 @@
 use core::mem;
 use std::ffi::CString;
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Phase;
 use fmu_solve::Error;
 use fmu_solve::display::Shown;
 
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::calling_sequence::Phase;
 use crate::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::model::Model;
-use crate::status::Status;
 use crate::variables::Variables;
 
 pub(super) const REALS: &[DataType] = &[DataType::Real];

@@ -2,8 +2,9 @@
 
 use core::ffi::{c_char, c_void};
 
+use fmu_abi::Status;
+
 use crate::panics;
-use crate::status::Status;
 
 #[link(wasm_import_module = "fmu")]
 unsafe extern "C" {

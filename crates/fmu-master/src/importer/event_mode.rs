@@ -3,7 +3,7 @@
 use std::ffi::c_int;
 
 use anyhow::{Result, bail};
-use fmu_export::fmi2::c_types::ValueReference;
+use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 use fmu_solve::display::Seconds;
 use fmu_solve::time::coincidence;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_export::fmi2::c_types::ValueReference;
+use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_io::{reading, terminal};
 use fmu_package::library::refuse_cut_short;
 use fmu_package::{

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_export::fmi2::c_types::{FmuState, ValueReference};
+use fmu_abi::fmi2::c_types::{FmuState, ValueReference};
 use fmu_package::{FmuVariable, ParameterSet, Value};
 use fmu_solve::time::coincidence;
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow, bail};
-use fmu_export::fmi2::c_types::ValueReference;
+use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 use fmu_solve::display::Seconds;
 use fmu_solve::event_loop::{EventLoop, Hybrid};

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use anyhow::{Context, Error, Result, bail};
-use fmu_export::fmi2::c_types::ValueReference;
+use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_package::{Domain, Element, FmuVariable, Function, ValueType};
 
 use super::c_boundary::{Functions, NumberType};

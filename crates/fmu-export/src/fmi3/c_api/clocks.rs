@@ -1,11 +1,11 @@
 //! The functions of clocks.
 
+use fmu_abi::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
+use fmu_abi::fmi3::calling_sequence;
 use fmu_solve::Error;
 
 use crate::c_boundary::arguments::{elements, write_elements};
 use crate::c_boundary::c_functions;
-use crate::fmi3::c_types::{Clock, Enumeration, Status, ValueReference};
-use crate::fmi3::calling_sequence;
 use crate::instance::activation::fraction;
 use crate::instance::clocks::seconds;
 use crate::model::Model;

@@ -1,12 +1,12 @@
 //! The functions of Model Exchange, and of events in Co-Simulation.
 
+use fmu_abi::fmi3::c_types::{Boolean, FALSE, Status};
+use fmu_abi::fmi3::calling_sequence;
 use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{self, c_functions};
-use crate::fmi3::c_types::{Boolean, FALSE, Status};
-use crate::fmi3::calling_sequence;
 use crate::instance::Instance;
 use crate::model::Model;
 use crate::variables::Variables;

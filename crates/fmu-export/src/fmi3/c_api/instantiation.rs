@@ -2,15 +2,15 @@
 
 use core::ffi::CStr;
 
+use fmu_abi::fmi3::c_types::{
+    Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
+    LogMessageCallback, Status, String, ValueReference,
+};
 use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::{c_string, elements};
 use crate::c_boundary::{self, silence_panics};
-use crate::fmi3::c_types::{
-    Boolean, ClockUpdateCallback, FALSE, Instance, InstanceEnvironment, IntermediateUpdateCallback,
-    LogMessageCallback, Status, String, ValueReference,
-};
 use crate::instance::event_mode::{has_intermediate_update, name_of};
 use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
 use crate::logger::{Logger, Recipient};

@@ -1,15 +1,15 @@
 //! The functions of Scheduled Execution, and its locks.
 
+use fmu_abi::fmi3::c_types::{
+    Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
+    Status, String, ValueReference,
+};
+use fmu_abi::fmi3::calling_sequence;
 use fmu_solve::Error;
 use fmu_terms::InstanceType;
 
 use super::instantiation::{Options, instantiate};
 use crate::c_boundary::{Exported, call, refuse, silence_panics};
-use crate::fmi3::c_types::{
-    Boolean, ClockUpdateCallback, Instance, InstanceEnvironment, LogMessageCallback, PreemptionCallback,
-    Status, String, ValueReference,
-};
-use crate::fmi3::calling_sequence;
 use crate::instance::{self, Preemption};
 use crate::model::Model;
 #[cfg(target_family = "wasm")]

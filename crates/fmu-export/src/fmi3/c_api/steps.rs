@@ -2,12 +2,12 @@
 
 use core::ffi::c_void;
 
+use fmu_abi::fmi3::c_types::{Boolean, FALSE, Status, TRUE};
+use fmu_abi::fmi3::calling_sequence;
 use fmu_solve::Error;
 
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{Exported, c_functions, call};
-use crate::fmi3::c_types::{Boolean, FALSE, Status, TRUE};
-use crate::fmi3::calling_sequence;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;
 

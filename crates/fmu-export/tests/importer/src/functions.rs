@@ -311,7 +311,7 @@ mod fmi2 {
     type ValueReference = Reference;
     type FmuState = State;
 
-    fmu_export::fmi2_calls!(functions, FMI2);
+    fmu_abi::fmi2_calls!(functions, FMI2);
 }
 
 /// FMI 3.0.
@@ -326,7 +326,7 @@ mod fmi3 {
     type ValueReference = Reference;
     type FmuState = State;
 
-    fmu_export::fmi3_calls!(functions, FMI3);
+    fmu_abi::fmi3_calls!(functions, FMI3);
 }
 
 pub use fmi2::FMI2;

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::ptr;
 use std::{env, iter, mem};
 
-use fmu_export::fmi2::c_types::{self, fmi2FreeInstance, fmi2Instantiate};
-use fmu_export::fmi3::c_types::{
+use fmu_abi::fmi2::c_types::{self, fmi2FreeInstance, fmi2Instantiate};
+use fmu_abi::fmi3::c_types::{
     fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange, fmi3InstantiateScheduledExecution,
 };
 use fmu_package::{FmuDescription, FmuVariable, Platform, ValueType, archive};

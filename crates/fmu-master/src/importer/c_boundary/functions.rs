@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, anyhow, bail};
-use fmu_export::fmi2::c_types::{Component, ValueReference};
+use fmu_abi::fmi2::c_types::{Component, ValueReference};
 use fmu_io::temporary::Folder;
 use fmu_terms::{DataType, Version};
 use libloading::Library;
@@ -79,20 +79,20 @@ impl Symbols {
 mod fmi2 {
     use std::ffi::c_int as Status;
 
-    use fmu_export::fmi2::c_types::{
+    use fmu_abi::fmi2::c_types::{
         Boolean, Byte, Component, Enumeration, EventInfo, FmuState, Integer, String, ValueReference,
     };
 
     use super::CallbackFunctions;
 
-    fmu_export::fmi2_calls!(fmu_export::function_types);
+    fmu_abi::fmi2_calls!(fmu_abi::function_types);
 }
 
 /// The types of FMI 3.0's functions, with a plain number as a status.
 mod fmi3 {
     use std::ffi::c_int as Status;
 
-    use fmu_export::fmi3::c_types::{
+    use fmu_abi::fmi3::c_types::{
         Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FmuState, Instance,
         IntermediateUpdateCallback, PreemptionCallback, String, ValueReference,
     };
@@ -101,7 +101,7 @@ mod fmi3 {
 
     type LogMessageCallback = unsafe extern "C" fn(InstanceEnvironment, Status, String, String);
 
-    fmu_export::fmi3_calls!(fmu_export::function_types);
+    fmu_abi::fmi3_calls!(fmu_abi::function_types);
 }
 
 /// Declares functions of an instance that a library has together, with their names, in both versions if their types are

@@ -17,11 +17,11 @@ use std::ffi::{CStr, CString, c_int};
 use std::ptr;
 use std::sync::Arc;
 
-use fmu_export::fmi2::c_types::{
+use fmu_abi::fmi2::c_types::{
     CO_SIMULATION, Component, EventInfo, FALSE, FmuState, MODEL_EXCHANGE, TRUE, ValueReference,
     status_kind::{LAST_SUCCESSFUL_TIME, TERMINATED},
 };
-use fmu_export::fmi3::c_types as fmi3;
+use fmu_abi::fmi3::c_types as fmi3;
 
 pub use self::functions::{Functions, NumberType};
 use self::functions::{Instantiate, OfVersion};

@@ -13,7 +13,7 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use fmu_export::floating_point;
+use fmu_abi::floating_point;
 
 pub use super::last_call::{LastCall, tell_last_call};
 

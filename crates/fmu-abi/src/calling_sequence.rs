@@ -3,8 +3,6 @@
 
 use core::fmt;
 
-use fmu_solve::Error;
-use fmu_solve::persistence::{Archive, Persistent};
 use fmu_terms::Interface;
 
 /// Declares the states: their names, and the only interface whose instances have them, if there is just one.
@@ -12,7 +10,7 @@ macro_rules! phases {
     ($($(#[$attribute:meta])* $phase:ident: $name:literal, $interface:expr;)*) => {
         /// The states of an instance, first those of FMI 2.0.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(crate) enum Phase {
+        pub enum Phase {
             $($(#[$attribute])* $phase,)*
         }
 
@@ -26,10 +24,17 @@ macro_rules! phases {
 
         impl Phase {
             /// Every state.
-            pub(crate) const ALL: &[Self] = &[$(Self::$phase,)*];
+            pub const ALL: &[Self] = &[$(Self::$phase,)*];
+
+            /// The state of a number, its place in the order.
+            #[must_use]
+            pub fn numbered(number: u8) -> Option<Self> {
+                Self::ALL.get(usize::from(number)).copied()
+            }
 
             /// The only interface whose instances have the state, if there is just one.
-            pub(crate) const fn interface(self) -> Option<Interface> {
+            #[must_use]
+            pub const fn interface(self) -> Option<Interface> {
                 match self {
                     $(Self::$phase => $interface,)*
                 }
@@ -66,63 +71,64 @@ phases! {
 }
 
 /// A set of states, one bit each.
-#[derive(Clone, Copy)]
-pub(crate) struct Phases(u16);
+#[derive(Clone, Copy, Debug)]
+pub struct Phases(u16);
 
 impl Phases {
     /// Every state.
-    pub(crate) const ALL: Self = Self::of(Phase::ALL);
+    pub const ALL: Self = Self::of(Phase::ALL);
 
-    pub(crate) const fn of(phases: &[Phase]) -> Self {
+    /// The states of a list.
+    #[must_use]
+    pub const fn of(phases: &[Phase]) -> Self {
         match phases {
             [] => Self(0),
             [first, others @ ..] => Self::of(others).and(*first),
         }
     }
 
-    pub(crate) const fn and(self, phase: Phase) -> Self {
+    /// With one more.
+    #[must_use]
+    pub const fn and(self, phase: Phase) -> Self {
         Self(self.0 | 1 << phase as u16)
     }
 
-    pub(crate) const fn without(self, phase: Phase) -> Self {
+    /// With one less.
+    #[must_use]
+    pub const fn without(self, phase: Phase) -> Self {
         Self(self.0 & !(1 << phase as u16))
     }
 
+    /// Whether a state is among them.
+    #[must_use]
     #[inline]
-    pub(crate) const fn contains(self, phase: Phase) -> bool {
+    pub const fn contains(self, phase: Phase) -> bool {
         self.0 & 1 << phase as u16 != 0
     }
 }
 
-impl Persistent for Phase {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let mut number = *self as u8;
-        number.persist(archive)?;
-        let known = Self::ALL.iter().find(|&&phase| phase as u8 == number);
-        *self = *known.ok_or_else(|| Error::new(format!("{number} is not a state of an instance")))?;
-        Ok(())
-    }
-}
-
 /// A function of the standard that takes an instance.
-pub(crate) struct Function {
+#[derive(Debug)]
+pub struct Function {
     /// The name in the standard.
-    pub(crate) name: &'static str,
+    pub name: &'static str,
     /// The only interface whose instances have the function, if there is just one.
-    pub(crate) interface: Option<Interface>,
+    pub interface: Option<Interface>,
     /// The states in which it may be called.
-    pub(crate) phases: Phases,
-    pub(crate) version: &'static Conventions,
+    pub phases: Phases,
+    /// What it shares with the other functions of its version.
+    pub version: &'static Conventions,
 }
 
 /// What the functions of a version share.
-pub(crate) struct Conventions {
+#[derive(Debug)]
+pub struct Conventions {
     /// The standard's name for the array of value references of getters and setters, for messages.
-    pub(crate) value_references: &'static str,
+    pub value_references: &'static str,
     /// The standard's name for their array of values.
-    pub(crate) values: &'static str,
+    pub values: &'static str,
     /// The state after an error, unless the standard lets the importer continue.
-    pub(crate) after_error: Option<Phase>,
+    pub after_error: Option<Phase>,
 }
 
 /// Declares the functions of a version's table that take an instance: their interface, if only one has them, and the
@@ -136,7 +142,7 @@ macro_rules! functions {
         $($(
             #[doc = concat!("`", stringify!($name), "`.")]
             #[allow(non_upper_case_globals, reason = "the standard's names")]
-            pub(crate) const $name: Function = Function {
+            pub const $name: Function = Function {
                 name: stringify!($name),
                 interface: functions!(@interface $interface),
                 phases: functions!(@phases $phases),

@@ -11,7 +11,7 @@
 
 /// Runs code in that environment, and restores the importer's (FMI 2.0.5, section 2.1.1).
 #[inline]
-pub(crate) fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
+pub fn in_default_environment<T>(body: impl FnOnce() -> T) -> T {
     let importers = control::read();
     let is_default = control::settings(importers) == control::settings(control::DEFAULT);
     let _restored = (!is_default).then(|| Restored::after(control::DEFAULT, importers));

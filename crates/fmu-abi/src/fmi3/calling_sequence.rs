@@ -272,7 +272,7 @@ macro_rules! fmi3_calls {
 }
 
 /// What the functions share.
-pub(crate) static CONVENTIONS: Conventions = Conventions {
+pub static CONVENTIONS: Conventions = Conventions {
     value_references: "valueReferences",
     values: "values",
     // Section 2.2.4: the simulation must not be continued.

@@ -3,7 +3,7 @@
 
 use core::ffi::{c_char, c_int, c_uint, c_void};
 
-pub use crate::status::Status;
+pub use crate::Status;
 
 /// `fmi2Component`: an instance.
 pub type Component = *mut c_void;

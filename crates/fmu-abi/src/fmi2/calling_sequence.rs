@@ -115,7 +115,7 @@ macro_rules! fmi2_calls {
 }
 
 /// What the functions share.
-pub(crate) static CONVENTIONS: Conventions =
+pub static CONVENTIONS: Conventions =
     Conventions { value_references: "vr", values: "value", after_error: None };
 
 fmi2_calls! { functions, &CONVENTIONS, }

@@ -2,8 +2,8 @@
 
 use core::ffi::{c_char, c_int, c_void};
 
-pub use crate::description::ValueReference;
-pub use crate::status::Status;
+pub use crate::Status;
+pub use crate::ValueReference;
 
 /// `fmi3Instance`.
 pub type Instance = *mut c_void;
