@@ -8,9 +8,9 @@ use boost_interface::{Compatibility, Interface, Role};
 use fmu_io::terminal::print;
 use fmu_io::{reading, writing};
 use fmu_package::connection::{self, Connection};
-use fmu_package::validation::rules::{LIBRARY_MISSING, LIBRARY_NAME};
-use fmu_package::validation::{Finding, validate};
 use fmu_package::{FmuDescription, Platform, archive};
+use fmu_validation::rules::{LIBRARY_MISSING, LIBRARY_NAME};
+use fmu_validation::{Finding, validate};
 
 /// An FMU that may replace the plant or the controller.
 pub struct Candidate {

@@ -245,7 +245,7 @@ def edit(root: etree._Element) -> None:
 @pytest.mark.parametrize("version", SCHEMAS)
 def test_the_schema_is_read_as_libxml2_reads_it(version: int, tmp_path: Path) -> None:
     schema = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema" / f"{SCHEMAS[version]}.xsd"))
-    good = ROOT / "crates" / "fmu-package" / "tests" / "validation" / f"fmi{version}.xml"
+    good = ROOT / "crates" / "fmu-validation" / "tests" / "validation" / f"fmi{version}.xml"
     random.seed(version)
     file = tmp_path / "edited.fmu"
     verdicts = []

@@ -1,4 +1,4 @@
-"""Compares validators on the broken FMUs of `fmu-package`'s tests, for the table in docs/validation.md.
+"""Compares validators on the broken FMUs of `fmu-validation`'s tests, for the table in docs/validation.md.
 
     PYTHONPATH=tests target/venv/bin/python -m fmu.validators
 
@@ -69,7 +69,7 @@ def row(broken: Path) -> str:
 def table() -> str:
     """The rows, in the order of the tests."""
     subprocess.run(
-        ["cargo", "test", "--quiet", "--package", "fmu-package", "--test", "validation"], cwd=ROOT, check=True
+        ["cargo", "test", "--quiet", "--package", "fmu-validation", "--test", "validation"], cwd=ROOT, check=True
     )
     subprocess.run(["cargo", "build", "--quiet", "--package", "cargo-fmu"], cwd=ROOT, check=True)
     folder = TARGET / "tmp" / "good-fmus"

@@ -8,7 +8,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
-use fmu_package::MODEL_DESCRIPTION;
+use fmu_package::{FmuDescription, MODEL_DESCRIPTION};
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
 use super::metadata::{Message, Metadata, Package};
@@ -48,9 +48,19 @@ impl Compiled {
     }
 
     /// The description generated for a model.
-    pub fn description(&self, model: &str) -> Result<String> {
-        Ok(reading::text(&self.generated(model)?.join(MODEL_DESCRIPTION))?)
+    pub fn description(&self, model: &str) -> Result<GeneratedDescription> {
+        let xml = reading::text(&self.generated(model)?.join(MODEL_DESCRIPTION))?;
+        let content = FmuDescription::parse(&xml)?;
+        Ok(GeneratedDescription { xml, content })
     }
+}
+
+/// A generated modelDescription.xml.
+pub struct GeneratedDescription {
+    /// Its text.
+    pub xml: String,
+    /// What it says.
+    pub content: FmuDescription,
 }
 
 /// Compiles packages of a workspace with a profile, for the chosen FMI version and interfaces, if any; cargo reports progress

@@ -200,7 +200,7 @@ fn inspect(library: &[u8], identifier: &str, description: &FmuDescription) -> Re
 }
 
 fn version(description: &FmuDescription) -> Version {
-    if description.is_fmi3() { Version::Three } else { Version::Two }
+    description.version()
 }
 
 /// The extracted sources of an FMU.

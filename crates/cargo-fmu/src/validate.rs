@@ -7,9 +7,9 @@ use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use fmu_io::terminal::{complain, in_line, print};
-use fmu_package::validation::importers::{self, Importer};
-use fmu_package::validation::rules::{self, Rule, Severity};
-use fmu_package::validation::{self, Finding, Place, Report};
+use fmu_validation::importers::{self, Importer};
+use fmu_validation::rules::{self, Rule, Severity};
+use fmu_validation::{Finding, Place, Report};
 use serde::Serialize;
 
 use super::info::Format;
@@ -75,7 +75,7 @@ impl Validate {
             |known: &&Importer| self.importers.iter().any(|name| known.name.eq_ignore_ascii_case(name));
         let importers: Vec<_> = importers::ALL.iter().filter(is_named).collect();
         let reports =
-            self.files.iter().map(|file| Ok((file.as_path(), validation::validate(file, &importers)?)));
+            self.files.iter().map(|file| Ok((file.as_path(), fmu_validation::validate(file, &importers)?)));
         let reports = reports.collect::<Result<Vec<_>>>()?;
         print(&match self.format {
             Format::Text => reports.iter().map(|(file, report)| text(file, report)).collect(),
@@ -87,7 +87,7 @@ impl Validate {
 
 /// Rejects an FMU that was just written if it has errors, and prints the warnings.
 pub fn check(file: &Path) -> Result<()> {
-    let report = validation::validate(file, &[])?;
+    let report = fmu_validation::validate(file, &[])?;
     if report.count(Severity::Error) > 0 {
         bail!("the FMU breaks the standard's rules\n{}", text(file, &report));
     }

@@ -1,7 +1,9 @@
 //! ZIP archives: reproducible writing, and safe reading of untrusted ones.
 //!
-//! An archive is read if [validation](crate::validation) finds no error in its list of entries: paths that escape the
-//! archive's folder, links, duplicate paths and huge sizes are rejected.
+//! An archive is read if nothing in its list of entries does harm: paths that escape the archive's folder, links, duplicate
+//! paths and huge sizes are rejected.
+
+mod files;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -14,11 +16,9 @@ use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
-pub use crate::validation::archive::is_inside;
-use crate::validation::archive::{Files, normalized, unpack};
-use crate::validation::report::Report;
-use crate::validation::rules::Severity;
 use crate::xml;
+pub use files::{Files, Reason, Refuse, is_inside};
+use files::{normalized, unpack};
 
 /// An opened archive.
 pub type Archive<R> = ZipArchive<R>;
@@ -31,16 +31,18 @@ const UNPACKED: usize = 1 << 16;
 /// # Errors
 /// When it is not a ZIP archive, or its list has a harmful entry; the message names it.
 pub fn open<R: Read + Seek>(reader: R) -> io::Result<ZipArchive<R>> {
-    let mut report = Report::default();
-    let files = Files::open(reader, &mut report);
-    let error = report.findings.into_iter().find(|finding| finding.rule.severity == Severity::Error);
-    match (files, error) {
+    let mut first = None;
+    let files = Files::open(reader, &mut |reason, path, message| {
+        if reason != Reason::Stray {
+            first.get_or_insert_with(|| match path {
+                Some(path) => format!("its entry '{path}': {message}"),
+                None => message,
+            });
+        }
+    });
+    match (files, first) {
         (Some(files), None) => Ok(files.into_archive()),
-        (_, Some(error)) => Err(broken(match error.place.file {
-            Some(path) => format!("its entry '{path}': {}", error.message),
-            None => error.message,
-        })),
-        (None, None) => Err(broken("it cannot be read")),
+        (_, refusal) => Err(broken(refusal.unwrap_or_else(|| "it cannot be read".to_owned()))),
     }
 }
 

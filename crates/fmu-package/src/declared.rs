@@ -13,7 +13,7 @@ pub struct Declared<M> {
 
 impl<M> Declared<M> {
     /// Reads a text, if one is declared.
-    pub(crate) fn read(text: Option<&str>, meaning: impl FnOnce(&str) -> Option<M>) -> Self {
+    pub fn read(text: Option<&str>, meaning: impl FnOnce(&str) -> Option<M>) -> Self {
         Self { text: text.unwrap_or_default().to_owned(), meaning: text.and_then(meaning) }
     }
 
@@ -26,7 +26,7 @@ impl<M> Declared<M> {
 
 impl<M: Word> Declared<M> {
     /// Reads a word.
-    pub(crate) fn word(text: Option<&str>) -> Self {
+    pub fn word(text: Option<&str>) -> Self {
         Self::read(text, M::of)
     }
 }
@@ -41,7 +41,7 @@ impl<M: Copy> Declared<M> {
 
 impl Declared<u32> {
     /// Reads a number.
-    pub(crate) fn number(text: Option<&str>) -> Self {
+    pub fn number(text: Option<&str>) -> Self {
         Self::read(text, |text| text.trim().parse().ok())
     }
 }

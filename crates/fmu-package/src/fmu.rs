@@ -3,6 +3,8 @@
 
 use std::io::{self, Write};
 
+use fmu_terms::Version;
+
 use crate::archive;
 use crate::identifier::refuse_no_identifier;
 use crate::library::Library;
@@ -16,6 +18,8 @@ pub struct Fmu<'a> {
     pub model_identifier: &'a str,
     /// The text of modelDescription.xml.
     pub model_description: &'a str,
+    /// Its version of FMI.
+    pub version: Version,
     /// The libraries, by platform.
     pub libraries: Vec<(Platform, Vec<u8>)>,
     /// Further files by path in the archive, such as `documentation/LICENSE`.
@@ -50,7 +54,7 @@ impl Fmu<'_> {
 impl Fmu<'_> {
     /// A library's folders: in FMI 3.0 one per processor.
     fn folders(&self, platform: Platform, library: &[u8]) -> io::Result<Vec<String>> {
-        if !self.model_description.contains(" fmiVersion=\"3.") {
+        if self.version == Version::Two {
             return Ok(vec![platform.folder().to_owned()]);
         }
         let mut folders = Library::read(library)?.folders(platform, true);
@@ -88,6 +92,7 @@ mod tests {
         let fmu = Fmu {
             model_identifier: "Lag",
             model_description: "<xml/>",
+            version: Version::Two,
             libraries: vec![(Platform::Win64, b"dll".to_vec()), (Platform::Linux64, b"so".to_vec())],
             files: vec![("documentation/LICENSE".to_owned(), b"free".to_vec())],
         };
@@ -120,6 +125,7 @@ mod tests {
         let fmu = Fmu {
             model_identifier: "Lag",
             model_description: "<xml/>",
+            version: Version::Two,
             libraries: vec![],
             files: vec![("resources/a".to_owned(), vec![]), ("resources/a".to_owned(), vec![])],
         };
@@ -131,7 +137,13 @@ mod tests {
     fn a_file_outside_the_standards_folders_is_refused() {
         let written = |path: &str| {
             let files = vec![(path.to_owned(), vec![])];
-            let fmu = Fmu { model_identifier: "Lag", model_description: "<xml/>", libraries: vec![], files };
+            let fmu = Fmu {
+                model_identifier: "Lag",
+                model_description: "<xml/>",
+                version: Version::Two,
+                libraries: vec![],
+                files,
+            };
             fmu.write(Cursor::new(vec![])).map_err(|error| error.to_string())
         };
         for path in ["documentation/index.html", "resources/a/b.csv", "sources/lag.c", "model.png"] {

@@ -1,14 +1,15 @@
 //! Files for exchanging models and systems.
 //!
 //! Written: [`Fmu`], [`SystemPackage`], [`PlatformList`]. Read, from any tool: [`archive::open`], [`FmuDescription`],
-//! [`SystemDescription`] and [`Library`]; [`validation`] finds errors in an FMU. Both: [`ParameterSet`],
-//! [checked](ParameterSet::fit) against an FMU, [`Merged`] FMUs, and [`connection`]s between FMUs.
+//! [`SystemDescription`] and [`Library`]. Both: [`ParameterSet`], [checked](ParameterSet::fit) against an FMU, [`Merged`]
+//! FMUs, and [`connection`]s between FMUs.
 
 pub mod archive;
 mod build_description;
 pub mod connection;
 mod declared;
 mod domain;
+mod elements;
 mod fmu;
 mod functions;
 mod identifier;
@@ -24,21 +25,21 @@ mod system_description;
 mod system_structure;
 mod transformation;
 mod units;
-pub mod validation;
 mod variable;
 mod variables;
-mod xml;
+pub mod xml;
 
 pub use build_description::{BuildConfiguration, SourceFileSet, StaticLibrary};
 pub use declared::Declared;
 pub use domain::Domain;
+pub use elements::{DescriptionElements, StructureElement};
 pub use fmu::Fmu;
 pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
 pub use functions::functions;
 pub use identifier::refuse_no_identifier;
 pub use library::Library;
 pub use merge::{Merged, Part};
-pub use model_description::{Enumeration, FmuDescription, MODEL_DESCRIPTION};
+pub use model_description::{Enumeration, FmuDescription, MODEL_DESCRIPTION, refuse_fmi1};
 pub use parameter_mapping::{MappingEntry, ParameterMapping};
 pub use parameter_set::{Parameter, ParameterSet, Value};
 pub use platform::{Architecture, Format, Platform};
@@ -53,6 +54,6 @@ pub use system_structure::{
 };
 pub use transformation::{Function, Transformation};
 pub use units::{is_known_unit, unit_conversion};
-pub use variable::{Dimension, Element, FmuVariable, ValueType};
+pub use variable::{Dimension, Element, FmuVariable, ValueType, VariableElement};
 pub use variables::Variables;
 pub use xml::read_xml;

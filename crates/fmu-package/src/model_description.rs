@@ -1,6 +1,6 @@
 //! Reads the modelDescription.xml of an FMU of FMI 2.0 or 3.0 from any tool.
 //!
-//! It does not check schemas, which [validation](crate::validation) does. Values whose meaning differs between versions
+//! It does not check schemas. Values whose meaning differs between versions
 //! remain text, and XML errors are rejected with their line. [`FmuDescription::scalars`] turns arrays and aliases of
 //! FMI 3.0 into variables as in FMI 2.0.
 
@@ -9,16 +9,16 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading::{self, broken};
-use fmu_terms::{Causality, DisplayUnit, Interface, Unit, Word};
-use roxmltree::Node;
+use fmu_terms::{Causality, DisplayUnit, Interface, Unit, Version};
 
 use crate::archive;
 use crate::declared::Declared;
+use crate::elements::{DescriptionElements, StructureElement};
 use crate::identifier::{IDENTIFIER, refuse_no_file_name};
 use crate::units;
-use crate::variable::{Dimension, FmuVariable, Types};
+use crate::variable::{Dimension, FmuVariable};
 use crate::variables::Variables;
-use crate::xml::{self, attributes, children, listed, named, text};
+use crate::xml::{self, attributes, listed, named, text};
 
 /// The path in the archive.
 pub const MODEL_DESCRIPTION: &str = "modelDescription.xml";
@@ -59,14 +59,11 @@ pub struct Derivative {
 }
 
 impl Derivative {
-    fn read(element: Node<'_, '_>, reference: &str) -> Self {
+    fn read(StructureElement { element, reference, .. }: StructureElement<'_>) -> Self {
         let listed = element.attribute("dependencies");
         let listed =
             listed.map(|listed| listed.split_ascii_whitespace().map(|one| Declared::number(Some(one))));
-        Self {
-            reference: Declared::number(element.attribute(reference)),
-            dependencies: listed.map(Iterator::collect),
-        }
+        Self { reference: Declared::number(reference), dependencies: listed.map(Iterator::collect) }
     }
 }
 
@@ -101,36 +98,30 @@ impl FmuDescription {
         let document = xml::read(xml, "fmiModelDescription")?;
         let root = document.root_element();
         refuse_fmi1(root)?;
-        let types: Vec<_> = declared_types(root).collect();
+        let elements = DescriptionElements::new(root);
+        let enumerations = elements.types.iter();
         let enumerations =
-            types.iter().map(|[declared, typed]| Enumeration::read(&text(*declared, "name"), *typed));
+            enumerations.map(|[declared, typed]| Enumeration::read(&text(*declared, "name"), *typed));
         let enumerations: Vec<_> = enumerations.collect::<io::Result<_>>()?;
-        let types = by_name(&types);
-        let interfaces =
-            || children(root).filter_map(|child| Some((Interface::of(child.tag_name().name())?, child)));
-        let source_files = interfaces().map(|(interface, element)| {
+        let source_files = elements.interfaces().map(|(interface, element)| {
             let files = listed(element, "SourceFiles").map(|file| text(file, "name"));
             (interface, files.collect::<Vec<_>>())
         });
-        let variables = listed(root, "ModelVariables").map(|variable| FmuVariable::read(variable, &types));
-        let structure = || named(root, "ModelStructure").flat_map(children);
-        let listed_as =
-            |element: &'static str| structure().filter(move |child| child.tag_name().name() == element);
-        let of_fmi2 = listed_as("Derivatives").flat_map(children);
-        let of_fmi2 = of_fmi2.map(|unknown| Derivative::read(unknown, "index"));
-        let of_fmi3 = listed_as("ContinuousStateDerivative");
-        let of_fmi3 = of_fmi3.map(|unknown| Derivative::read(unknown, "valueReference"));
-        let indicators = listed_as("EventIndicator");
-        let indicators = indicators.map(|listed| Declared::number(listed.attribute("valueReference")));
+        let variables = elements.variables().map(FmuVariable::read);
+        let in_list = |list| elements.structure().filter(move |listed| listed.list == list);
+        let indicators = in_list("EventIndicator").map(|listed| Declared::number(listed.reference));
         let description = Self {
             attributes: attributes(root),
-            interfaces: interfaces().map(|(interface, element)| (interface, attributes(element))).collect(),
+            interfaces: elements
+                .interfaces()
+                .map(|(interface, element)| (interface, attributes(element)))
+                .collect(),
             source_files: source_files.filter(|(_, files)| !files.is_empty()).collect(),
             default_experiment: named(root, "DefaultExperiment").next().map(attributes).unwrap_or_default(),
-            units: units::read(listed(root, "UnitDefinitions"))?,
+            units: units::read(elements.units())?,
             enumerations: enumerations.into_iter().filter(|known| !known.items.is_empty()).collect(),
             variables: variables.collect::<io::Result<Vec<_>>>()?.into(),
-            derivatives: of_fmi2.chain(of_fmi3).collect(),
+            derivatives: in_list("ContinuousStateDerivative").map(Derivative::read).collect(),
             event_indicators: indicators.collect(),
         };
         description
@@ -184,10 +175,16 @@ impl FmuDescription {
         sizes.ok_or_else(|| broken(format!("{} has a dimension without a size", variable.name)))
     }
 
+    /// The version of FMI; 2.0 unless it is 3.0.
+    #[must_use]
+    pub fn version(&self) -> Version {
+        Version::declared(self.attribute("fmiVersion")).unwrap_or_default()
+    }
+
     /// Whether it is FMI 3.0.
     #[must_use]
     pub fn is_fmi3(&self) -> bool {
-        self.attribute("fmiVersion").starts_with("3.")
+        self.version() == Version::Three
     }
 
     /// The model's unique identifier: the GUID, or in FMI 3.0 the instantiation token.
@@ -359,18 +356,6 @@ impl FmuDescription {
     }
 }
 
-/// The declared types: the element with the name, and the one with `min`, `unit` and so on, which is the same in FMI 3.0.
-pub(crate) fn declared_types(root: xml::Element<'_>) -> impl Iterator<Item = [xml::Element<'_>; 2]> {
-    let is_type = |child: &xml::Element<'_>| !["Item", "Annotations"].contains(&child.tag_name().name());
-    listed(root, "TypeDefinitions")
-        .map(move |declared| [declared, children(declared).find(is_type).unwrap_or(declared)])
-}
-
-/// Declared types by their names.
-pub(crate) fn by_name<'d>(types: &[[xml::Element<'d>; 2]]) -> Types<'d> {
-    types.iter().filter_map(|[declared, typed]| Some((declared.attribute("name")?, *typed))).collect()
-}
-
 impl Enumeration {
     fn read(name: &str, typed: xml::Element<'_>) -> io::Result<Self> {
         let items = named(typed, "Item").map(|item| {
@@ -382,7 +367,10 @@ impl Enumeration {
 }
 
 /// Rejects an FMU of FMI 1.0, by the root of its description.
-pub(crate) fn refuse_fmi1(root: xml::Element<'_>) -> io::Result<()> {
+///
+/// # Errors
+/// When it is one.
+pub fn refuse_fmi1(root: xml::Element<'_>) -> io::Result<()> {
     if root.attribute("fmiVersion") == Some("1.0") {
         return Err(broken("it is of FMI 1.0, which is not supported here; use FMPy".to_owned()));
     }

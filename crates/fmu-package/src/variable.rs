@@ -92,8 +92,9 @@ pub enum ValueType {
 pub(crate) type Types<'d> = HashMap<&'d str, xml::Element<'d>>;
 
 /// The elements that declare a variable.
-#[derive(Clone, Copy)]
-pub(crate) struct VariableElement<'d> {
+#[derive(Clone, Copy, Debug)]
+pub struct VariableElement<'d> {
+    /// The one with the name.
     pub element: xml::Element<'d>,
     /// The one with `start`, `min` and so on: the same in FMI 3.0.
     pub typed: xml::Element<'d>,
@@ -103,7 +104,7 @@ pub(crate) struct VariableElement<'d> {
 }
 
 impl<'d> VariableElement<'d> {
-    pub fn new(element: xml::Element<'d>, types: &Types<'d>) -> Self {
+    pub(crate) fn new(element: xml::Element<'d>, types: &Types<'d>) -> Self {
         let (version, typed) = match element.tag_name().name() {
             "ScalarVariable" => (Version::Two, children(element).next().unwrap_or(element)),
             _ => (Version::Three, element),
@@ -113,40 +114,37 @@ impl<'d> VariableElement<'d> {
     }
 
     /// The type of its values.
+    #[must_use]
     pub fn data_type(&self) -> Declared<DataType> {
         Declared::read(Some(self.kind()), |name| DataType::of(name, self.version))
     }
 
     /// `Real`, `Float64` and so on.
+    #[must_use]
     pub fn kind(&self) -> &'d str {
         self.typed.tag_name().name()
     }
 
     /// `causality`, or its default.
+    #[must_use]
     pub fn causality(&self) -> Declared<Causality> {
         self.word("causality").unwrap_or(Causality::Local.into())
     }
 
     /// `variability`, or its default.
+    #[must_use]
     pub fn variability(&self) -> Declared<Variability> {
-        let default = match (self.version, self.causality().meaning()) {
-            (
-                Version::Three,
-                Some(Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter),
-            ) => Variability::Fixed,
-            (Version::Three, _) if !self.data_type().meaning().is_some_and(DataType::is_float) => {
-                Variability::Discrete
-            }
-            _ => Variability::Continuous,
-        };
+        let is_float = self.data_type().meaning().is_some_and(DataType::is_float);
+        let default = Variability::by_default(self.version, self.causality().meaning(), is_float);
         self.word("variability").unwrap_or(default.into())
     }
 
     /// `initial`, or its default; empty where the variable has none.
+    #[must_use]
     pub fn initial(&self) -> Declared<Initial> {
         let default = || {
             let (causality, variability) = (self.causality().meaning()?, self.variability().meaning()?);
-            initials(self.version, causality, variability)?.first().copied().map(Declared::from)
+            Initial::allowed(self.version, causality, variability)?.first().copied().map(Declared::from)
         };
         self.word("initial").or_else(default).unwrap_or_default()
     }
@@ -157,40 +155,16 @@ impl<'d> VariableElement<'d> {
     }
 
     /// An attribute of the variable, or of its declared type.
+    #[must_use]
     pub fn inherited(&self, name: &str) -> Option<&'d str> {
         self.typed.attribute(name).or_else(|| self.declared?.attribute(name))
     }
 }
 
-/// The values allowed for `initial` with a combination of causality and variability, the default first (FMI 2.0.5,
-/// section 2.2.7; FMI 3.0.2, section 2.4.7.5); none if the combination is not allowed.
-pub(crate) fn initials(
-    version: Version,
-    causality: Causality,
-    variability: Variability,
-) -> Option<&'static [Initial]> {
-    use Causality::{CalculatedParameter, Independent, Input, Local, Output, Parameter, StructuralParameter};
-    use Initial::{Approx, Calculated, Exact};
-    use Variability::{Constant, Continuous, Discrete, Fixed, Tunable};
-    Some(match (causality, variability) {
-        (Parameter, Fixed | Tunable) | (Output | Local, Constant) => &[Exact],
-        (CalculatedParameter | Local, Fixed | Tunable) => &[Calculated, Approx],
-        (Output | Local, Discrete | Continuous) => &[Calculated, Exact, Approx],
-        (StructuralParameter, Fixed | Tunable) | (Input, Discrete | Continuous)
-            if version == Version::Three =>
-        {
-            &[Exact]
-        }
-        (Input, Discrete | Continuous) | (Independent, Continuous) => &[],
-        _ => return None,
-    })
-}
-
 impl FmuVariable {
     /// Reads a variable.
-    pub(crate) fn read<'d>(element: xml::Element<'d>, types: &Types<'d>) -> io::Result<Self> {
-        let declaration = VariableElement::new(element, types);
-        let typed = declaration.typed;
+    pub(crate) fn read(declaration: VariableElement<'_>) -> io::Result<Self> {
+        let VariableElement { element, typed, .. } = declaration;
         let inherited = |name| declaration.inherited(name).unwrap_or_default().to_owned();
         // FMI 3.0: texts are elements, one per array element.
         let texts: Vec<_> = named(typed, "Start").map(|start| text(start, "value")).collect();

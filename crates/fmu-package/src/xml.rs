@@ -30,13 +30,16 @@ const LISTS_AND_PROSE: &[&str] =
     &["clocks", "dependencies", "dependenciesKind", "description", "license", "start"];
 
 /// An element.
-pub(crate) type Element<'d> = Node<'d, 'd>;
+pub type Element<'d> = Node<'d, 'd>;
 
 /// Why a document is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Problem {
+pub enum Problem {
+    /// It has a document type definition.
     DocumentType,
+    /// It exceeds a limit.
     Limit,
+    /// It is not XML.
     Syntax,
 }
 
@@ -69,7 +72,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> io::Result<(String, &'static Encoding)> 
 }
 
 /// The encoding that a document declares, if any.
-pub(crate) fn declared_encoding(text: &str) -> Option<String> {
+pub fn declared_encoding(text: &str) -> Option<String> {
     match Reader::from_str(text).read_event() {
         Ok(Event::Decl(declaration)) => Some(declaration.encoding()?.ok()?.into_owned()),
         _ => None,
@@ -77,7 +80,7 @@ pub(crate) fn declared_encoding(text: &str) -> Option<String> {
 }
 
 /// A document, or the reason why it is refused, with the line.
-pub(crate) fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (Problem, usize, String)> {
+pub fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (Problem, usize, String)> {
     scan(text, longest_value).map_err(|(problem, position, message)| {
         let before = &text.as_bytes()[..usize::try_from(position).unwrap_or(0).min(text.len())];
         (problem, before.split(|&byte| byte == b'\n').count(), message)
@@ -190,33 +193,33 @@ pub(crate) fn read<'d>(text: &'d str, root: &str) -> io::Result<Document<'d>> {
 }
 
 /// An error in an element.
-pub(crate) fn wrong(element: Element<'_>, message: &str) -> io::Error {
+pub fn wrong(element: Element<'_>, message: &str) -> io::Error {
     let line = element.document().text_pos_at(element.range().start).row;
     broken(format!("in line {line}, in the element {}: {message}", element.tag_name().name()))
 }
 
 /// An element's children.
-pub(crate) fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
+pub fn children(element: Element<'_>) -> impl Iterator<Item = Element<'_>> {
     element.children().filter(Node::is_element)
 }
 
 /// An element's children of a name.
-pub(crate) fn named<'d>(element: Element<'d>, name: &'static str) -> impl Iterator<Item = Element<'d>> {
+pub fn named<'d>(element: Element<'d>, name: &'static str) -> impl Iterator<Item = Element<'d>> {
     children(element).filter(move |child| child.tag_name().name() == name)
 }
 
 /// The children of an element's children of a name.
-pub(crate) fn listed<'d>(element: Element<'d>, list: &'static str) -> impl Iterator<Item = Element<'d>> {
+pub fn listed<'d>(element: Element<'d>, list: &'static str) -> impl Iterator<Item = Element<'d>> {
     named(element, list).flat_map(children)
 }
 
 /// Whether an attribute is a true XML boolean.
-pub(crate) fn flag(element: Element<'_>, name: &str) -> bool {
+pub fn flag(element: Element<'_>, name: &str) -> bool {
     element.attribute(name).and_then(boolean) == Some(true)
 }
 
 /// The value of an XML boolean, a word or a digit.
-pub(crate) fn boolean(text: &str) -> Option<bool> {
+pub fn boolean(text: &str) -> Option<bool> {
     match text.trim() {
         "true" | "1" => Some(true),
         "false" | "0" => Some(false),
@@ -258,7 +261,7 @@ pub(crate) fn attributes(element: Element<'_>) -> Vec<(String, String)> {
 }
 
 /// A numeric attribute, if there is one.
-pub(crate) fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
+pub fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
     let parsed = element.attribute(name).map(|text| {
         let refuse =
             |_| wrong(element, &format!("the attribute {name} is '{text}', which is not a valid number"));

@@ -28,6 +28,16 @@ impl Version {
     /// Every version.
     pub const ALL: [Self; 2] = [Self::Two, Self::Three];
 
+    /// That of an `fmiVersion` in a modelDescription.xml, if it is one of these: `2.0`, or `3.` and what follows.
+    #[must_use]
+    pub fn declared(text: &str) -> Option<Self> {
+        match text {
+            "2.0" => Some(Self::Two),
+            text if text == "3" || text.starts_with("3.") => Some(Self::Three),
+            _ => None,
+        }
+    }
+
     /// The text.
     #[must_use]
     pub fn as_str(self) -> &'static str {

@@ -36,12 +36,54 @@ words! {
     }
 }
 
+impl Variability {
+    /// That of a variable that declares none (FMI 2.0.5, section 2.2.7; FMI 3.0.2, section 2.4.7.4).
+    #[must_use]
+    pub fn by_default(version: Version, causality: Option<Causality>, is_float: bool) -> Self {
+        use Causality::{CalculatedParameter, Parameter, StructuralParameter};
+        match (version, causality) {
+            (Version::Three, Some(Parameter | CalculatedParameter | StructuralParameter)) => Self::Fixed,
+            (Version::Three, _) if !is_float => Self::Discrete,
+            _ => Self::Continuous,
+        }
+    }
+}
+
 words! {
     /// How a variable's initial value is defined; inputs and the independent variable have none.
     pub enum Initial {
         Exact = "exact",
         Approx = "approx",
         Calculated = "calculated",
+    }
+}
+
+impl Initial {
+    /// The values that a combination of causality and variability allows, the default first (FMI 2.0.5, section 2.2.7; FMI
+    /// 3.0.2, section 2.4.7.5); none if the combination is not allowed.
+    #[must_use]
+    pub fn allowed(
+        version: Version,
+        causality: Causality,
+        variability: Variability,
+    ) -> Option<&'static [Self]> {
+        use Causality::{
+            CalculatedParameter, Independent, Input, Local, Output, Parameter, StructuralParameter,
+        };
+        use Initial::{Approx, Calculated, Exact};
+        use Variability::{Constant, Continuous, Discrete, Fixed, Tunable};
+        Some(match (causality, variability) {
+            (Parameter, Fixed | Tunable) | (Output | Local, Constant) => &[Exact],
+            (CalculatedParameter | Local, Fixed | Tunable) => &[Calculated, Approx],
+            (Output | Local, Discrete | Continuous) => &[Calculated, Exact, Approx],
+            (StructuralParameter, Fixed | Tunable) | (Input, Discrete | Continuous)
+                if version == Version::Three =>
+            {
+                &[Exact]
+            }
+            (Input, Discrete | Continuous) | (Independent, Continuous) => &[],
+            _ => return None,
+        })
     }
 }
 

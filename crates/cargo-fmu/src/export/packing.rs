@@ -10,9 +10,9 @@ use anyhow::{Context, Result, bail};
 use fmu_io::terminal::print;
 use fmu_io::{reading, writing};
 use fmu_package::{Fmu, Library, Platform, PlatformList, library};
-use fmu_terms::Interface;
+use fmu_terms::{Interface, Version};
 
-use crate::compile::Compiled;
+use crate::compile::{Compiled, GeneratedDescription};
 use crate::target::Build;
 
 /// A library to pack.
@@ -33,14 +33,14 @@ impl<'a> ModelLibrary<'a> {
     }
 
     /// Whether it was built from one of some descriptions.
-    pub(super) fn is_of(&self, descriptions: &BTreeMap<&str, String>) -> bool {
+    pub(super) fn is_of(&self, descriptions: &BTreeMap<&str, GeneratedDescription>) -> bool {
         self.model_of(descriptions).is_some()
     }
 
     /// The model whose description it was built from, identified by the GUID in the library.
-    fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, String>) -> Option<&'d str> {
+    fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, GeneratedDescription>) -> Option<&'d str> {
         let is_of =
-            |description: &str| guid(description).is_some_and(|guid| holds(&self.bytes, guid.as_bytes()));
+            |description: &GeneratedDescription| holds(&self.bytes, description.content.guid().as_bytes());
         descriptions.iter().find(|(_, description)| is_of(description)).map(|(&name, _)| name)
     }
 
@@ -51,7 +51,7 @@ impl<'a> ModelLibrary<'a> {
 
 /// Each model's libraries: compiled here, and built elsewhere.
 pub(super) fn libraries_of<'a>(
-    descriptions: &BTreeMap<&'a str, String>,
+    descriptions: &BTreeMap<&'a str, GeneratedDescription>,
     built: &[(Build, Compiled)],
     given: Vec<ModelLibrary<'_>>,
 ) -> Result<BTreeMap<&'a str, BTreeMap<Platform, Vec<u8>>>> {
@@ -82,23 +82,6 @@ pub(super) fn libraries_of<'a>(
     Ok(libraries)
 }
 
-/// Whether a description is one of FMI 3.0.
-pub(super) fn is_fmi3(model_description: &str) -> bool {
-    model_description.contains(" fmiVersion=\"3.")
-}
-
-/// A description's model identifier.
-pub(super) fn model_identifier(model_description: &str) -> Option<&str> {
-    model_description.split(" modelIdentifier=\"").nth(1)?.split('"').next()
-}
-
-/// A description's GUID, or instantiation token.
-fn guid(model_description: &str) -> Option<&str> {
-    let attributes = [" guid=\"", " instantiationToken=\""];
-    let begin = attributes.iter().find_map(|attribute| model_description.split(attribute).nth(1));
-    begin.and_then(|rest| rest.split('"').next())
-}
-
 /// Whether bytes hold a text.
 fn holds(bytes: &[u8], text: &[u8]) -> bool {
     bytes.windows(text.len()).any(|window| window == text)
@@ -107,13 +90,13 @@ fn holds(bytes: &[u8], text: &[u8]) -> bool {
 /// The page generated in a folder, the list of the FMU's platforms, and the model's icon and terminals, if any.
 pub(super) fn documentation(
     generated: &Path,
-    description: &str,
+    version: Version,
     libraries: &BTreeMap<Platform, Vec<u8>>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let mut platforms = PlatformList::default();
     for (platform, library) in libraries {
         let library = Library::read(library)?;
-        for folder in library.folders(*platform, is_fmi3(description)) {
+        for folder in library.folders(*platform, version == Version::Three) {
             platforms.libraries.entry(folder).or_insert_with(|| library.clone());
         }
     }
@@ -121,7 +104,7 @@ pub(super) fn documentation(
         ("documentation/index.html".to_owned(), reading::bytes(&generated.join("index.html"))?),
         (PlatformList::PATH.to_owned(), platforms.to_string().into_bytes()),
     ];
-    let icons: &[_] = if is_fmi3(description) {
+    let icons: &[_] = if version == Version::Three {
         &[("model.png", "terminalsAndIcons/icon.png"), ("model.svg", "terminalsAndIcons/icon.svg")]
     } else {
         &[("model.png", "model.png")]
@@ -232,10 +215,10 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     say(path, "")
 }
 
-/// Writes an FMU and reports it.
-pub(super) fn write(fmu: &Fmu<'_>, path: &Path) -> Result<()> {
+/// Writes an FMU and reports it, with its GUID.
+pub(super) fn write(fmu: &Fmu<'_>, guid: &str, path: &Path) -> Result<()> {
     writing::write(path, |writer| fmu.write(writer))?;
-    say(path, guid(fmu.model_description).unwrap_or("no GUID"))
+    say(path, guid)
 }
 
 /// Reports a written file: its path, size, and further text.

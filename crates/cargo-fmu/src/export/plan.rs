@@ -12,10 +12,10 @@ use fmu_package::{Fmu, MODEL_DESCRIPTION, Platform};
 use fmu_terms::{Interfaces, Version};
 
 use super::packing::{
-    ModelLibrary, create_folder_of, custom_section, documentation, is_fmi3, libraries_of, model_identifier,
-    resources, with_source_files, without_type_descriptions, write, write_file,
+    ModelLibrary, create_folder_of, custom_section, documentation, libraries_of, resources,
+    with_source_files, without_type_descriptions, write, write_file,
 };
-use crate::compile::{Compiled, compile};
+use crate::compile::{Compiled, GeneratedDescription, compile};
 use crate::metadata::{Metadata, Package};
 use crate::sources::{self, Module};
 use crate::target::{Build, Made, Profile, WebAssembly};
@@ -65,11 +65,11 @@ impl Plan {
         self.out.join("fmi3")
     }
 
-    /// The file of the FMU with a description.
-    fn fmu_of(&self, model: &str, description: &str) -> PathBuf {
+    /// The file of the FMU of a version.
+    fn fmu_of(&self, model: &str, version: Version) -> PathBuf {
         let of_fmi2 = self.fmu(model);
         match of_fmi2.file_name() {
-            Some(name) if is_fmi3(description) => self.folder_of_fmi3().join(name),
+            Some(name) if version == Version::Three => self.folder_of_fmi3().join(name),
             _ => of_fmi2,
         }
     }
@@ -127,13 +127,13 @@ impl Plan {
     fn write_modules(&self, version: Option<Version>) -> Result<()> {
         let compiled = self.compile_for(&WebAssembly, "", version)?;
         for model in self.models() {
-            let mut description = compiled.description(model)?;
+            let GeneratedDescription { mut xml, content } = compiled.description(model)?;
             if !self.describes_types {
-                description = without_type_descriptions(&description);
+                xml = without_type_descriptions(&xml);
             }
             let mut module = reading::bytes(compiled.library(model)?)?;
-            module.extend(custom_section(MODEL_DESCRIPTION, description.as_bytes()));
-            write_file(&self.fmu_of(model, &description).with_extension("wasm"), &module)?;
+            module.extend(custom_section(MODEL_DESCRIPTION, xml.as_bytes()));
+            write_file(&self.fmu_of(model, content.version()).with_extension("wasm"), &module)?;
         }
         Ok(())
     }
@@ -144,15 +144,17 @@ impl Plan {
         model: &str,
         identifier: &str,
         modules: &Compiled,
-        description: &str,
+        description: &GeneratedDescription,
     ) -> Result<Vec<(String, Vec<u8>)>> {
-        if modules.description(model)? != description {
+        let GeneratedDescription { xml, content } = description;
+        if modules.description(model)?.xml != *xml {
             bail!("the WebAssembly build gave a different description of {model}");
         }
         let bytes = reading::bytes(modules.library(model)?)?;
-        let version = if is_fmi3(description) { Version::Three } else { Version::Two };
         let folder = self.metadata.target_directory.join("fmu-sources");
-        sources::files(&Module { model: identifier, version, description, bytes: &bytes }, &folder)
+        let module =
+            Module { model: identifier, version: content.version(), description: xml, bytes: &bytes };
+        sources::files(&module, &folder)
     }
 
     /// Builds the libraries of an FMI version.
@@ -189,40 +191,45 @@ impl Plan {
         &self,
         built: &[(Build, Compiled)],
         modules: Option<&Compiled>,
-        descriptions: &BTreeMap<&str, String>,
+        descriptions: &BTreeMap<&str, GeneratedDescription>,
         given: Vec<ModelLibrary<'_>>,
     ) -> Result<Vec<PathBuf>> {
         let mut libraries = libraries_of(descriptions, built, given)?;
         let mut written = vec![];
         for (&name, description) in descriptions {
             let libraries = libraries.remove(name).unwrap_or_default();
+            let GeneratedDescription { xml, content } = description;
+            let version = content.version();
             // Differs from the library's for Scheduled Execution.
-            let identifier = model_identifier(description).unwrap_or(name);
+            let identifier = content.interfaces.first();
+            let identifier = identifier.and_then(|(interface, _)| content.identifier(*interface));
+            let identifier = identifier.unwrap_or(name);
             let generated = built[0].1.generated(name)?;
-            let mut files = documentation(&generated, description, &libraries)?;
+            let mut files = documentation(&generated, version, &libraries)?;
             files.extend(resources(&generated)?);
             files.extend(licenses::files(name, &self.models[name], built)?);
-            let mut description = Cow::Borrowed(description.as_str());
+            let mut xml = Cow::Borrowed(xml.as_str());
             if let Some(modules) = modules {
-                let sources = self.sources_of(name, identifier, modules, &description)?;
+                let sources = self.sources_of(name, identifier, modules, description)?;
                 // FMI 3.0 lists them in a separate file.
-                if !is_fmi3(&description) {
-                    description = with_source_files(&description, &sources::compiled(&sources))?.into();
+                if version == Version::Two {
+                    xml = with_source_files(&xml, &sources::compiled(&sources))?.into();
                 }
                 files.extend(sources);
             }
             if !self.describes_types {
-                description = without_type_descriptions(&description).into();
+                xml = without_type_descriptions(&xml).into();
             }
             let fmu = Fmu {
                 model_identifier: identifier,
-                model_description: &description,
+                model_description: &xml,
+                version,
                 libraries: libraries.into_iter().collect(),
                 files,
             };
-            let file = self.fmu_of(identifier, &description);
+            let file = self.fmu_of(identifier, version);
             create_folder_of(&file)?;
-            write(&fmu, &file)?;
+            write(&fmu, content.guid(), &file)?;
             validate::check(&file)?;
             written.push(file);
         }
@@ -234,14 +241,17 @@ impl Plan {
 fn descriptions<'a>(
     models: impl Iterator<Item = &'a str>,
     built: &[(Build, Compiled)],
-) -> Result<BTreeMap<&'a str, String>> {
-    let mut descriptions = BTreeMap::new();
+) -> Result<BTreeMap<&'a str, GeneratedDescription>> {
+    let mut descriptions = BTreeMap::<_, GeneratedDescription>::new();
     for name in models {
         for (build, compiled) in built {
             let description = compiled.description(name)?;
-            if *descriptions.entry(name).or_insert_with(|| description.clone()) != description {
+            if let Some(first) = descriptions.get(name)
+                && first.xml != description.xml
+            {
                 bail!("the build for {} gave a different description of {name}", build.platform.folder());
             }
+            descriptions.insert(name, description);
         }
     }
     Ok(descriptions)

@@ -5,6 +5,7 @@ use std::fs;
 use std::iter;
 
 use fmu_package::{Fmu, Platform};
+use fmu_terms::Version;
 
 use crate::archives::write_archive;
 use crate::careless::{DESCRIPTION, library};
@@ -347,6 +348,7 @@ fn a_structure_runs_where_it_is() {
     let fmu = Fmu {
         model_identifier: "careless",
         model_description: DESCRIPTION,
+        version: Version::Two,
         libraries: vec![(Platform::host().unwrap(), library().to_vec())],
         files: vec![("resources/own.ssv".to_owned(), parameter_set("flag", "Boolean", "true").into_bytes())],
     };

@@ -1,6 +1,6 @@
 //! One declared variable.
 
-use fmu_terms::{Causality, DataType, Initial, Variability};
+use fmu_terms::{Causality, DataType, Initial, Variability, Version};
 use serde_json::Value;
 
 use crate::check::clocks;
@@ -129,13 +129,8 @@ fn place(variable: &VariableDeclaration, data_type: ValueType) -> Result<(Place,
         (causality == Causality::StructuralParameter, data_type == DataType::Clock);
     let reason = "a structuralParameter is of type UInt64";
     refuse_if(is_structural && data_type != DataType::UInt64, "type", reason)?;
-    let of_parameter =
-        is_structural || matches!(causality, Causality::Parameter | Causality::CalculatedParameter);
-    let default = match data_type.data_type() {
-        _ if of_parameter => Variability::Fixed,
-        DataType::Real | DataType::Float32 => Variability::Continuous,
-        _ => Variability::Discrete,
-    };
+    // That of FMI 3.0, for both versions.
+    let default = Variability::by_default(Version::Three, Some(causality), data_type.data_type().is_float());
     let variability = variable.variability.unwrap_or(default);
     let is_continuous = variability == Variability::Continuous;
     let reason = "the build fixes a structuralParameter, so it is 'fixed': the elements of larger arrays would have the \
@@ -144,15 +139,7 @@ fn place(variable: &VariableDeclaration, data_type: ValueType) -> Result<(Place,
     let may_tick = matches!(causality, Causality::Input | Causality::Output | Causality::Local);
     refuse_if(is_clock && !may_tick, "causality", "a Clock is an input, an output or local")?;
     refuse_if(is_clock && variability != Variability::Discrete, "variability", "a Clock is discrete")?;
-    let changes = is_continuous || variability == Variability::Discrete;
-    let is_allowed = match causality {
-        Causality::Parameter | Causality::CalculatedParameter => {
-            matches!(variability, Variability::Fixed | Variability::Tunable)
-        }
-        Causality::Input => changes,
-        Causality::Output => changes || variability == Variability::Constant,
-        Causality::Local | Causality::StructuralParameter | Causality::Independent => true,
-    };
+    let is_allowed = Initial::allowed(Version::Three, causality, variability).is_some();
     let reason = format_args!("FMI does not allow variability '{variability}' with causality '{causality}'");
     refuse_if(!is_allowed, "variability", reason)?;
     let reason = format_args!("only a Real can be continuous, not {}", variable.data_type);

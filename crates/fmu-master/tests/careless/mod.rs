@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-use fmu_package::{Fmu, Platform};
+use fmu_package::{Fmu, FmuDescription, Platform};
 
 /// The FMU's modelDescription.xml.
 pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
@@ -137,6 +137,7 @@ pub fn write(path: &Path, description: &str, library: &[u8]) {
     let fmu = Fmu {
         model_identifier: "careless",
         model_description: description,
+        version: FmuDescription::parse(description).expect("a description").version(),
         libraries: vec![(platform, library.to_vec())],
         files: vec![],
     };

@@ -2,13 +2,13 @@
 
 use fmu_terms::{Causality, DataType, Version};
 
-use super::model::Model;
-use super::report::{Place, Report};
-use super::rules::{
+use crate::model::Model;
+use crate::report::{Place, Report};
+use crate::rules::{
     AMPERE_OR_KELVIN, ARRAY, CLOCK_VARIABLE, ENUMERATION_VARIABLE, Rule, STRUCTURAL_PARAMETER,
     TYPE_DESCRIPTION, UNIT_OF_VARIABLE,
 };
-use crate::xml::named;
+use fmu_package::xml::named;
 
 /// A tool that imports FMUs.
 #[derive(Debug)]
@@ -82,7 +82,7 @@ pub static ALL: &[Importer] = &[
     },
 ];
 
-pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Report) {
     if model.version != Version::Three {
         return;
     }
@@ -95,7 +95,7 @@ pub(super) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
             report.add(rule, place, format!("{what}, refused by {}", refusing.join(", ")));
         }
     };
-    for [declared, _] in &model.types {
+    for [declared, _] in &model.elements.types {
         // FMPy ignores types of Clocks.
         if declared.has_attribute("description") && declared.tag_name().name() != "ClockType" {
             let name = declared.attribute("name").unwrap_or_default();

@@ -4,15 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_terms::{Causality, DataType, Initial, Variability, Version, Word};
 
-use super::model::{Entry, Model};
-use super::report::{Report, Wrong};
-use super::rules::{
+use crate::model::{Entry, Model};
+use crate::report::{Report, Wrong};
+use crate::rules::{
     CLOCKED_STATES, DEPENDENCY_KIND, DEPENDENCY_KIND_USE, DEPENDENCY_KNOWN, DEPENDENCY_ORDER, DERIVATIVES,
     EVENT_INDICATORS, INITIAL_UNKNOWNS, OUTPUTS, Rule, STRUCTURE_DUPLICATE, STRUCTURE_ORDER,
     STRUCTURE_REFERENCE,
 };
 
-pub(super) fn check(model: &Model<'_>, report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     if !model.root.children().any(|child| child.has_tag_name("ModelStructure")) {
         return;
     }

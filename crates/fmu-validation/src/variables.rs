@@ -6,20 +6,19 @@ use fmu_terms::{
     Causality, DataType, Initial, Interface, IntervalVariability, Variability, Version, Word, is_structured,
 };
 
-use super::model::{Model, Variable};
-use super::report::{Report, Wrong};
-use super::rules::{
+use crate::model::{Model, Variable};
+use crate::report::{Report, Wrong};
+use crate::rules::{
     ALIAS, CAUSALITY, CLOCK, CLOCKED, CONTINUOUS_TYPE, DERIVATIVE, DIMENSION, FINITE, INDEPENDENT, INITIAL,
     INTERMEDIATE_UPDATE, NAME_SYNTAX, NOMINAL, PREVIOUS, REINIT, START_COUNT, START_FORBIDDEN, START_MISSING,
     START_RANGE, STATE_NOMINAL, VALUE_REFERENCE, VARIABLE_NAME,
 };
-use super::schema::number;
-use super::types::range;
-use crate::declared::Declared;
-use crate::variable::initials;
-use crate::xml::{flag, named};
+use crate::schema::number;
+use crate::types::range;
+use fmu_package::Declared;
+use fmu_package::xml::{flag, named};
 
-pub(super) fn check(model: &Model<'_>, report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     names(model, report);
     name_syntax(model, report);
     independent(model, report);
@@ -131,7 +130,7 @@ fn causality_and_start(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<
     else {
         return;
     };
-    let Some(allowed) = initials(model.version, causality, variability) else {
+    let Some(allowed) = Initial::allowed(model.version, causality, variability) else {
         return wrong(&CAUSALITY, format!("{causality} and {variability} cannot be combined"));
     };
     let initial = variable.initial.meaning();
@@ -180,7 +179,7 @@ fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     for start in start_values(variable).filter(|start| *start < min || *start > max) {
         wrong(&START_RANGE, format!("the start value is {start}, outside of {min} to {max}"));
     }
-    let declared = variable.typed.attribute("declaredType").and_then(|name| model.type_named(name));
+    let declared = variable.typed.attribute("declaredType").and_then(|name| model.elements.type_named(name));
     let Some(enumeration) = declared.filter(|_| variable.data_type == DataType::Enumeration) else { return };
     let items: Vec<_> =
         named(enumeration, "Item").filter_map(|item| item.attribute("value").and_then(number)).collect();

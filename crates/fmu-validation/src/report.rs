@@ -1,6 +1,12 @@
 //! The problems found in an FMU.
 
-use super::rules::{Rule, Severity};
+use fmu_package::archive::Reason;
+
+use crate::rules::{
+    ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
+    ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, Rule,
+    Severity, XML_ENCODING,
+};
 
 /// The most findings kept, which bounds memory.
 const MOST_FINDINGS: usize = 100_000;
@@ -19,7 +25,7 @@ pub struct Place {
 }
 
 impl Place {
-    pub(super) fn file(path: impl Into<String>) -> Self {
+    pub(crate) fn file(path: impl Into<String>) -> Self {
         Self { file: Some(path.into()), ..Self::default() }
     }
 }
@@ -57,6 +63,27 @@ impl Report {
         }
     }
 
+    /// Takes what reading an archive refuses, each by its rule.
+    pub(crate) fn refusals(&mut self) -> impl FnMut(Reason, Option<&str>, String) {
+        |reason, path, message| {
+            let rule = match reason {
+                Reason::Backslash => &ARCHIVE_BACKSLASH,
+                Reason::Compression => &ARCHIVE_COMPRESSION,
+                Reason::Damaged => &ARCHIVE_DAMAGED,
+                Reason::Duplicate => &ARCHIVE_DUPLICATE,
+                Reason::Encoding => &XML_ENCODING,
+                Reason::Encryption => &ARCHIVE_ENCRYPTION,
+                Reason::FileAndFolder => &ARCHIVE_FILE_AND_FOLDER,
+                Reason::Format => &ARCHIVE_FORMAT,
+                Reason::Limit => &LIMIT,
+                Reason::Link => &ARCHIVE_LINK,
+                Reason::Path => &ARCHIVE_PATH,
+                Reason::Stray => &ARCHIVE_STRAY,
+            };
+            self.add(rule, path.map_or_else(Place::default, Place::file), message);
+        }
+    }
+
     /// The number of findings of a severity.
     #[must_use]
     pub fn count(&self, severity: Severity) -> usize {
@@ -65,4 +92,4 @@ impl Report {
 }
 
 /// Reports a problem at a known place.
-pub(super) type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);
+pub(crate) type Wrong<'a> = &'a mut dyn FnMut(&'static Rule, String);

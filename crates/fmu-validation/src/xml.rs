@@ -4,15 +4,15 @@ use std::cell::OnceCell;
 
 use roxmltree::{Document, Node};
 
-use super::report::{Place, Report};
-use super::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
-use crate::xml::{Problem, declared_encoding, parse};
+use crate::report::{Place, Report};
+use crate::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
+use fmu_package::xml::{Problem, declared_encoding, parse};
 
 /// The longest attribute value in bytes, unless a list or prose: findings quote them.
 const LONGEST_VALUE: usize = 10_000;
 
 /// A file and its content.
-pub(super) struct Xml<'d> {
+pub(crate) struct Xml<'d> {
     /// Its path in the archive.
     pub file: &'d str,
     text: &'d str,

@@ -1,14 +1,13 @@
-//! Finds problems in FMUs from any tool, FMI 2.0 and 3.0, by the published [`rules`].
+#![doc = include_str!("../README.md")]
 //!
 //! Libraries are not loaded, nothing is extracted, and the sizes read bound time and memory.
 
-pub(crate) mod archive;
 mod description;
 pub mod importers;
 mod libraries;
 mod model;
 mod other_files;
-pub(crate) mod report;
+mod report;
 pub mod rules;
 mod schema;
 mod structure;
@@ -20,9 +19,9 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use fmu_io::reading;
-use fmu_terms::Version;
+use fmu_package::archive::Files;
+use fmu_package::{DescriptionElements, MODEL_DESCRIPTION, refuse_fmi1};
 
-use crate::model_description::{MODEL_DESCRIPTION, refuse_fmi1};
 use importers::Importer;
 use rules::{ARCHIVE_NAME, DESCRIPTION_MISSING, VERSION};
 use xml::Xml;
@@ -39,14 +38,15 @@ pub fn validate(fmu: &Path, importers: &[&Importer]) -> io::Result<Report> {
     if fmu.extension().is_none_or(|extension| extension != "fmu") {
         report.add(&ARCHIVE_NAME, Place::default(), "the file's name does not end in .fmu");
     }
-    if let Some(mut files) = archive::Files::open(BufReader::new(file), &mut report) {
-        files.unpack(&mut report);
+    let files = Files::open(BufReader::new(file), &mut report.refusals());
+    if let Some(mut files) = files {
+        files.unpack(&mut report.refusals());
         check(&mut files, importers, &mut report);
     }
     Ok(report)
 }
 
-fn check(files: &mut archive::Files, importers: &[&Importer], report: &mut Report) {
+fn check(files: &mut Files, importers: &[&Importer], report: &mut Report) {
     if !files.contains(MODEL_DESCRIPTION) {
         let inside = files.paths().find(|path| path.ends_with("/modelDescription.xml"));
         let message = match inside {
@@ -55,26 +55,22 @@ fn check(files: &mut archive::Files, importers: &[&Importer], report: &mut Repor
         };
         return report.add(&DESCRIPTION_MISSING, Place::default(), message);
     }
-    let Some(text) = files.text(MODEL_DESCRIPTION, report) else { return };
+    let Some(text) = files.text(MODEL_DESCRIPTION, &mut report.refusals()) else { return };
     let Some(xml) = Xml::parse(MODEL_DESCRIPTION, &text, report) else { return };
     let root = xml.root();
     report.fmi_version = root.attribute("fmiVersion").map(str::to_owned);
     if let Err(error) = refuse_fmi1(root) {
         return report.add(&VERSION, xml.at(root), error.to_string());
     }
-    let version = match root.attribute("fmiVersion").unwrap_or_default() {
-        _ if root.tag_name().name() != "fmiModelDescription" => None,
-        "2.0" => Some(Version::Two),
-        text if text == "3" || text.starts_with("3.") => Some(Version::Three),
-        _ => None,
-    };
+    let elements = DescriptionElements::new(root);
+    let version = elements.version().filter(|_| root.tag_name().name() == "fmiModelDescription");
     let Some(version) = version else {
         let shown = root.attribute("fmiVersion").unwrap_or_default();
         let message = format!("the root is {} with the fmiVersion '{shown}'", root.tag_name().name());
         return report.add(&VERSION, xml.at(root), message);
     };
     schema::check(version, &xml, report);
-    let model = model::Model::new(version, &xml);
+    let model = model::Model::new(version, &xml, elements);
     description::check(&model, report);
     types::check(&model, report);
     variables::check(&model, report);

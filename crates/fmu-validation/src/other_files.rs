@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 
 use fmu_terms::Version;
 
-use super::archive::Files;
-use super::model::Model;
-use super::report::{Place, Report};
-use super::rules::{SOURCES, TERMINALS};
-use super::schema;
-use super::xml::Xml;
-use crate::xml::{Element, named};
+use crate::model::Model;
+use crate::report::{Place, Report};
+use crate::rules::{SOURCES, TERMINALS};
+use crate::schema;
+use crate::xml::Xml;
+use fmu_package::archive::Files;
+use fmu_package::xml::{Element, named};
 
-pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     for file in model
         .interfaces
         .iter()
@@ -36,7 +36,7 @@ fn with_xml(
     report: &mut Report,
     check: impl FnOnce(&Xml<'_>, &Files, &mut Report),
 ) {
-    let Some(text) = files.text(path, report) else { return };
+    let Some(text) = files.text(path, &mut report.refusals()) else { return };
     let Some(xml) = Xml::parse(path, &text, report) else { return };
     schema::check(Version::Three, &xml, report);
     check(&xml, files, report);

@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 
 use fmu_terms::{Interface, Version, Word};
 
-use super::archive::Files;
-use super::model::Model;
-use super::report::{Place, Report};
-use super::rules::{
+use crate::model::Model;
+use crate::report::{Place, Report};
+use crate::rules::{
     LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
     LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
 };
-use crate::library::{Library, Linkage, missing_in_words};
-use crate::platform::{Architecture, Format, Platform};
+use fmu_package::archive::Files;
+use fmu_package::library::{Library, Linkage, missing_in_words};
+use fmu_package::{Architecture, Format, Platform};
 
 /// The libraries of Linux systems: those of glibc and GCC.
 const OF_LINUX: &[&str] = &[
@@ -32,7 +32,7 @@ const OF_LINUX: &[&str] = &[
     "libutil.so",
 ];
 
-pub(super) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     let paths: Vec<_> =
         files.paths().filter(|path| path.starts_with("binaries/")).map(str::to_owned).collect();
     let is_library =

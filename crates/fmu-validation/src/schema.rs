@@ -11,15 +11,15 @@ use fmu_terms::Version;
 use regex_lite::Regex;
 use roxmltree::{Document, Node};
 
-use super::report::Report;
-use super::rules::{SCHEMA_ATTRIBUTE, SCHEMA_ELEMENT, SCHEMA_VALUE};
-use super::xml::Xml;
+use crate::report::Report;
+use crate::rules::{SCHEMA_ATTRIBUTE, SCHEMA_ELEMENT, SCHEMA_VALUE};
+use crate::xml::Xml;
 
 type Declaration<'s> = Node<'s, 's>;
 
 macro_rules! schema_files {
     ($folder:literal: $($file:literal)*) => {
-        &[$(include_str!(concat!("../../schema/", $folder, "/", $file, ".xsd"))),*]
+        &[$(include_str!(concat!("../schema/", $folder, "/", $file, ".xsd"))),*]
     };
 }
 
@@ -30,7 +30,7 @@ const FMI3: &[&str] = schema_files!("fmi3": "fmi3Annotation" "fmi3AttributeGroup
     "fmi3Variable" "fmi3VariableDependency");
 
 /// Checks a document against the schema of an FMI version that declares its root.
-pub(super) fn check(version: Version, xml: &Xml<'_>, report: &mut Report) {
+pub(crate) fn check(version: Version, xml: &Xml<'_>, report: &mut Report) {
     let files = match version {
         Version::Two => FMI2,
         Version::Three => FMI3,
@@ -411,7 +411,7 @@ fn is_of(builtin: &str, text: &str) -> Result<(), String> {
 }
 
 /// A number as written in XML.
-pub(super) fn number(text: &str) -> Option<f64> {
+pub(crate) fn number(text: &str) -> Option<f64> {
     match text.trim() {
         "INF" => Some(f64::INFINITY),
         "-INF" => Some(f64::NEG_INFINITY),

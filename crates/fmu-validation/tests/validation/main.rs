@@ -15,9 +15,9 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use fmu_package::validation::importers;
-use fmu_package::validation::rules::{self, Severity};
-use fmu_package::validation::{Report, validate};
+use fmu_validation::importers;
+use fmu_validation::rules::{self, Severity};
+use fmu_validation::{Report, validate};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 

@@ -3,35 +3,31 @@
 use std::collections::HashMap;
 use std::ops::Deref;
 
+use fmu_package::xml::{Element, named};
+use fmu_package::{Declared, DescriptionElements, StructureElement, VariableElement};
 use fmu_terms::{Causality, DataType, Initial, Interface, Variability, Version, Word};
 
-use super::report::{Place, Report};
-use super::rules::Rule;
-use super::xml::Xml;
-use crate::declared::Declared;
-use crate::model_description::{by_name, declared_types};
-use crate::variable::{Types, VariableElement};
-use crate::xml::{Element, children, listed, named};
+use crate::report::{Place, Report};
+use crate::rules::Rule;
+use crate::xml::Xml;
 
 /// A description. Parts may be missing where it violates the schema, which is reported separately.
-pub(super) struct Model<'d> {
+pub(crate) struct Model<'d> {
     pub xml: &'d Xml<'d>,
     pub version: Version,
     pub root: Element<'d>,
     pub interfaces: Vec<Element<'d>>,
-    /// The declared types: the element with the name, and the one with `min`, `unit` and so on.
-    pub types: Vec<[Element<'d>; 2]>,
     pub units: Vec<Element<'d>>,
     pub variables: Vec<Variable<'d>>,
     pub entries: Vec<Entry<'d>>,
-    type_by_name: Types<'d>,
+    pub elements: DescriptionElements<'d>,
     unit_by_name: HashMap<&'d str, Element<'d>>,
     /// The targets of indices (FMI 2) and value references (FMI 3).
     references: HashMap<u32, usize>,
 }
 
 /// A variable.
-pub(super) struct Variable<'d> {
+pub(crate) struct Variable<'d> {
     declaration: VariableElement<'d>,
     pub name: &'d str,
     pub data_type: Declared<DataType>,
@@ -44,7 +40,7 @@ pub(super) struct Variable<'d> {
 }
 
 /// An entry of the model structure, in a list with FMI 3's name: `Output` and so on.
-pub(super) struct Entry<'d> {
+pub(crate) struct Entry<'d> {
     pub list: &'static str,
     pub element: Element<'d>,
     /// The text that refers to its variable.
@@ -56,29 +52,12 @@ pub(super) struct Entry<'d> {
 }
 
 impl<'d> Model<'d> {
-    pub fn new(version: Version, xml: &'d Xml<'d>) -> Self {
-        let root = xml.root();
-        let below = |name| listed(root, name);
-        let interfaces =
-            children(root).filter(|child| Interface::of(child.tag_name().name()).is_some()).collect();
-        let types: Vec<_> = declared_types(root).collect();
-        let units: Vec<_> = below("UnitDefinitions").collect();
+    pub fn new(version: Version, xml: &'d Xml<'d>, elements: DescriptionElements<'d>) -> Self {
+        let units: Vec<_> = elements.units().collect();
         let unit_by_name = |unit: &Element<'d>| unit.attribute("name").map(|name| (name, *unit));
-        let mut model = Self {
-            xml,
-            version,
-            root,
-            interfaces,
-            type_by_name: by_name(&types),
-            types,
-            unit_by_name: units.iter().filter_map(unit_by_name).collect(),
-            units,
-            variables: vec![],
-            entries: vec![],
-            references: HashMap::new(),
-        };
-        model.variables = below("ModelVariables").map(|element| model.variable(element)).collect();
-        for (index, variable) in model.variables.iter().enumerate() {
+        let variables: Vec<_> = elements.variables().map(Variable::new).collect();
+        let mut references = HashMap::new();
+        for (index, variable) in variables.iter().enumerate() {
             let reference = match version {
                 Version::Three => {
                     variable.element.attribute("valueReference").and_then(|text| text.trim().parse().ok())
@@ -86,60 +65,36 @@ impl<'d> Model<'d> {
                 Version::Two => u32::try_from(index + 1).ok(),
             };
             if let Some(reference) = reference {
-                model.references.entry(reference).or_insert(index);
+                references.entry(reference).or_insert(index);
             }
         }
-        model.entries = model.read_structure();
+        let mut model = Self {
+            xml,
+            version,
+            root: elements.root,
+            interfaces: elements.interfaces().map(|(_, element)| element).collect(),
+            unit_by_name: units.iter().filter_map(unit_by_name).collect(),
+            units,
+            variables,
+            entries: vec![],
+            references,
+            elements,
+        };
+        model.entries = model.elements.structure().map(|element| model.entry(element)).collect();
         model
     }
 
-    fn variable(&self, element: Element<'d>) -> Variable<'d> {
-        let declaration = VariableElement::new(element, &self.type_by_name);
-        Variable {
-            declaration,
-            name: element.attribute("name").unwrap_or_default(),
-            data_type: declaration.data_type(),
-            causality: declaration.causality(),
-            variability: declaration.variability(),
-            initial: declaration.initial(),
-            derivative: declaration.typed.attribute("derivative"),
-        }
-    }
-
-    fn read_structure(&self) -> Vec<Entry<'d>> {
-        let structure = listed(self.root, "ModelStructure");
-        let elements: Vec<(&str, Element<'d>)> = match self.version {
-            Version::Three => structure.map(|entry| (entry.tag_name().name(), entry)).collect(),
-            Version::Two => structure
-                .flat_map(|list| children(list).map(move |entry| (list.tag_name().name(), entry)))
-                .collect(),
-        };
-        let key = if self.version == Version::Three { "valueReference" } else { "index" };
-        let entry = |(list, element): (&str, Element<'d>)| {
-            let list = match list {
-                "Outputs" | "Output" => "Output",
-                "Derivatives" | "ContinuousStateDerivative" => "ContinuousStateDerivative",
-                "InitialUnknowns" | "InitialUnknown" => "InitialUnknown",
-                "ClockedState" => "ClockedState",
-                "EventIndicator" => "EventIndicator",
-                _ => return None,
-            };
-            let reference = element.attribute(key).unwrap_or_default();
-            let dependencies = element.attribute("dependencies").map(|text| {
-                text.split_ascii_whitespace().filter_map(|reference| self.resolve(reference)).collect()
-            });
-            Some(Entry { list, element, reference, variable: self.resolve(reference), dependencies })
-        };
-        elements.into_iter().filter_map(entry).collect()
+    fn entry(&self, StructureElement { list, element, reference }: StructureElement<'d>) -> Entry<'d> {
+        let reference = reference.unwrap_or_default();
+        let dependencies = element.attribute("dependencies").map(|text| {
+            text.split_ascii_whitespace().filter_map(|reference| self.resolve(reference)).collect()
+        });
+        Entry { list, element, reference, variable: self.resolve(reference), dependencies }
     }
 
     /// The variable of an index (FMI 2) or value reference (FMI 3).
     pub fn resolve(&self, reference: &str) -> Option<usize> {
         self.references.get(&reference.trim().parse().ok()?).copied()
-    }
-
-    pub fn type_named(&self, name: &str) -> Option<Element<'d>> {
-        self.type_by_name.get(name).copied()
     }
 
     pub fn unit_named(&self, name: &str) -> Option<Element<'d>> {
@@ -199,6 +154,18 @@ impl<'d> Deref for Variable<'d> {
 }
 
 impl<'d> Variable<'d> {
+    fn new(declaration: VariableElement<'d>) -> Self {
+        Self {
+            declaration,
+            name: declaration.element.attribute("name").unwrap_or_default(),
+            data_type: declaration.data_type(),
+            causality: declaration.causality(),
+            variability: declaration.variability(),
+            initial: declaration.initial(),
+            derivative: declaration.typed.attribute("derivative"),
+        }
+    }
+
     pub fn is_float(&self) -> bool {
         self.data_type.meaning().is_some_and(DataType::is_float)
     }

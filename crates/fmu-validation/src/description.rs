@@ -5,17 +5,17 @@ use std::collections::BTreeSet;
 use fmu_terms::{Interface, Version};
 use regex_lite::Regex;
 
-use super::model::Model;
-use super::report::Report;
-use super::rules::{
+use crate::model::Model;
+use crate::report::Report;
+use crate::rules::{
     CAPABILITY, DEFAULT_EXPERIMENT, EVENT_INDICATOR_COUNT, GENERATION_DATE, GUID, INTERFACE, LOG_CATEGORY,
     MODEL_IDENTIFIER, Rule,
 };
-use super::schema::number;
-use crate::identifier::refuse_no_identifier;
-use crate::xml::{Element, flag, listed, named};
+use crate::schema::number;
+use fmu_package::refuse_no_identifier;
+use fmu_package::xml::{Element, flag, listed, named};
 
-pub(super) fn check(model: &Model<'_>, report: &mut Report) {
+pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     interfaces(model, report);
     identifiers(model, report);
     guid(model, report);
@@ -28,7 +28,7 @@ pub(super) fn check(model: &Model<'_>, report: &mut Report) {
 }
 
 /// Reports elements whose attribute has the same value as an earlier one's.
-pub(super) fn unique<'d>(
+pub(crate) fn unique<'d>(
     model: &Model<'d>,
     report: &mut Report,
     rule: &'static Rule,

@@ -1,4 +1,4 @@
-//! The archive: a ZIP file that follows the standard and is safe to extract.
+//! The files of an archive, a ZIP file that follows the standard and is safe to extract, and why it is refused.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,11 +10,6 @@ use fmu_io::reading::{LARGEST_CONTENT, LARGEST_TEXT, broken, up_to};
 use zip::read::ZipFile;
 use zip::{CompressionMethod, ZipArchive};
 
-use super::report::{Place, Report};
-use super::rules::{
-    ARCHIVE_BACKSLASH, ARCHIVE_COMPRESSION, ARCHIVE_DAMAGED, ARCHIVE_DUPLICATE, ARCHIVE_ENCRYPTION,
-    ARCHIVE_FILE_AND_FOLDER, ARCHIVE_FORMAT, ARCHIVE_LINK, ARCHIVE_PATH, ARCHIVE_STRAY, LIMIT, XML_ENCODING,
-};
 use crate::xml;
 
 /// The standard's top-level names; the last two since FMI 2.0.4 and 3.0.
@@ -30,18 +25,51 @@ const TOP: &[&str] = &[
     "terminalsAndIcons",
 ];
 
+/// Why an archive or one of its entries is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// The path has backslashes.
+    Backslash,
+    /// The entry is neither stored nor deflated.
+    Compression,
+    /// The entry cannot be unpacked.
+    Damaged,
+    /// Another entry has the path.
+    Duplicate,
+    /// The text is not in UTF-8.
+    Encoding,
+    /// The entry is encrypted.
+    Encryption,
+    /// An entry lies below a file.
+    FileAndFolder,
+    /// It is not a ZIP archive.
+    Format,
+    /// It is too large.
+    Limit,
+    /// The entry is a link.
+    Link,
+    /// The path leads out of the archive's folder.
+    Path,
+    /// The standard has no place for the entry, which harms nobody.
+    Stray,
+}
+
+/// Takes what is wrong with an archive: its kind, the path of the entry, none for the archive itself, and its description.
+pub type Refuse<'a> = &'a mut dyn FnMut(Reason, Option<&str>, String);
+
 /// The readable files of an FMU.
-pub(crate) struct Files<R = BufReader<File>> {
+#[derive(Debug)]
+pub struct Files<R = BufReader<File>> {
     archive: ZipArchive<R>,
     /// By path, with `/` even if the archive has backslashes; none if an entry cannot be unpacked.
     entries: BTreeMap<String, Option<usize>>,
 }
 
 impl<R: Read + Seek> Files<R> {
-    /// Opens an archive and reports problems with its list of entries; none if nothing can be read.
-    pub fn open(mut reader: R, report: &mut Report) -> Option<Self> {
+    /// Opens an archive and refuses what is wrong with its list of entries; none if nothing can be read.
+    pub fn open(mut reader: R, refuse: Refuse<'_>) -> Option<Self> {
         if reader.seek(SeekFrom::End(0)).is_ok_and(|length| length > LARGEST_CONTENT) {
-            report.add(&LIMIT, Place::default(), "the archive is larger than 1 GiB");
+            refuse(Reason::Limit, None, "the archive is larger than 1 GiB".to_owned());
             return None;
         }
         let archive = ZipArchive::new(reader).and_then(|archive| {
@@ -50,13 +78,13 @@ impl<R: Read + Seek> Files<R> {
             }
             let start = archive.central_directory_start();
             let mut reader = archive.into_inner();
-            report_duplicates(&mut reader, start, report);
+            refuse_duplicates(&mut reader, start, refuse);
             ZipArchive::new(reader)
         });
         let archive = match archive {
             Ok(archive) => archive,
             Err(error) => {
-                report.add(&ARCHIVE_FORMAT, Place::default(), format!("it is not a ZIP archive: {error}"));
+                refuse(Reason::Format, None, format!("it is not a ZIP archive: {error}"));
                 return None;
             }
         };
@@ -64,8 +92,8 @@ impl<R: Read + Seek> Files<R> {
         let mut left = LARGEST_CONTENT;
         let mut paths = BTreeMap::new();
         for index in 0..files.archive.len() {
-            if !files.add(index, &mut paths, &mut left, report) {
-                report.add(&LIMIT, Place::default(), "its entries exceed 1 GiB");
+            if !files.add(index, &mut paths, &mut left, refuse) {
+                refuse(Reason::Limit, None, "its entries exceed 1 GiB".to_owned());
                 return None;
             }
         }
@@ -73,13 +101,13 @@ impl<R: Read + Seek> Files<R> {
             let folder = format!("{lower}/");
             let next = paths.range(folder.clone()..).next();
             if let Some((_, below)) = next.filter(|(path, _)| path.starts_with(&folder)) {
-                report.add(&ARCHIVE_FILE_AND_FOLDER, Place::file(below), format!("{file} is also a file"));
+                refuse(Reason::FileAndFolder, Some(below), format!("{file} is also a file"));
             }
         }
         let mut tops: Vec<_> = files.paths().map(|path| path.split('/').next().unwrap_or_default()).collect();
         tops.dedup();
         for top in tops.into_iter().filter(|top| !TOP.contains(top)) {
-            report.add(&ARCHIVE_STRAY, Place::file(top), "the standard has no place for it");
+            refuse(Reason::Stray, Some(top), "the standard has no place for it".to_owned());
         }
         Some(files)
     }
@@ -90,12 +118,12 @@ impl<R: Read + Seek> Files<R> {
         index: usize,
         paths: &mut BTreeMap<String, String>,
         left: &mut u64,
-        report: &mut Report,
+        refuse: Refuse<'_>,
     ) -> bool {
         let entry = match self.archive.by_index_raw(index) {
             Ok(entry) => entry,
             Err(error) => {
-                report.add(&ARCHIVE_DAMAGED, Place::default(), format!("its entry {index}: {error}"));
+                refuse(Reason::Damaged, None, format!("its entry {index}: {error}"));
                 return true;
             }
         };
@@ -103,7 +131,7 @@ impl<R: Read + Seek> Files<R> {
             .name()
             .map_or_else(|_| String::from_utf8_lossy(entry.name_raw()).into_owned(), Cow::into_owned);
         let path = normalized(&name.replace('\\', "/"));
-        let place = Place::file(&name);
+        let place = Some(name.as_str());
         let (is_encrypted, is_link, is_folder) = (entry.encrypted(), entry.is_symlink(), path.ends_with('/'));
         let is_known = matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated);
         let (size, method) = (entry.size(), entry.compression());
@@ -112,26 +140,26 @@ impl<R: Read + Seek> Files<R> {
             return true;
         }
         if name.contains('\\') {
-            report.add(&ARCHIVE_BACKSLASH, place.clone(), "its path has backslashes");
+            refuse(Reason::Backslash, place, "its path has backslashes".to_owned());
         }
         if !is_inside(&path) {
-            report.add(
-                &ARCHIVE_PATH,
-                place.clone(),
-                "it would be extracted outside of its folder on some systems",
+            refuse(
+                Reason::Path,
+                place,
+                "it would be extracted outside of its folder on some systems".to_owned(),
             );
         }
         if paths.insert(path.to_lowercase(), path.clone()).is_some() {
-            report.add(&ARCHIVE_DUPLICATE, place.clone(), "another entry has this path");
+            refuse(Reason::Duplicate, place, "another entry has this path".to_owned());
         }
         if is_link {
-            report.add(&ARCHIVE_LINK, place.clone(), "it is a link");
+            refuse(Reason::Link, place, "it is a link".to_owned());
         }
         if is_encrypted {
-            report.add(&ARCHIVE_ENCRYPTION, place.clone(), "it is encrypted");
+            refuse(Reason::Encryption, place, "it is encrypted".to_owned());
         }
         if !is_known {
-            report.add(&ARCHIVE_COMPRESSION, place.clone(), format!("it is compressed by {method}"));
+            refuse(Reason::Compression, place, format!("it is compressed by {method}"));
         }
         if size > *left {
             return false;
@@ -145,26 +173,30 @@ impl<R: Read + Seek> Files<R> {
         true
     }
 
-    /// Unpacks each entry once, reports those that are damaged, and forgets them.
-    pub fn unpack(&mut self, report: &mut Report) {
+    /// Unpacks each entry once, refuses those that are damaged, and forgets them.
+    pub fn unpack(&mut self, refuse: Refuse<'_>) {
         for (path, readable) in &mut self.entries {
             let Some(index) = *readable else { continue };
             let entry = self.archive.by_index(index).map_err(io::Error::other);
             if let Err(error) = entry.and_then(|entry| unpack(entry, &mut io::sink())) {
                 *readable = None;
-                report.add(&ARCHIVE_DAMAGED, Place::file(path), format!("it cannot be unpacked: {error}"));
+                refuse(Reason::Damaged, Some(path), format!("it cannot be unpacked: {error}"));
             }
         }
     }
 
+    /// The archive.
     pub fn into_archive(self) -> ZipArchive<R> {
         self.archive
     }
 
+    /// The paths of the files, sorted.
     pub fn paths(&self) -> impl Iterator<Item = &str> {
         self.entries.keys().map(String::as_str)
     }
 
+    /// Whether there is a file with a path.
+    #[must_use]
     pub fn contains(&self, path: &str) -> bool {
         self.entries.contains_key(path)
     }
@@ -175,23 +207,23 @@ impl<R: Read + Seek> Files<R> {
         up_to(LARGEST_CONTENT, entry).ok()
     }
 
-    /// The text of an existing XML file; if it cannot be read, none, and a report why.
-    pub fn text(&mut self, path: &str, report: &mut Report) -> Option<String> {
+    /// The text of an existing XML file; if it cannot be read, none, and a refusal.
+    pub fn text(&mut self, path: &str, refuse: Refuse<'_>) -> Option<String> {
         let entry = self.archive.by_index((*self.entries.get(path)?)?).ok()?;
         if entry.size() > LARGEST_TEXT {
-            report.add(&LIMIT, Place::file(path), "it is larger than 64 MiB");
+            refuse(Reason::Limit, Some(path), "it is larger than 64 MiB".to_owned());
             return None;
         }
         match up_to(LARGEST_TEXT, entry).and_then(xml::decode) {
             Ok((text, encoding)) => {
                 if encoding != UTF_8 {
                     let message = format!("its bytes are {}, not UTF-8", encoding.name());
-                    report.add(&XML_ENCODING, Place::file(path), message);
+                    refuse(Reason::Encoding, Some(path), message);
                 }
                 Some(text)
             }
             Err(error) => {
-                report.add(&XML_ENCODING, Place::file(path), error.to_string());
+                refuse(Reason::Encoding, Some(path), error.to_string());
                 None
             }
         }
@@ -202,7 +234,7 @@ impl<R: Read + Seek> Files<R> {
 ///
 /// # Errors
 /// When it cannot be read or written, or its size or checksum is not what the archive states.
-pub(crate) fn unpack(entry: ZipFile<'_, impl Read>, writer: &mut impl Write) -> io::Result<()> {
+pub(super) fn unpack(entry: ZipFile<'_, impl Read>, writer: &mut impl Write) -> io::Result<()> {
     let size = entry.size();
     match io::copy(&mut entry.take(size + 1), writer)? {
         unpacked if unpacked == size => Ok(()),
@@ -210,14 +242,14 @@ pub(crate) fn unpack(entry: ZipFile<'_, impl Read>, writer: &mut impl Write) -> 
     }
 }
 
-/// Reports duplicate names, of which an index of the archive keeps the last: reads the headers of the central
+/// Refuses duplicate names, of which an index of the archive keeps the last: reads the headers of the central
 /// directory (APPNOTE.TXT of ZIP, section 4.3.12).
-fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut Report) {
+fn refuse_duplicates(reader: &mut (impl Read + Seek), start: u64, refuse: Refuse<'_>) {
     let mut headers = vec![];
     if reader.seek(SeekFrom::Start(start)).and_then(|_| reader.read_to_end(&mut headers)).is_err() {
         headers.clear();
     }
-    let before = report.findings.len();
+    let mut is_found = false;
     let mut seen = BTreeSet::new();
     let mut rest = headers.as_slice();
     while rest.starts_with(b"PK\x01\x02") && rest.len() > 46 {
@@ -225,21 +257,22 @@ fn report_duplicates(reader: &mut (impl Read + Seek), start: u64, report: &mut R
         let (name, more) = (length(28), length(30) + length(32));
         let Some(path) = rest.get(46..46 + name) else { break };
         if !seen.insert(path) {
-            report.add(
-                &ARCHIVE_DUPLICATE,
-                Place::file(String::from_utf8_lossy(path)),
-                "another entry has this path",
+            is_found = true;
+            refuse(
+                Reason::Duplicate,
+                Some(&String::from_utf8_lossy(path)),
+                "another entry has this path".to_owned(),
             );
         }
         rest = rest.get(46 + name + more..).unwrap_or_default();
     }
-    if report.findings.len() == before {
-        report.add(&ARCHIVE_DUPLICATE, Place::default(), "two entries have the same path");
+    if !is_found {
+        refuse(Reason::Duplicate, None, "two entries have the same path".to_owned());
     }
 }
 
 /// An entry's path without the folders `.` that some tools write: `./a` is `a`, and `./` the empty path of all files' folder.
-pub(crate) fn normalized(path: &str) -> String {
+pub(super) fn normalized(path: &str) -> String {
     let (folders, name) =
         path.rsplit_once('/').map_or(("", path), |(_, name)| (&path[..path.len() - name.len()], name));
     let folders = folders.split_inclusive('/').filter(|folder| *folder != "./");
