@@ -5,5 +5,5 @@ mod command;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cargo_fmu::exit_with(command::run)
+    fmu_io::exit::exit_with(command::run)
 }

@@ -432,7 +432,7 @@ def test_study_of_the_document(cargo_fmu: Run, clone: Path) -> None:
             + ["fmu-package/src/connection.rs"],
             35,
         ),
-        ([f"cargo-fmu/src/run/sweep/{name}.rs" for name in ("mod", "design", "measures")], 15),
+        ([f"fmu-run/src/sweep/{name}.rs" for name in ("mod", "design", "measures")], 15),
     ],
 )
 def test_document_has_every_key(sources: list[str], least: int) -> None:

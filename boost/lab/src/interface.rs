@@ -5,7 +5,6 @@ use std::sync::{Arc, LazyLock};
 
 use anyhow::{Result, bail};
 use boost_interface::{Compatibility, Interface, Role, Translation};
-use cargo_fmu::run;
 use fmu_master::Fmu;
 use fmu_package::connection::Connection;
 
@@ -17,7 +16,7 @@ pub static INTERFACE: LazyLock<Interface> = LazyLock::new(|| {
 
 /// Opens an FMU; with connections of the system, in the interface's names and units.
 pub fn open(path: &Path, role: Role, connections: &[Connection]) -> Result<Arc<Fmu>> {
-    let fmu = run::open(path)?;
+    let fmu = fmu_run::open(path)?;
     if connections.is_empty() {
         return Ok(fmu);
     }

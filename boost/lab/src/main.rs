@@ -8,7 +8,7 @@
 //! - [`live`] writes a page that runs both FMUs in a browser.
 //! - [`command`] is the command line.
 //!
-//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`cargo_fmu::run`] has what the commands share.
+//! [`fmu_master`] runs the FMUs, [`fmu_plot`] draws their records, and [`fmu_run`] has what the commands share.
 #![deny(unsafe_code)]
 
 mod command;
@@ -22,5 +22,6 @@ mod tune;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cargo_fmu::exit_with(command::run)
+    fmu_run::fail_when_an_fmu_exits();
+    fmu_io::exit::exit_with(command::run)
 }

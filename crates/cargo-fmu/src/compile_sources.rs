@@ -14,6 +14,7 @@ use clap::Args;
 use fmu_io::reading::{self, LARGEST_CONTENT};
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::{complain, print};
+use fmu_io::threads::each;
 use fmu_io::writing;
 use fmu_package::library::{Linkage, missing_in_words};
 use fmu_package::{
@@ -23,7 +24,6 @@ use fmu_package::{
 use fmu_terms::{Interface, Version, Word as _};
 
 use super::target::host_triple;
-use super::threads::each;
 
 /// The temporary folders of sources and results.
 const PREFIX: &str = ".compiled-by-cargo-fmu-";

@@ -15,10 +15,9 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use fmu_io::terminal::{complain, program};
 use fmu_package::Platform;
-#[cfg(feature = "simulate")]
-use fmu_terms::Interface;
-use fmu_terms::{Interfaces, Version};
+use fmu_terms::{Interface, Interfaces, Version};
 
 pub use self::packing::say;
 pub use self::plan::Plan;
@@ -75,19 +74,27 @@ pub struct Export {
     folder: Option<&'static str>,
 }
 
-impl Export {
-    /// A trial of what is in the current folder, beside the FMUs that `export` writes.
-    #[cfg(feature = "simulate")]
-    pub(crate) fn trial(interface: Option<Interface>, version: Option<Version>) -> Self {
-        Self {
-            versions: version.into_iter().collect(),
-            interfaces: interface.map(Interfaces::from),
-            profile: Some(Profile::trial()),
-            folder: Some("fmu-trial"),
-            ..Self::default()
-        }
-    }
+/// Exports what is in the current folder for a trial, beside the FMUs that `export` writes, and returns the FMUs.
+///
+/// # Errors
+/// As [`Export::plan`] and [`Plan::run`].
+pub fn trial(interface: Option<Interface>, version: Option<Version>) -> Result<Vec<PathBuf>> {
+    let export = Export {
+        versions: version.into_iter().collect(),
+        interfaces: interface.map(Interfaces::from),
+        profile: Some(Profile::trial()),
+        folder: Some("fmu-trial"),
+        ..Export::default()
+    };
+    let plan = export.plan()?;
+    complain(&format!(
+        "Trial export with cargo's profile dev, not optimized; for long runs: `{} export`, then simulate its FMU",
+        program()
+    ));
+    plan.run(&[], &[])
+}
 
+impl Export {
     /// Finds the models and the tools to build them.
     ///
     /// # Errors

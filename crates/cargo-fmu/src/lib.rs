@@ -3,8 +3,7 @@
 //! # As a library
 //!
 //! The commands of `cargo fmu`, which other commands may offer as well. Each is a type whose fields clap fills from the
-//! command line. Those that run FMUs in other processes take the program for these, which works instead if its arguments
-//! say so.
+//! command line. Those that run FMUs are in the crate `fmu-run`.
 
 mod compile;
 mod compile_sources;
@@ -16,11 +15,8 @@ mod metadata;
 mod new;
 mod parameter_binding;
 mod parameters;
-#[cfg(feature = "simulate")]
-pub mod run;
 mod sources;
 mod target;
-mod threads;
 mod validate;
 
 use std::env;
@@ -28,22 +24,20 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Context as _;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use clap_complete::Shell;
+use fmu_io::exit::exit_with;
+use fmu_io::terminal;
 use fmu_io::terminal::{CARGO_FMU, program};
-use fmu_io::{temporary, terminal};
 
 pub use compile_sources::Compile;
-pub use export::{Export, Plan, say};
+pub use export::{Export, Plan, say, trial};
 pub use info::Info;
 pub use merge::Merge;
 pub use new::New;
 pub use parameters::Parameters;
 pub use validate::Validate;
-
-/// Exit status on failure, as in clap.
-const FAILED: u8 = 2;
 
 /// Exit statuses, for the help.
 const EXIT_STATUSES: &str = "\
@@ -118,28 +112,8 @@ Example:
   cargo fmu parameters target/fmu/decay.fmu --out slow.ssv")]
     Parameters(Parameters),
     #[cfg(feature = "simulate")]
-    #[command(after_help = "\
-Examples:
-  cargo fmu simulate --plot ball.html                   # exports the model of this folder, and runs it
-  cargo fmu simulate decay.fmu --set k=2 --out decay.csv
-  cargo fmu simulate motor.fmu --input voltage.csv --stop-time 1 --plot motor.svg")]
-    Simulate(Box<run::Simulate>),
-    #[cfg(feature = "simulate")]
-    #[command(after_help = "\
-Example:
-  cargo fmu compare decay.csv reference.csv --plot decay.html")]
-    Compare(run::Compare),
-    #[cfg(feature = "simulate")]
-    #[command(after_help = "\
-Examples:
-  cargo fmu linearize motor.fmu --path voltage,speed --plot motor.html
-  cargo fmu linearize loop.toml --at 20 --loop controller:speed --plot loop.html --out loop.json")]
-    Linearize(Box<run::Linearize>),
-    #[cfg(feature = "simulate")]
-    #[command(after_help = "\
-Example:
-  cargo fmu sweep study.toml --out target/study")]
-    Sweep(run::Sweep),
+    #[command(flatten)]
+    Run(fmu_run::Command),
     /// Print shell completions
     #[command(after_help = "\
 Example:
@@ -176,6 +150,8 @@ fn command_line() -> clap::Command {
 /// Runs `cargo fmu`, or `fmu`, with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
+    #[cfg(feature = "simulate")]
+    fmu_run::fail_when_an_fmu_exits();
     exit_with(|| {
         // Cargo passes the word `fmu` as the first argument.
         let is_of_cargo =
@@ -183,16 +159,9 @@ pub fn main() -> ExitCode {
         let arguments = env::args_os().enumerate().filter(|(index, word)| !is_of_cargo(*index, word));
         let arguments: Vec<_> = arguments.map(|(_, word)| word).collect();
         #[cfg(feature = "simulate")]
-        let (is_worker, arguments) = run::workers::told_to_work(arguments);
+        let (is_worker, arguments) = fmu_run::workers::told_to_work(arguments);
         let matches = command_line().get_matches_from(&arguments);
         let command = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command;
-        #[cfg(feature = "simulate")]
-        let worker = || run::workers::Program::this(&arguments);
-        // An FMU may end the process.
-        #[cfg(feature = "simulate")]
-        let in_worker = |run: &dyn Fn() -> Result<()>| {
-            if is_worker { run::workers::work_once(run) } else { run::workers::supervised(&worker()?) }
-        };
         match command {
             Command::New(new) => new.run(),
             Command::Export { export, parameters } => parameter_binding::export(&export.plan()?, &parameters),
@@ -202,15 +171,7 @@ pub fn main() -> ExitCode {
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
             #[cfg(feature = "simulate")]
-            Command::Sweep(sweep) if is_worker => sweep.work(),
-            #[cfg(feature = "simulate")]
-            Command::Simulate(simulate) => in_worker(&|| simulate.run()),
-            #[cfg(feature = "simulate")]
-            Command::Compare(compare) => compare.run(),
-            #[cfg(feature = "simulate")]
-            Command::Linearize(linearize) => in_worker(&|| linearize.run()),
-            #[cfg(feature = "simulate")]
-            Command::Sweep(sweep) => return sweep.run(&worker()?),
+            Command::Run(command) => return command.run(is_worker, &arguments, &trial),
             Command::Completions { shell } => {
                 let mut command = command_line();
                 // Shells complete the program that cargo runs.
@@ -224,23 +185,4 @@ pub fn main() -> ExitCode {
         }
         .map(|()| true)
     })
-}
-
-/// Runs a command and returns the process's exit status: 0 and 1 for yes and no, 2 for an error, which is printed.
-/// Removes temporary files when the process is interrupted. If an FMU ends the process, the exit status is an error.
-pub fn exit_with(command: impl FnOnce() -> Result<bool>) -> ExitCode {
-    temporary::remove_when_interrupted();
-    #[cfg(feature = "simulate")]
-    fmu_master::when_an_fmu_exits(|culprit| {
-        terminal::complain(&format!("error: {culprit}"));
-        FAILED.into()
-    });
-    match command() {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            terminal::complain(&format!("error: {error:#}"));
-            FAILED.into()
-        }
-    }
 }

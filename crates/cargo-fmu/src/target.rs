@@ -27,7 +27,6 @@ impl Profile {
     const LIBRARY: &str = "fmu-library";
 
     /// For a trial: compiles fast. Debug information would triple the time.
-    #[cfg(feature = "simulate")]
     pub fn trial() -> Self {
         Self { name: "dev".to_owned(), settings: &["debug=false"] }
     }

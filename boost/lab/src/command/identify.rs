@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use super::{HTML, JSON};
 use crate::identify::{Naming, ParameterEstimate, html, identify, json};
 use anyhow::Result;
-use cargo_fmu::run::{self, name_and_value};
 use clap::Args;
 use fmu_io::terminal::{complain, print};
 use fmu_record::numbers::estimate;
+use fmu_run::name_and_value;
 
 /// The files in the folder of results.
 const SET: &str = "identified.ssv";
@@ -45,7 +45,7 @@ pub fn run(arguments: Arguments) -> Result<()> {
     let Arguments { data, plant, parameters, column, unit, validation_share, out } = arguments;
     let outputs = [SET, HTML, JSON].map(|name| out.join(name));
     super::refuse_overlap(&out, &outputs, &[&[data.clone(), plant.clone()], &parameters[..]].concat())?;
-    let plant = run::open(&plant)?;
+    let plant = fmu_run::open(&plant)?;
     let sets = super::parameter_sets(&parameters)?;
     let naming = Naming { columns: column, units: unit };
     let identification = identify(&data, &naming, &plant, &sets, validation_share)?;

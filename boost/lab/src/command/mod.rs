@@ -11,12 +11,12 @@ use std::path::PathBuf;
 
 use crate::study::draw::known_plants;
 use anyhow::Result;
-use cargo_fmu::run::workers::{Program, told_to_work};
-use cargo_fmu::run::{
-    FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
-};
 use clap::{Parser, Subcommand};
 use fmu_package::ParameterSet;
+use fmu_run::workers::{Program, told_to_work};
+use fmu_run::{
+    FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
+};
 
 /// The files in a folder of results.
 const HTML: &str = "report.html";

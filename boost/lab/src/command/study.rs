@@ -10,14 +10,14 @@ use crate::study::situation::Situation;
 use crate::study::{Study, StudyReport, csv};
 use anyhow::Result;
 use boost_interface::Role;
-use cargo_fmu::run::journal::{Identity, Journal};
-use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use clap::Args;
 use fmu_io::reading::digest;
 use fmu_io::terminal::{complain, print};
 use fmu_io::writing;
 use fmu_master::Fmu;
 use fmu_package::{FmuVariable, ParameterSet, connection};
+use fmu_run::journal::{Identity, Journal};
+use fmu_run::workers::{self, Program, WorkerArguments, Workers};
 
 const CSV: &str = "results.csv";
 

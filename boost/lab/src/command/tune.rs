@@ -10,12 +10,11 @@ use crate::tune::comparison::{self, Compared};
 use crate::tune::{Procedure, Schedule, Strategy, Task, TuningJournal, TuningPart, dcm, html, json, rest};
 use anyhow::{Context, Result};
 use boost_interface::Role;
-use cargo_fmu::run;
-use cargo_fmu::run::workers::{self, Program, WorkerArguments, Workers};
 use clap::Args;
 use fmu_io::reading::digest;
 use fmu_io::terminal::{complain, print};
 use fmu_package::connection;
+use fmu_run::workers::{self, Program, WorkerArguments, Workers};
 
 /// The name of the parameter set.
 const SET: &str = "schedule";
@@ -83,7 +82,7 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     drop(workers);
     let mut loop_to_run = None;
     if let Some(controller) = &arguments.controller {
-        let rig = Rig::new(Arc::clone(&tuning.task.plant), run::open(controller)?, 0)?;
+        let rig = Rig::new(Arc::clone(&tuning.task.plant), fmu_run::open(controller)?, 0)?;
         let threads = super::threads(arguments.workers.number, [&*rig.plant, &*rig.controller])?;
         if arguments.lambda.is_none() && arguments.strategy == Strategy::SplitRange {
             match rest::shortest_lambda(&rig, &tuning, &threads)? {
@@ -127,7 +126,7 @@ pub fn work(arguments: &Arguments) -> Result<()> {
 impl Arguments {
     fn task(&self) -> Result<Task> {
         let schedule = match &self.controller {
-            Some(path) => Schedule::read(run::open(path)?.description(), self.strategy)
+            Some(path) => Schedule::read(fmu_run::open(path)?.description(), self.strategy)
                 .with_context(|| format!("{} cannot be tuned", path.display()))?,
             None => Schedule::built_in(self.strategy)?,
         };

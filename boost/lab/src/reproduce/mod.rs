@@ -21,7 +21,6 @@ use std::sync::LazyLock;
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};
 
-use cargo_fmu::run::refuse_missing;
 use fmu_master::Fmu;
 use fmu_master::measure;
 use fmu_master::scenario::{Scenario, Signal};
@@ -29,6 +28,7 @@ use fmu_master::{LoadedFmus, Master};
 use fmu_plot::{Figure, Line, Panel, panels};
 use fmu_record::Record;
 use fmu_record::numbers::{axis, number};
+use fmu_run::refuse_missing;
 
 pub use self::report::{CLAIMS_STYLE, claims_table, html, json};
 

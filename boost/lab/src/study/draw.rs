@@ -10,8 +10,8 @@ use rand_pcg::Pcg64;
 
 use super::names::{LIMP_HOME, RUNNING, SHAFT, START, TANK_START, can_start_running};
 use super::situation::{Event, Experiment, STEP, Situation};
-use cargo_fmu::run::latin_fractions;
 use fmu_master::scenario::Signal;
+use fmu_run::latin_fractions;
 
 /// The FMUs' files in a case's scenario.
 pub const CONTROLLER: &str = "BoostController.fmu";

@@ -9,7 +9,7 @@
 //! - [`optimum`] searches for the best control of a case around its worst moment.
 //! - [`report`] writes the results.
 //!
-//! Each finished case is written to the [journal](cargo_fmu::run::journal) at once; an interrupted study resumes from it.
+//! Each finished case is written to the [journal](fmu_run::journal) at once; an interrupted study resumes from it.
 
 pub mod case;
 pub mod criteria;
@@ -31,8 +31,8 @@ use self::criteria::Criteria;
 use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
-use cargo_fmu::run::journal::{Journal, Part};
-use cargo_fmu::run::workers::Workers;
+use fmu_run::journal::{Journal, Part};
+use fmu_run::workers::Workers;
 
 pub use self::report::{StudyReport, csv};
 

@@ -3,8 +3,8 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use cargo_fmu::run::Range;
 use fmu_master::scenario::Signal;
+use fmu_run::Range;
 
 use super::fault::{self, Fault};
 use super::names::help;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bench::{Point, Sweep};
-use cargo_fmu::run::journal::{Journal, Part};
+use fmu_run::journal::{Journal, Part};
 
 /// A part of a tuning.
 #[derive(Clone, Serialize, Deserialize)]

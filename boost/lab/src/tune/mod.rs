@@ -29,10 +29,10 @@ use fmu_package::connection::{self, Connection};
 use fmu_package::{Parameter, ParameterSet, Value};
 use serde::Serialize;
 
-use cargo_fmu::run::journal::Identity;
-use cargo_fmu::run::workers::Workers;
 use fmu_master::Fmu;
 use fmu_master::measure::{greatest, least};
+use fmu_run::journal::Identity;
+use fmu_run::workers::Workers;
 
 use self::bench::Bench;
 pub use self::bench::{Point, Sweep};

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use self::design::Design;
 use self::measures::Measure;
 use self::outcome::Outcome;
-use crate::run::journal::Identity;
+use crate::journal::Identity;
 use fmu_master::scenario::{Assignment, Location, Noise, Recorded, Scenario};
 use fmu_master::{Ended, LoadedFmus, Master, column_of};
 use fmu_record::{Column, Record, TableFormat};

@@ -37,7 +37,7 @@ use serde_json::Value;
 
 use super::journal::{Journal, Part};
 use super::number_in;
-use crate::threads::{each, locked};
+use fmu_io::threads::{each, locked};
 
 /// The hidden subcommand, which no help or completion shows.
 const WORKER: &str = "worker";

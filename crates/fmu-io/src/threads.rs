@@ -12,6 +12,9 @@ pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Does each of some jobs, in at most this many threads; after an error, only those that have begun.
+///
+/// # Errors
+/// The first of a job, or when a thread has panicked.
 pub fn each<J: Send>(threads: usize, jobs: VecDeque<J>, act: impl Fn(J) -> Result<()> + Sync) -> Result<()> {
     let threads = threads.min(jobs.len());
     let jobs = Mutex::new(jobs);

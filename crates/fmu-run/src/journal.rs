@@ -17,7 +17,7 @@ pub use fmu_master::scenario::Identity;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::threads::locked;
+use fmu_io::threads::locked;
 
 /// The form of journals that this program writes.
 const FORM: u32 = 3;

@@ -1,5 +1,9 @@
-//! The commands that run FMUs and show the results, for `cargo fmu` and others.
+#![doc = include_str!("../README.md")]
+//!
+//! Each command is a type whose fields clap fills from the command line. Those that run FMUs in other processes take the
+//! program for these, which works instead if its arguments say so.
 
+mod command;
 mod compare;
 mod comparison;
 mod experiment;
@@ -28,10 +32,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
-pub use compare::Compare;
-pub use linearize::Linearize;
-pub use simulate::Simulate;
-pub use sweep::Sweep;
+pub use command::{Command, fail_when_an_fmu_exits};
+pub use experiment::TrialExport;
 pub use sweep::design::{Range, latin_fractions};
 
 /// Where `export` writes FMUs in a workspace.

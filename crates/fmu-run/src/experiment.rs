@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{FmuArguments, finite, inputs, name_and_value, positive};
-use crate::Export;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fmu_io::terminal::{complain, program};
+use fmu_io::terminal::complain;
 use fmu_io::writing;
 use fmu_master::process::contained;
 use fmu_master::scenario::{
@@ -60,6 +59,9 @@ pub struct Experiment {
     input: Option<PathBuf>,
 }
 
+/// Exports what is in the current folder for a trial, and returns the FMUs.
+pub type TrialExport<'a> = &'a dyn Fn(Option<Interface>, Option<Version>) -> Result<Vec<PathBuf>>;
+
 /// The end of an experiment, if the command line gives one, and the option that does.
 #[derive(Clone, Copy)]
 pub struct End {
@@ -74,13 +76,13 @@ impl Experiment {
     ///
     /// # Errors
     /// When there is none.
-    pub fn subject(&self) -> Result<PathBuf> {
+    pub fn subject(&self, export: TrialExport<'_>) -> Result<PathBuf> {
         match (&self.subject, self.fmi) {
             (Some(subject), Some(version)) => {
                 bail!("--fmi {version}: only for the model of this folder, not for {}", subject.display())
             }
             (Some(subject), None) => Ok(subject.clone()),
-            (None, version) => model_of_this_folder(self.interface, version),
+            (None, version) => model_of_this_folder(export, self.interface, version),
         }
     }
 
@@ -200,13 +202,12 @@ fn version() -> impl TypedValueParser<Value = Version> {
 }
 
 /// The FMU of the model in this folder, which is exported for a trial, with the interface by which it runs.
-fn model_of_this_folder(interface: Option<Interface>, version: Option<Version>) -> Result<PathBuf> {
-    let plan = Export::trial(interface, version).plan()?;
-    complain(&format!(
-        "Trial export with cargo's profile dev, not optimized; for long runs: `{} export`, then simulate its FMU",
-        program()
-    ));
-    let mut fmus = plan.run(&[], &[])?;
+fn model_of_this_folder(
+    export: TrialExport<'_>,
+    interface: Option<Interface>,
+    version: Option<Version>,
+) -> Result<PathBuf> {
+    let mut fmus = export(interface, version)?;
     if fmus.len() == 1 {
         return Ok(fmus.remove(0));
     }

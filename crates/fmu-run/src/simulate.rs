@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::experiment::{End, Experiment};
+use super::experiment::{End, Experiment, TrialExport};
 use super::plot_format::PlotFormat;
 use super::summary::Summary;
 use super::{finite, progress_bar, write_file};
@@ -56,8 +56,8 @@ impl Simulate {
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
-    pub fn run(&self) -> Result<()> {
-        let subject = self.experiment.subject()?;
+    pub fn run(&self, export: TrialExport<'_>) -> Result<()> {
+        let subject = self.experiment.subject(export)?;
         let name = subject.file_stem().unwrap_or_default().to_string_lossy();
         let out = self.out.as_ref().map(|out| {
             let file = if out.is_dir() { out.join(format!("{name}.csv")) } else { out.clone() };

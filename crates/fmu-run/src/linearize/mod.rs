@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 
 use self::loop_gain::{Margins, Point, margins, measure, periods};
 use self::response::{MOST_STATES, StateSpace, frequencies};
-use super::experiment::{End, Experiment};
+use super::experiment::{End, Experiment, TrialExport};
 use super::{finite, number_in, positive, progress_bar, write_file};
 
 /// The sine added to a loop, relative to the connection's signal: far above integrator tolerances, and small enough to
@@ -114,13 +114,13 @@ impl Linearize {
     ///
     /// # Errors
     /// When it cannot be run, there is nothing to linearize, or a file cannot be read or written.
-    pub fn run(&self) -> Result<()> {
+    pub fn run(&self, export: TrialExport<'_>) -> Result<()> {
         if let Some(plot) = self.plot.as_ref().filter(|plot| plot.extension().is_none_or(|end| end != "html"))
         {
             bail!("{}: the page must end with .html", plot.display());
         }
         self.range()?;
-        let subject = self.experiment.subject()?;
+        let subject = self.experiment.subject(export)?;
         let outputs: Vec<_> = self.out.iter().chain(&self.plot).cloned().collect();
         let end = End { time: self.at, option: "at" };
         let found = self.experiment.run(&subject, end, &outputs, |scenario, loaded| {

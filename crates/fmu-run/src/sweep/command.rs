@@ -4,9 +4,9 @@ use std::path::{self, PathBuf};
 
 use super::outcome::Outcome;
 use super::{JOURNAL, Opening, RECORDS, Study, discard, keep, report, results};
-use crate::run::journal::Journal;
-use crate::run::workers::{Program, WorkerArguments, Workers, work};
-use crate::run::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, write};
+use crate::journal::Journal;
+use crate::workers::{Program, WorkerArguments, Workers, work};
+use crate::{FmuArguments, inputs, make_folder, progress_bar, refuse_overlap, write};
 use anyhow::Result;
 use clap::Args;
 use fmu_io::temporary::remove_unfinished;
