@@ -24,12 +24,11 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use fmu_io::terminal::print;
 use fmu_io::writing;
+use fmu_master::Fmu;
 use fmu_master::scenario::Scenario;
-use fmu_master::{Fmu, ONLY_ONCE};
 use fmu_package::connection;
 use fmu_terms::like;
 use indicatif::{ProgressBar, ProgressStyle};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
 pub use command::{Command, fail_when_an_fmu_exits};
@@ -137,17 +136,6 @@ impl FmuArguments {
 pub fn inputs(scenario: &Scenario) -> Vec<PathBuf> {
     let members = scenario.fmus.iter().map(|member| member.file.clone());
     members.chain(scenario.files.clone()).collect()
-}
-
-/// Threads for runs: a number of them or one per core, but a single one if an FMU allows only one instance per process.
-///
-/// # Errors
-/// When the system has no more threads.
-pub fn threads<'a>(wanted: Option<u16>, fmus: impl IntoIterator<Item = &'a Fmu>) -> Result<ThreadPool> {
-    let is_single = fmus.into_iter().any(|fmu| fmu.has_capability(ONLY_ONCE));
-    // rayon takes 0 for the number of cores, or RAYON_NUM_THREADS.
-    let number = if is_single { 1 } else { wanted.map_or(0, usize::from) };
-    ThreadPoolBuilder::new().num_threads(number).build().context("no threads")
 }
 
 /// Creates a folder for results.

@@ -10,13 +10,13 @@ use std::env;
 use std::path::PathBuf;
 
 use crate::study::draw::known_plants;
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
+use fmu_master::{Fmu, ONLY_ONCE};
 use fmu_package::ParameterSet;
 use fmu_run::workers::{Program, told_to_work};
-use fmu_run::{
-    FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, threads, write, write_file,
-};
+use fmu_run::{FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, write, write_file};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// The files in a folder of results.
 const HTML: &str = "report.html";
@@ -75,6 +75,14 @@ fn parameter_sets(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
 /// The plants of the files, or this repository's without any.
 fn plants(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
     if files.is_empty() { known_plants() } else { parameter_sets(files) }
+}
+
+/// Threads for runs: a number of them or one per core, but a single one if an FMU allows only one instance per process.
+fn threads<'a>(wanted: Option<u16>, fmus: impl IntoIterator<Item = &'a Fmu>) -> Result<ThreadPool> {
+    let is_single = fmus.into_iter().any(|fmu| fmu.has_capability(ONLY_ONCE));
+    // rayon takes 0 for the number of cores, or RAYON_NUM_THREADS.
+    let number = if is_single { 1 } else { wanted.map_or(0, usize::from) };
+    ThreadPoolBuilder::new().num_threads(number).build().context("no threads")
 }
 
 #[derive(Subcommand)]
