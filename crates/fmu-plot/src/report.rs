@@ -148,8 +148,7 @@ impl Report {
     /// The page, with rules in addition to the style sheet.
     #[must_use]
     pub fn page(&self, style: &str) -> String {
-        let drawing = figure::scripts();
-        let scripts: Vec<_> = drawing.iter().chain(&self.script).map(String::as_str).collect();
+        let scripts: Vec<_> = figure::SCRIPTS.into_iter().chain(self.script.as_deref()).collect();
         let main = "<noscript><p>The figures are drawn by the script in this page.</p></noscript>\n\n";
         Document {
             title: &self.title,

@@ -26,7 +26,7 @@ PICTURES = TARGET / "live"
 LARGEST_PICTURE = 150e3
 """Bytes of the picture in the documents."""
 
-LARGEST_PAGE = 7.5e6
+LARGEST_PAGE = 4e6
 """Bytes."""
 
 SIZES = [(390, 844), (1100, 768), (1366, 768), (1536, 864), (1920, 1080), (2560, 1440)]

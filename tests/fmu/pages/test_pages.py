@@ -27,7 +27,7 @@ FITTING = ["comparison", "identification", "study", "sweep"]
 LONGEST = 4000
 """Pixels of a page that its picture shows."""
 
-LARGEST = 6e6
+LARGEST = 2.5e6
 """Bytes of a report."""
 
 INSPECT = (Path(__file__).parent / "inspect.js").read_text()

@@ -205,7 +205,7 @@ def test_figures_follow_the_colour_scheme_and_keep_what_is_switched_off(opened: 
 def test_figures_are_saved_as_png(opened: Callable[..., Page]) -> None:
     page = opened("simulation", 1280)
     with page.expect_download() as download:
-        page.locator(".plot").first.locator("[data-title='Download plot as a png']").click()
+        page.locator(".plot").first.locator("[data-title='Download plot as a PNG']").click()
     assert download.value.path().read_bytes().startswith(b"\x89PNG")
 
 

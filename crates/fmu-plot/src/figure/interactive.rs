@@ -1,17 +1,18 @@
-//! Figures in HTML: plotly.js, which the crate `plotly` ships, is embedded and draws them when the page opens;
-//! `interactive.js` applies the page's colours and links the axes.
+//! Figures in HTML: plotly.js is embedded and draws them when the page opens; `interactive.js` applies the page's colours
+//! and links the axes.
 
 use fmu_terms::Linear;
-use plotly::Plot;
 use serde_json::{Value, json};
 
 use super::{Axis, Band, Color, Figure, Lane, Line, Marks, Panel, STATE, STATE_FONT, State, color, escaped};
 
+/// The basic bundle of plotly.js, for scatter and bar traces: the npm package `plotly.js-basic-dist-min`.
+const LIBRARY: &str = include_str!("../../plotly/plotly-basic.min.js");
 /// The colours of the style sheet are read by name, since plotly.js does not know them.
 const OWN_SCRIPT: &str = include_str!("interactive.js");
 /// The total pixel columns of a row's frames, to which lines are thinned.
 const COLUMNS: usize = 800;
-/// The maximum total columns of a figure's lines: 60 bytes each, to keep the page below 6 MB.
+/// The maximum total columns of a figure's lines: 60 bytes each, so that a figure takes about as much as the library.
 const MOST_COLUMNS: usize = 20_000;
 /// A panel has this many significant steps on each axis: ten times its pixels.
 const STEPS: f64 = 1e4;
@@ -27,13 +28,7 @@ const TOP: usize = 28;
 const BOTTOM: [usize; 2] = [24, 44];
 
 /// The scripts that draw the figures of a page: plotly.js, and our own.
-pub fn scripts() -> [String; 2] {
-    // Elements, of which the second is MathJax, which no figure needs.
-    let sources = Plot::offline_js_sources();
-    let (_, library) = sources.split_once('>').unwrap_or_default();
-    let (library, _) = library.split_once("</script>").unwrap_or_default();
-    [library.to_owned(), OWN_SCRIPT.to_owned()]
-}
+pub const SCRIPTS: [&str; 2] = [LIBRARY, OWN_SCRIPT];
 
 impl Figure {
     /// The figure in HTML, for a `<figure>` in the body of a [report](crate::Report), which draws it. Lines are thinned
