@@ -27,6 +27,8 @@ GROUPS = [
     *(f"plant 12.5 ms {stretch} exhaust area" for stretch in ("quiet", "duty")),
     *(f"plant 1 ms {stretch}" for stretch in ("quiet", "duty")),
     "controller 12.5 ms",
+    "controller 12.5 ms thin air",
+    "controller 12.5 ms thin air with shaft",
     "controller 12.5 ms paper",
     "controller 1 ms",
     "controller empty",

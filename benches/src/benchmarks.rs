@@ -119,20 +119,25 @@ pub fn all() -> Vec<Benchmark> {
                 .timed_only(),
         ]);
     }
-    // The last: between two samples, as long as the benchmark lasts.
-    let default = FeedbackStructure::ModelReference;
-    for (group, size, sample_time, structure) in [
-        ("controller 12.5 ms", STEP, STEP, default),
+    let default = Control {
+        step: STEP,
+        sample_time: STEP,
+        structure: FeedbackStructure::ModelReference,
+        measured: Measured::NOTHING,
+    };
+    for (group, control) in [
+        ("controller 12.5 ms", default),
+        ("controller 12.5 ms thin air", Control { measured: Measured::THIN_AIR, ..default }),
+        ("controller 12.5 ms thin air with shaft", Control { measured: Measured::SHAFT, ..default }),
         // As the controller in Python.
-        ("controller 12.5 ms paper", STEP, STEP, FeedbackStructure::Paper),
-        ("controller 1 ms", SHORT_STEP, STEP, default),
-        ("controller empty", 1e-7, 0.1, default),
+        ("controller 12.5 ms paper", Control { structure: FeedbackStructure::Paper, ..default }),
+        ("controller 1 ms", Control { step: SHORT_STEP, ..default }),
+        // Between two samples, as long as the benchmark lasts.
+        ("controller empty", Control { step: 1e-7, sample_time: 0.1, ..default }),
     ] {
         all.extend([
-            Benchmark::new(group, "fmu", OFTEN, move || FmuController::new(size, sample_time, structure)),
-            Benchmark::new(group, "direct", OFTEN, move || {
-                DirectController::new(size, sample_time, structure)
-            }),
+            Benchmark::new(group, "fmu", OFTEN, move || FmuController::new(control)),
+            Benchmark::new(group, "direct", OFTEN, move || DirectController::new(control)),
         ]);
     }
     all.extend([
@@ -342,43 +347,111 @@ impl<P: Plant> Subject for SlowestStep<P> {
     }
 }
 
-/// Inputs of the controller with a lasting control error.
+/// Inputs of the controller. The measurement moves about the reference from step to step, as a sensor that is alive.
 const REFERENCE: f64 = 150e3;
-const MEASUREMENT: f64 = 149e3;
+const MEASUREMENTS: [f64; 2] = [149.9e3, 150.1e3];
 
-/// The paper's structure with the paper's strategy, as in `benches/python/controller.py`.
-fn strategy_with(structure: FeedbackStructure) -> Strategy {
-    match structure {
-        FeedbackStructure::Paper => Strategy::BySpeed,
-        FeedbackStructure::ModelReference => Strategy::SplitRange,
+/// What the controller measures beside boost.
+#[derive(Clone, Copy)]
+struct Measured {
+    /// In Pa and K; 0 as without a sensor.
+    ambient: [f64; 2],
+    /// In rpm; 0 as without a sensor.
+    hp_turbo_speed: f64,
+}
+
+impl Measured {
+    const NOTHING: Self = Self { ambient: [0.0; 2], hp_turbo_speed: 0.0 };
+    const THIN_AIR: Self = Self { ambient: [80e3, 250.0], hp_turbo_speed: 0.0 };
+    /// Below the speed at which it limits boost.
+    const SHAFT: Self = Self { hp_turbo_speed: 190e3, ..Self::THIN_AIR };
+}
+
+/// How the controller runs.
+#[derive(Clone, Copy)]
+struct Control {
+    /// The communication step, in s.
+    step: f64,
+    /// In s.
+    sample_time: f64,
+    structure: FeedbackStructure,
+    measured: Measured,
+}
+
+impl Control {
+    /// The paper's structure with the paper's strategy, as in `benches/python/controller.py`.
+    fn strategy(self) -> Strategy {
+        match self.structure {
+            FeedbackStructure::Paper => Strategy::BySpeed,
+            FeedbackStructure::ModelReference => Strategy::SplitRange,
+        }
+    }
+
+    /// The inputs with a boost pressure (Pa).
+    fn inputs(self, boost_pressure: f64) -> ControllerInputs {
+        let Measured { ambient: [ambient_pressure, ambient_temperature], hp_turbo_speed } = self.measured;
+        ControllerInputs {
+            boost_reference: REFERENCE,
+            boost_pressure,
+            ambient_pressure,
+            ambient_temperature,
+            hp_turbo_speed,
+            ..ControllerInputs::default()
+        }
+    }
+
+    /// The measurements of some steps; none where no step has a sample.
+    fn measurements(self) -> &'static [f64] {
+        if self.step < 1e-3 * self.sample_time { &[] } else { &MEASUREMENTS }
     }
 }
 
 /// Steps of the controller's FMU.
 struct FmuController {
     controller: Instance<'static>,
-    size: f64,
+    control: Control,
+    boost_pressure: Vec<ValueReference>,
 }
 
 impl FmuController {
-    fn new(size: f64, sample_time: f64, structure: FeedbackStructure) -> Self {
+    fn new(control: Control) -> Self {
         let library = controller_library();
         let mut controller = library.instantiate();
-        let references = library.references(&["sample_time", "boost_reference", "boost_pressure"]);
-        controller.set(&references, &[sample_time, REFERENCE, MEASUREMENT]);
-        controller.set_integer(library.references(&["structure"])[0], structure.value());
-        controller.set_integer(library.references(&["strategy"])[0], strategy_with(structure).value());
+        let inputs = control.inputs(MEASUREMENTS[0]);
+        let names = [
+            "sample_time",
+            "boost_reference",
+            "boost_pressure",
+            "ambient_pressure",
+            "ambient_temperature",
+            "hp_turbo_speed",
+        ];
+        let values = [
+            control.sample_time,
+            inputs.boost_reference,
+            inputs.boost_pressure,
+            inputs.ambient_pressure,
+            inputs.ambient_temperature,
+            inputs.hp_turbo_speed,
+        ];
+        controller.set(&library.references(&names), &values);
+        controller.set_integer(library.references(&["structure"])[0], control.structure.value());
+        controller.set_integer(library.references(&["strategy"])[0], control.strategy().value());
         controller.enter_initialization();
         controller.exit_initialization();
-        controller.step(size);
-        Self { controller, size }
+        controller.step(control.step);
+        Self { controller, control, boost_pressure: library.references(&["boost_pressure"]) }
     }
 }
 
 impl Subject for FmuController {
     fn run(&mut self) {
+        let mut measurements = self.control.measurements().iter().cycle();
         for _ in 0..OFTEN {
-            self.controller.step(self.size);
+            if let Some(&measurement) = measurements.next() {
+                self.controller.set(&self.boost_pressure, &[measurement]);
+            }
+            self.controller.step(self.control.step);
         }
     }
 }
@@ -386,31 +459,32 @@ impl Subject for FmuController {
 /// Steps of the controller's model.
 struct DirectController {
     controller: Direct<BoostController>,
-    size: f64,
+    control: Control,
 }
 
 impl DirectController {
-    fn new(size: f64, sample_time: f64, structure: FeedbackStructure) -> Self {
-        let inputs = ControllerInputs {
-            boost_reference: REFERENCE,
-            boost_pressure: MEASUREMENT,
-            ..ControllerInputs::default()
-        };
-        let mut controller = Direct::<BoostController>::new(inputs, |variables| {
-            variables.parameters.sample_time = sample_time;
-            variables.parameters.structure = structure;
-            variables.parameters.strategy = strategy_with(structure);
+    fn new(control: Control) -> Self {
+        let mut controller = Direct::<BoostController>::new(control.inputs(MEASUREMENTS[0]), |variables| {
+            variables.parameters.sample_time = control.sample_time;
+            variables.parameters.structure = control.structure;
+            variables.parameters.strategy = control.strategy();
         });
-        controller.step(size);
-        Self { controller, size }
+        controller.step(control.step);
+        Self { controller, control }
     }
 }
 
 impl Subject for DirectController {
     fn run(&mut self) {
+        let mut measurements = self.control.measurements().iter().cycle();
         for _ in 0..OFTEN {
-            self.controller.step(self.size);
+            if let Some(&measurement) = measurements.next() {
+                self.controller.set(self.control.inputs(measurement));
+            }
+            self.controller.step(self.control.step);
         }
+        let fault_code = self.controller.variables.outputs.fault_code;
+        assert!(fault_code == 0.0, "the diagnosis found {fault_code}");
     }
 }
 
