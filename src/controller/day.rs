@@ -132,14 +132,15 @@ impl Day {
         self.ambient_pressure * larger(power(larger(1.0 + work, LEAST_RATIO), 1.0 / EXPONENT), LEAST_RATIO)
     }
 
-    /// The factor from engine speed to the schedule's, at a pressure at reference conditions (Pa).
-    pub fn speed_factor(&self, scheduled_pressure: f64) -> f64 {
+    /// The factor from engine speed to the schedule's, at a pressure here and the corresponding one at reference conditions
+    /// (Pa).
+    pub fn speed_factor(&self, pressure: f64, scheduled_pressure: f64) -> f64 {
         if self.temperature_ratio == 1.0 && self.work_ratio == 1.0 {
             return 1.0;
         }
         let scheduled_pressure = larger(scheduled_pressure, LEAST_CONVERTED);
-        let pressure = self.pressure(scheduled_pressure) / self.pressure_ratio;
-        self.work_ratio.sqrt() * pressure / (self.temperature_ratio * scheduled_pressure)
+        self.work_ratio.sqrt() * (pressure / self.pressure_ratio)
+            / (self.temperature_ratio * scheduled_pressure)
     }
 
     /// The boost pressure limit (Pa, at reference conditions) at an engine speed (rpm) here that keeps a shaft speed,
@@ -148,10 +149,11 @@ impl Day {
     /// Equal shaft speeds mean equal work and equal volume flows of the compressors, which are proportional to engine
     /// speed and pressure ratio.
     pub fn limit_of_shaft(&self, engine_speed: f64, scheduled: impl Fn(f64) -> f64) -> f64 {
-        let on_day = |limit: f64| self.with_work(limit * self.pressure_ratio, 1.0 / self.temperature_ratio);
-        let nearly = scheduled(engine_speed);
-        let factor = on_day(nearly) / (nearly * self.pressure_ratio);
-        self.scheduled_pressure(on_day(scheduled(engine_speed * factor)))
+        let nearly = scheduled(engine_speed) * self.pressure_ratio;
+        let factor = self.with_work(nearly, 1.0 / self.temperature_ratio) / nearly;
+        let limit = scheduled(engine_speed * factor) * self.pressure_ratio;
+        // To the day with 1/θ of the work, and from it to reference conditions with θ/τ.
+        self.with_work(limit, 1.0 / self.work_ratio) / self.pressure_ratio
     }
 
     /// The factor of time constants.

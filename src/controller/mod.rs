@@ -351,21 +351,21 @@ impl ControlLaw {
 
     /// Judges whether boost responds to a command.
     fn check_loop(&mut self, parameters: &Parameters, inputs: &Inputs, command: &Command) {
-        let Some(law) = &self.law else { return };
-        let expected_measurement = self.expected_measurement(parameters, law);
+        let Self { law, split_range, actuator_reach, diagnosis, .. } = self;
+        let Some(law) = law else { return };
         let done = |asked| Done {
             asked,
             duty: command.limits.clip(command.terms.duty()),
             correction: law.correction(),
-            expected_measurement,
-            tank_has_filled: self.actuator_reach.has_filled(),
+            tank_has_filled: actuator_reach.has_filled(),
         };
         match parameters.strategy {
             Strategy::SplitRange => {
                 let schedule = Schedule::from(&parameters.range_schedule);
-                let here = self.split_range.on_scheduled_day(inputs);
-                let done = done(self.split_range.asked(parameters, inputs));
-                self.diagnosis.check_loop(parameters, inputs, Some(schedule), here, &done);
+                let here = split_range.on_scheduled_day(inputs);
+                let done = done(split_range.asked(parameters, inputs));
+                let expected = || split_range.expected_measurement(law);
+                diagnosis.check_loop(parameters, inputs, Some(schedule), here, &done, expected);
             }
             // Above, the low-pressure wastegate is open, for which its schedule was not identified.
             Strategy::BySpeed => {
@@ -374,7 +374,8 @@ impl ControlLaw {
                 let here = (inputs.boost_pressure, inputs.engine_speed);
                 let reference = feedforward::bounded_reference(parameters, inputs);
                 let done = done(Asked { by_driver: reference, reference, day: 0.0 });
-                self.diagnosis.check_loop(parameters, inputs, schedule, here, &done);
+                diagnosis
+                    .check_loop(parameters, inputs, schedule, here, &done, || law.expected_measurement());
             }
         }
     }

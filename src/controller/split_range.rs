@@ -46,6 +46,8 @@ pub struct SplitRange {
     limit: f64,
     /// The ambient conditions of the law's pressures.
     day: Day,
+    /// The limit of boost pressure when they last changed (Pa, at reference conditions).
+    day_limit: f64,
 }
 
 impl SplitRange {
@@ -64,7 +66,8 @@ impl SplitRange {
             self.engine_speed.sample(measured_engine_speed(parameters), inputs.engine_speed);
         let inputs = &Inputs { engine_speed, ..*inputs };
         let pressure = law.model_pressure();
-        let speed_factor = day.speed_factor(pressure);
+        let pressure_here = day.pressure(pressure);
+        let speed_factor = day.speed_factor(pressure_here, pressure);
         let engine_speed = speed_factor * inputs.engine_speed;
         let at = |pressure| {
             OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed)
@@ -113,7 +116,7 @@ impl SplitRange {
 
         let (rate, bypass) = (day.time_scale() * (speed_factor * rate), self.bypass.opening());
         let holding = speed_feedforward::holding_duty(parameters, pressure, engine_speed, rate, bypass);
-        let terms = law.sample(
+        let mut terms = law.sample(
             parameters,
             &Task {
                 reference,
@@ -134,6 +137,12 @@ impl SplitRange {
         );
         let virtual_duty = limits.clip(terms.duty());
         self.virtual_duty = virtual_duty;
+        // The model's own, unless it waited.
+        terms.reference_model_pressure = if terms.reference_model_pressure.to_bits() == pressure.to_bits() {
+            pressure_here
+        } else {
+            day.pressure(terms.reference_model_pressure)
+        };
 
         let duty_of_others = excess.map_or(virtual_duty, |excess| {
             shaft_speed_limit::duty_of_other_valves(parameters, excess, virtual_duty)
@@ -141,7 +150,7 @@ impl SplitRange {
         let mut openings = allocation.openings(duty_of_others, engine_speed);
         let asked = openings.hp_bypass * excess.map_or(1.0, shaft_speed_limit::bypass_share);
         openings.hp_bypass = self.bypass.sample(parameters, asked, virtual_duty);
-        let expected = day.pressure(larger(pressure, reference));
+        let expected = || day.pressure(larger(pressure, reference));
         openings.surge_valve = self.surge_valve.sample(parameters, inputs.boost_pressure, expected);
         let mut command = command(parameters, &day, terms, limits, openings);
         command.conditions = Conditions {
@@ -166,6 +175,7 @@ impl SplitRange {
         let day = Day::measured(parameters, inputs);
         if day != self.day {
             let before = std::mem::replace(&mut self.day, day);
+            self.day_limit = day.scheduled_pressure(parameters.boost_limit);
             law.convert(|pressure| day.scheduled_pressure(before.pressure(pressure)));
         }
         day
@@ -179,15 +189,15 @@ impl SplitRange {
 
     /// Boost pressure (Pa) and engine speed (rpm) at reference conditions.
     pub fn on_scheduled_day(&self, inputs: &Inputs) -> (f64, f64) {
-        let boost_pressure = self.day.scheduled_pressure(inputs.boost_pressure);
-        (boost_pressure, self.day.speed_factor(boost_pressure) * inputs.engine_speed)
+        let scheduled_pressure = self.day.scheduled_pressure(inputs.boost_pressure);
+        let speed_factor = self.day.speed_factor(inputs.boost_pressure, scheduled_pressure);
+        (scheduled_pressure, speed_factor * inputs.engine_speed)
     }
 
     /// What is asked for, at reference conditions.
     pub fn asked(&self, parameters: &Parameters, inputs: &Inputs) -> Asked {
         let by_driver = self.day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
-        let day = self.day.scheduled_pressure(parameters.boost_limit);
-        Asked { by_driver, reference: smaller(by_driver, self.limit), day }
+        Asked { by_driver, reference: smaller(by_driver, self.limit), day: self.day_limit }
     }
 
     /// The boost pressure here (Pa) that a sound sensor should measure.
@@ -210,13 +220,14 @@ fn measured_engine_speed(parameters: &Parameters) -> Measured {
 /// The command without memory: the virtual duty that holds the reference at rest.
 pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensator) -> Command {
     let day = Day::measured(parameters, inputs);
-    let asked = day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
-    let engine_speed = day.speed_factor(asked) * inputs.engine_speed;
-    let reference = smaller(asked, shaft_speed_limit::scheduled_limit(parameters, engine_speed));
+    let asked = feedforward::bounded_reference(parameters, inputs);
+    let scheduled = day.scheduled_pressure(asked);
+    let engine_speed = day.speed_factor(asked, scheduled) * inputs.engine_speed;
+    let reference = smaller(scheduled, shaft_speed_limit::scheduled_limit(parameters, engine_speed));
     let holding = OperatingPoint::new(&parameters.range_schedule, reference, engine_speed).feedforward();
     let limits = parameters.allocation.limits(parameters, engine_speed, compensator);
     let openings = parameters.allocation.openings(limits.clip(holding), engine_speed);
-    command(parameters, &day, DutyTerms::feedforward(holding, reference), limits, openings)
+    command(parameters, &day, DutyTerms::feedforward(holding, day.pressure(reference)), limits, openings)
 }
 
 /// λ of the feedback for a local model at an engine speed (rpm), and the time constant of the measurement's filter (s).
@@ -260,12 +271,11 @@ fn feedback(
 fn command(
     parameters: &Parameters,
     day: &Day,
-    mut terms: DutyTerms,
+    terms: DutyTerms,
     limits: Limits,
     openings: Openings,
 ) -> Command {
     let hp_duty = day.duty(parameters, smaller(limits.clip(terms.duty()), parameters.pwm_max));
-    terms.reference_model_pressure = day.pressure(terms.reference_model_pressure);
     Command { hp_duty, ..Command::new(terms, limits, openings) }
 }
 

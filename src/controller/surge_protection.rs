@@ -23,12 +23,17 @@ pub struct SurgeValve {
 
 impl SurgeValve {
     /// The opening at a sample, from the boost pressure (Pa) and the one expected by the law (Pa).
-    pub fn sample(&mut self, parameters: &Parameters, boost_pressure: f64, expected: f64) -> f64 {
+    pub fn sample(
+        &mut self,
+        parameters: &Parameters,
+        boost_pressure: f64,
+        expected: impl FnOnce() -> f64,
+    ) -> f64 {
         let &Parameters { sample_time, ref surge_protection, .. } = parameters;
         let &SurgeProtectionParameters { rate, full_rate, excess, opening_time, closing_time } =
             surge_protection;
         let rise = boost_pressure - self.before.replace(boost_pressure).unwrap_or(boost_pressure);
-        if rise > rate * sample_time && boost_pressure > expected + excess {
+        if rise > rate * sample_time && boost_pressure > expected() + excess {
             let wide = ramp(rise / sample_time, 0.0, full_rate);
             (self.opening, self.open_for) = (larger(self.opening, wide), opening_time);
         } else if self.open_for > 0.0 {

@@ -105,9 +105,9 @@ impl BoostSensor {
     }
 
     /// Forgives an implausible measurement (Pa) that has been near the expected pressure (Pa).
-    pub fn recover(&mut self, parameters: &Parameters, measured: f64, expected: f64) {
-        let is_near = (measured - expected).abs() < parameters.diagnosis.answer_error;
-        if !self.is_implausible || self.is_outside || !is_near {
+    pub fn recover(&mut self, parameters: &Parameters, measured: f64, expected: impl FnOnce() -> f64) {
+        let is_near = || (measured - expected()).abs() < parameters.diagnosis.answer_error;
+        if !self.is_implausible || self.is_outside || !is_near() {
             (self.near, self.has_changed) = (0.0, false);
             return;
         }

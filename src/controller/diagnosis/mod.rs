@@ -140,8 +140,6 @@ pub struct Done {
     /// The virtual duty (%).
     pub duty: f64,
     pub correction: Correction,
-    /// The pressure (Pa) that the law expects to measure.
-    pub expected_measurement: f64,
     /// Whether the tank has been full since the start.
     pub tank_has_filled: bool,
 }
@@ -258,7 +256,8 @@ impl Diagnosis {
     }
 
     /// Judges the loop and, by the duty, the boost sensor; `here` are measured boost pressure (Pa) and engine speed (rpm)
-    /// at the conditions of the schedule, if there is one that gives the expected response.
+    /// at the conditions of the schedule, if there is one that gives the expected response, and `expected_measurement` is
+    /// the pressure (Pa) that the law expects to measure.
     pub fn check_loop<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -266,6 +265,7 @@ impl Diagnosis {
         schedule: Option<Schedule<'_, COLUMNS>>,
         here: (f64, f64),
         done: &Done,
+        expected_measurement: impl FnOnce() -> f64,
     ) {
         let engine_runs = inputs.engine_speed >= boost_sensor::ENGINE_RUNS_FROM;
         let Some(schedule) = schedule.filter(|_| engine_runs) else {
@@ -279,7 +279,7 @@ impl Diagnosis {
             parameters,
             Expectation { operating_point, duty, engine_speed: inputs.engine_speed },
         );
-        self.boost_sensor.recover(parameters, inputs.boost_pressure, done.expected_measurement);
+        self.boost_sensor.recover(parameters, inputs.boost_pressure, expected_measurement);
         self.findings.set(BOOST_SENSOR, self.boost_sensor.is_implausible());
 
         if !self.boost_sensor.is_usable() || !self.supply_range.is_sound() || !done.tank_has_filled {
