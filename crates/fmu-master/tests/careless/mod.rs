@@ -137,7 +137,8 @@ pub fn write(path: &Path, description: &str, library: &[u8]) {
     let fmu = Fmu {
         model_identifier: "careless",
         model_description: description,
-        version: FmuDescription::parse(description).expect("a description").version(),
+        // Some descriptions cannot be read.
+        version: FmuDescription::parse(description).map(|content| content.version()).unwrap_or_default(),
         libraries: vec![(platform, library.to_vec())],
         files: vec![],
     };
