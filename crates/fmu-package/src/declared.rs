@@ -41,6 +41,7 @@ impl<M: Copy> Declared<M> {
 
 impl Declared<u32> {
     /// Reads a number.
+    #[must_use]
     pub fn number(text: Option<&str>) -> Self {
         Self::read(text, |text| text.trim().parse().ok())
     }

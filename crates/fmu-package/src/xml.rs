@@ -72,6 +72,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> io::Result<(String, &'static Encoding)> 
 }
 
 /// The encoding that a document declares, if any.
+#[must_use]
 pub fn declared_encoding(text: &str) -> Option<String> {
     match Reader::from_str(text).read_event() {
         Ok(Event::Decl(declaration)) => Some(declaration.encoding()?.ok()?.into_owned()),
@@ -80,6 +81,9 @@ pub fn declared_encoding(text: &str) -> Option<String> {
 }
 
 /// A document, or the reason why it is refused, with the line.
+///
+/// # Errors
+/// When it is not XML, has a document type definition, or exceeds a limit.
 pub fn parse(text: &str, longest_value: usize) -> Result<Document<'_>, (Problem, usize, String)> {
     scan(text, longest_value).map_err(|(problem, position, message)| {
         let before = &text.as_bytes()[..usize::try_from(position).unwrap_or(0).min(text.len())];
@@ -193,6 +197,7 @@ pub(crate) fn read<'d>(text: &'d str, root: &str) -> io::Result<Document<'d>> {
 }
 
 /// An error in an element.
+#[must_use]
 pub fn wrong(element: Element<'_>, message: &str) -> io::Error {
     let line = element.document().text_pos_at(element.range().start).row;
     broken(format!("in line {line}, in the element {}: {message}", element.tag_name().name()))
@@ -219,6 +224,7 @@ pub fn flag(element: Element<'_>, name: &str) -> bool {
 }
 
 /// The value of an XML boolean, a word or a digit.
+#[must_use]
 pub fn boolean(text: &str) -> Option<bool> {
     match text.trim() {
         "true" | "1" => Some(true),
@@ -261,6 +267,9 @@ pub(crate) fn attributes(element: Element<'_>) -> Vec<(String, String)> {
 }
 
 /// A numeric attribute, if there is one.
+///
+/// # Errors
+/// When it is not a number; the message names the line.
 pub fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
     let parsed = element.attribute(name).map(|text| {
         let refuse =

@@ -125,11 +125,13 @@ impl Events {
     }
 
     /// Which indicators have changed since the last event.
+    #[must_use]
     pub fn changed(&self) -> &[bool] {
         &self.changed
     }
 
     /// The position of the first of them.
+    #[must_use]
     pub fn first_changed(&self) -> Option<usize> {
         self.changed.iter().position(|changed| *changed)
     }
@@ -244,6 +246,9 @@ impl Events {
 
     /// Rejects a finished event that leaves a limit exceeded, because no further event may follow. `names` are the
     /// names of the indicators, `limits` the positions of those that are limits; they were computed after the event.
+    ///
+    /// # Errors
+    /// When a limit is exceeded.
     pub fn check_limits(&self, time: f64, names: &[&str], limits: &[usize]) -> Result<(), Error> {
         match limits.iter().find(|limit| self.indicators[**limit] > 0.0) {
             Some(&exceeded) => Err(Error::new(format!(
@@ -296,16 +301,19 @@ impl Events {
 
     /// The time of the last event in s, if it is at most `rounding` later than a given time; otherwise the given time.
     /// Time events may be handled slightly early, and must not recur.
+    #[must_use]
     pub fn time(&self, time: f64, rounding: f64) -> f64 {
         if self.reached > time && self.reached <= time + rounding { self.reached } else { time }
     }
 
     /// The time of the last event in s.
+    #[must_use]
     pub fn last(&self) -> f64 {
         self.reached
     }
 
     /// When the time event that is reached at a time in s was due, which may be later within a `rounding`.
+    #[must_use]
     pub fn due(&self, time: f64, rounding: f64) -> Option<f64> {
         self.next.filter(|next| *next <= time + nearer(rounding, *next - self.reached))
     }
@@ -347,6 +355,7 @@ impl Events {
     }
 
     /// The error of an event at a time in s that does not end; `names` are the indicators'.
+    #[must_use]
     #[cold]
     pub fn endless(&self, time: f64, names: &[&str]) -> Error {
         let changing: Vec<_> =

@@ -23,16 +23,19 @@ enum Direction<'a> {
 
 impl<'a> Archive<'a> {
     /// An archive for writing.
+    #[must_use]
     pub fn writing() -> Self {
         Self(Direction::Writing(Vec::new()))
     }
 
     /// An archive for reading.
+    #[must_use]
     pub fn reading(bytes: &'a [u8]) -> Self {
         Self(Direction::Reading(bytes))
     }
 
     /// The written bytes; none when reading.
+    #[must_use]
     pub fn into_bytes(self) -> Vec<u8> {
         match self.0 {
             Direction::Writing(bytes) => bytes,
@@ -41,6 +44,7 @@ impl<'a> Archive<'a> {
     }
 
     /// Whether everything was read.
+    #[must_use]
     pub fn is_exhausted(&self) -> bool {
         matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
     }

@@ -25,6 +25,7 @@ pub enum Stop {
 }
 
 impl Stop {
+    #[must_use]
     pub fn time(self) -> f64 {
         let (Self::Event(time) | Self::InternalStep(time)) = self;
         time
@@ -45,6 +46,7 @@ pub enum EventsLeft {
 
 impl EventsLeft {
     /// Whether they include an event at a time in s, in a step to `end`.
+    #[must_use]
     pub fn has(self, time: f64, end: f64) -> bool {
         match self {
             Self::All => true,
@@ -55,6 +57,7 @@ impl EventsLeft {
 }
 
 /// The time in s of a time event due in a step, if any, after one at `last`: what is the same as its end is there.
+#[must_use]
 pub fn due_until(end: &End, next: Option<f64>, last: f64) -> Option<f64> {
     let due = next.filter(|next| end.has(*next, last))?;
     Some(if end.is_after(due, last) { due } else { end.time })

@@ -22,6 +22,7 @@ pub fn rounding(time: f64) -> f64 {
 }
 
 /// The difference (s) within which a time is the same as one that an importer gives without a step's size.
+#[must_use]
 pub fn summed_rounding(time: f64) -> f64 {
     SUMMED * f64::EPSILON * time.abs()
 }
@@ -42,11 +43,13 @@ pub fn nearer(difference: f64, distance: f64) -> f64 {
 }
 
 /// Whether a step of a size (s) that begins at `start` goes on from the time `reached`, both in s.
+#[must_use]
 pub fn goes_on(reached: f64, start: f64, size: f64) -> bool {
     (start - reached).abs() <= START * size + summed_rounding(reached)
 }
 
 /// Whether a step of a size (s) to `end` goes no further than `last`, both in s.
+#[must_use]
 pub fn ends_by(last: f64, end: f64, size: f64) -> bool {
     end <= last + START * size + summed_rounding(last)
 }
@@ -61,6 +64,7 @@ crate::persistent!(Ahead { seconds });
 
 impl Ahead {
     /// At the start (s) of a step from the time reached (s). One that begins elsewhere is no sum of the steps before.
+    #[must_use]
     pub fn at_start(self, reached: f64, start: f64) -> Self {
         if start.to_bits() == reached.to_bits() { self } else { Self::default() }
     }
@@ -74,6 +78,7 @@ impl Ahead {
     }
 
     /// What the importer means by a time (s).
+    #[must_use]
     pub fn meant(self, time: f64) -> f64 {
         time - self.seconds
     }
@@ -99,6 +104,7 @@ impl End {
 
     /// Of a step from a start by a size, with the importer's clock at its end, in an experiment since a time, all in s:
     /// since + k·h rounds as the larger of both ends does, even where it passes zero.
+    #[must_use]
     pub fn of_sum((start, size): (f64, f64), Ahead { seconds }: Ahead, since: f64) -> Self {
         let (time, since) = (start + size, since.abs());
         let is_ahead = seconds > 0.0 && seconds <= MOST_AHEAD * size;
