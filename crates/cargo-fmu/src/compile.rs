@@ -11,6 +11,7 @@ use fmu_io::reading;
 use fmu_package::{FmuDescription, MODEL_DESCRIPTION};
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
+use super::generation::Interface;
 use super::metadata::{Message, Metadata, Package};
 use super::target::{Made, Profile};
 
@@ -18,7 +19,7 @@ use super::target::{Made, Profile};
 pub struct Compiled {
     /// Each model's library.
     libraries: BTreeMap<String, PathBuf>,
-    /// All build scripts' output folders.
+    /// The folders in which build scripts, and this command in their place, have generated.
     generated: Vec<PathBuf>,
     /// Each package's folder, by name and version.
     folders: BTreeMap<String, PathBuf>,
@@ -73,7 +74,13 @@ pub fn compile<'a>(
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
+    let packages: Vec<_> = packages.collect();
+    let interfaces_in_place =
+        Interface::generate_all(metadata, packages.iter().copied(), version, interfaces)?;
     let mut command = build.command(&metadata.target_directory, profile);
+    for interface in &interfaces_in_place {
+        interface.configure(&mut command, build.rust_target()?)?;
+    }
     command
         .arg("--message-format=json-render-diagnostics")
         .arg("--manifest-path")
@@ -86,7 +93,7 @@ pub fn compile<'a>(
     if let Some(interfaces) = interfaces {
         command.env(INTERFACES_VARIABLE, interfaces.to_string());
     }
-    for package in packages {
+    for package in &packages {
         command.args(["--package", &package.name]);
     }
     let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to its path")?;
@@ -115,6 +122,8 @@ pub fn compile<'a>(
     if !child.wait().context("cargo did not finish")?.success() {
         bail!("cargo could not build the models for {}; see its messages above", build.name());
     }
+    // After those of the build scripts that cargo has run.
+    compiled.generated.extend(interfaces_in_place.into_iter().map(|interface| interface.folder));
     Ok(compiled)
 }
 

@@ -8,6 +8,7 @@
 mod compile;
 mod compile_sources;
 mod export;
+mod generation;
 mod info;
 mod licenses;
 mod merge;

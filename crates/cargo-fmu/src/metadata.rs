@@ -22,8 +22,16 @@ pub struct Metadata {
 #[derive(Clone, Debug, Deserialize)]
 pub struct Package {
     pub name: String,
+    pub version: String,
+    /// Where it is from, unless it is a folder.
+    pub source: Option<String>,
     pub manifest_path: PathBuf,
+    /// A native library that the package links, or the name by which cargo's configuration replaces its build script.
+    pub links: Option<String>,
     targets: Vec<Target>,
+    authors: Vec<String>,
+    description: Option<String>,
+    license: Option<String>,
 }
 
 /// What cargo makes of a package.
@@ -53,9 +61,18 @@ pub enum Message {
 impl Metadata {
     /// The workspace of a Cargo.toml, or of this folder.
     pub fn of(manifest: Option<&Path>) -> Result<Self> {
-        let mut command = cargo();
         // Dependencies are left out: otherwise cargo would fetch those of members that are not exported.
-        command.args(["metadata", "--no-deps", "--format-version", "1"]);
+        Self::read(manifest, &["--no-deps"])
+    }
+
+    /// The workspace with all packages that its members depend on.
+    pub fn with_dependencies(&self) -> Result<Self> {
+        Self::read(Some(&self.workspace_root.join("Cargo.toml")), &[])
+    }
+
+    fn read(manifest: Option<&Path>, arguments: &[&str]) -> Result<Self> {
+        let mut command = cargo();
+        command.args(["metadata", "--format-version", "1"]).args(arguments);
         if let Some(file) = manifest {
             command.arg("--manifest-path").arg(file);
         }
@@ -68,6 +85,22 @@ impl Metadata {
 }
 
 impl Package {
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        self.manifest_path.parent().unwrap_or(&self.manifest_path)
+    }
+
+    /// What a model's declaration need not repeat of it, as cargo tells it to build scripts.
+    pub fn of_declaration(&self) -> fmu_export_build::Package {
+        fmu_export_build::Package {
+            name: self.name.clone(),
+            version: self.version.clone(),
+            description: self.description.clone().unwrap_or_default(),
+            authors: self.authors.join(":"),
+            license: self.license.clone().unwrap_or_default(),
+        }
+    }
+
     /// Its libraries for other languages.
     pub fn libraries(&self) -> impl Iterator<Item = &Target> {
         self.targets.iter().filter(|target| target.is_library())

@@ -13,6 +13,10 @@ use super::metadata::{Metadata, cargo};
 /// The settings of a workspace with which `cargo test` takes the dependencies that a trial export has compiled.
 const PROFILE: &str = "[profile.dev.package.\"*\"]\ndebug = false\n";
 
+/// The build script of new packages, and the declaration from which it generates.
+pub const BUILD_SCRIPT: &str = include_str!("../templates/build.rs");
+pub const DECLARATION: &str = "model.json";
+
 /// Create a package with a model that exports immediately
 #[derive(Args, Debug)]
 pub struct New {
@@ -199,9 +203,9 @@ impl New {
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
         let profile = if is_root { format!("\n{PROFILE}") } else { String::new() };
-        write("Cargo.toml", &(manifest_of(&manifest, &self.path) + &profile))?;
-        write("build.rs", include_str!("../templates/build.rs"))?;
-        write("model.json", files.declaration)?;
+        write("Cargo.toml", &(manifest_of(&manifest, identifier, &self.path) + &profile))?;
+        write("build.rs", BUILD_SCRIPT)?;
+        write(DECLARATION, files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
         write("src/lib.rs", &files.source.replace("{Type}", &type_name(name)))?;
         for (file, content) in files.others {
@@ -219,7 +223,7 @@ impl New {
 }
 
 /// Cargo's manifest, with the library's type and the dependencies.
-fn manifest_of(manifest: &str, folder: &Path) -> String {
+fn manifest_of(manifest: &str, identifier: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
     let source = |name: &str| match checkout() {
         Some(crates) => format!("path = {:?}", relative(crates, folder).join(name).display().to_string()),
@@ -227,7 +231,9 @@ fn manifest_of(manifest: &str, folder: &Path) -> String {
     };
     let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
     format!(
-        "{package}\n\n\
+        "{package}\n\
+         # So that `cargo fmu` can generate in place of build.rs, without compiling what it takes.\n\
+         links = \"fmu-{identifier}\"\n\n\
          [lib]\n\
          crate-type = [\"cdylib\"]\n\n\
          [dependencies]\n\

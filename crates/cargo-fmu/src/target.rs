@@ -155,6 +155,9 @@ pub trait Made {
     /// Its name in messages.
     fn name(&self) -> &str;
 
+    /// Rust's name of what it is for.
+    fn rust_target(&self) -> Result<&str>;
+
     /// Its file name suffix.
     fn suffix(&self) -> &'static str;
 
@@ -240,6 +243,10 @@ impl Made for WebAssembly {
         "WebAssembly"
     }
 
+    fn rust_target(&self) -> Result<&str> {
+        Ok(Self::TRIPLE)
+    }
+
     fn suffix(&self) -> &'static str {
         "wasm"
     }
@@ -276,6 +283,13 @@ fn build_command(profile: &Profile) -> Command {
 impl Made for Build {
     fn name(&self) -> &str {
         self.target.as_deref().unwrap_or(self.platform.folder())
+    }
+
+    fn rust_target(&self) -> Result<&str> {
+        match self.triple() {
+            Some(triple) => Ok(triple),
+            None => host_triple(),
+        }
     }
 
     fn suffix(&self) -> &'static str {

@@ -44,6 +44,39 @@ fn refusal(arguments: &[&str]) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
+/// Without a build script, whose generator would have to be compiled first.
+#[test]
+fn export_tells_what_is_wrong_in_a_declaration_before_cargo_compiles() {
+    let folder = empty("a wrong declaration");
+    let run = |arguments: &[&str], folder: &Path| {
+        Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+            .args(arguments)
+            .current_dir(folder)
+            .env("CARGO_NET_OFFLINE", "true")
+            .output()
+            .unwrap()
+    };
+    // A workspace of its own, with what this one has downloaded.
+    fs::write(folder.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = []\n").unwrap();
+    let lock = concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.lock");
+    fs::copy(lock, folder.join("Cargo.lock")).unwrap();
+    assert!(run(&["new", "lag", "--vcs", "none"], &folder).status.success());
+    let package = folder.join("lag");
+    let declaration = package.join("model.json");
+    let text = fs::read_to_string(&declaration).unwrap();
+    fs::write(&declaration, text.replacen("\"causality\": \"output\"", "\"causality\": \"outptu\"", 1))
+        .unwrap();
+    let output = run(&["export"], &package);
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8(output.stderr).unwrap();
+    let lines: Vec<_> = told.lines().collect();
+    let [begin, finding, end] = lines[..] else { panic!("{told}") };
+    assert!(begin.starts_with("Compiling lag for "), "{told}");
+    assert!(finding.starts_with("error: lag@0.1.0: model.json:"), "{told}");
+    assert!(finding.ends_with(".causality: unknown value 'outptu'; did you mean 'output'?"), "{told}");
+    assert!(end.ends_with("the declaration of lag is rejected; see the messages above"), "{told}");
+}
+
 /// Another cargo holds the lock on what is built.
 #[test]
 fn export_says_that_it_compiles_and_that_it_waits_for_another_cargo() {

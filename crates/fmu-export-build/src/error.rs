@@ -47,6 +47,14 @@ impl fmt::Display for Error {
     }
 }
 
+impl Finding {
+    /// As [`Display`](fmt::Display) shows it, in one line: a rejected name may contain a line break.
+    #[must_use]
+    pub fn in_one_line(&self) -> String {
+        self.to_string().replace('\n', " ")
+    }
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}:", self.file.display())?;

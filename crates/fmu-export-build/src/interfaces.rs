@@ -1,9 +1,13 @@
 //! The FMI version and interfaces that an FMU offers. They are chosen at export, not declared.
 
 use std::env::{self, VarError};
+use std::path::Path;
 use std::str::FromStr;
 
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+
+use crate::declaration::Declaration;
+use crate::source::Source;
 
 /// The FMI version and interfaces of an FMU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,12 +25,26 @@ impl From<Interfaces> for Fmi {
 }
 
 impl Fmi {
-    /// The environment's choice.
-    pub(crate) fn of_environment() -> Result<Self, String> {
-        Ok(Self {
-            version: of_environment(VERSION_VARIABLE)?,
-            interfaces: of_environment(INTERFACES_VARIABLE)?,
-        })
+    /// The choice for the model of a declaration: what is given, else that of the environment variables
+    /// [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`], else the least version with the model's types, for co-simulation.
+    ///
+    /// # Errors
+    /// When an environment variable has none of the values.
+    pub fn chosen(
+        declaration: &Path,
+        version: Option<Version>,
+        interfaces: Option<Interfaces>,
+    ) -> Result<Self, String> {
+        // A file that cannot be read is reported when it is generated from.
+        let least = || match Source::read::<Declaration>(declaration) {
+            Ok((declaration, _)) if declaration.needs_fmi3() => Version::Three,
+            _ => Version::default(),
+        };
+        let version =
+            version.map_or_else(|| of_environment(VERSION_VARIABLE), |version| Ok(Some(version)))?;
+        let interfaces = interfaces
+            .map_or_else(|| of_environment(INTERFACES_VARIABLE), |interfaces| Ok(Some(interfaces)))?;
+        Ok(Self { version: version.unwrap_or_else(least), interfaces: interfaces.unwrap_or_default() })
     }
 
     /// Rejects interfaces that the version lacks.
@@ -51,11 +69,11 @@ impl Fmi {
     }
 }
 
-/// An environment variable's choice.
-fn of_environment<T: Default + FromStr<Err = String>>(variable: &str) -> Result<T, String> {
+/// An environment variable's choice, if it is set.
+fn of_environment<T: FromStr<Err = String>>(variable: &str) -> Result<Option<T>, String> {
     match env::var(variable) {
-        Ok(text) => text.parse().map_err(|reason| format!("{variable}: {reason}")),
-        Err(VarError::NotPresent) => Ok(T::default()),
+        Ok(text) => text.parse().map(Some).map_err(|reason| format!("{variable}: {reason}")),
+        Err(VarError::NotPresent) => Ok(None),
         Err(error) => Err(format!("{variable}: {error}")),
     }
 }

@@ -43,6 +43,10 @@ pub use package::Package;
 /// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
 
+/// The environment variable with the identifier that is declared, for the message of `fmu!` about a library of another
+/// name. Any library of a model needs it.
+pub const IDENTIFIER_VARIABLE: &str = "FMU_DECLARED";
+
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
@@ -81,39 +85,20 @@ pub fn generate(declaration: impl AsRef<Path>) {
     println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let mut fmi = Fmi::of_environment().unwrap_or_else(|reason| {
+    let fmi = Fmi::chosen(declaration, None, None).unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         end_build();
     });
-    // An unreadable file is reported below.
-    let needs_fmi3 = || {
-        let read = Source::read::<Declaration>(declaration);
-        read.is_ok_and(|(declaration, _)| declaration.needs_fmi3())
-    };
-    if env::var_os(VERSION_VARIABLE).is_none() && needs_fmi3() {
-        fmi.version = Version::Three;
-    }
-    match generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi) {
-        // Without this, the compiler would report every missing type separately.
-        Ok(_) if Path::new("src/lib.rs").is_file() && !uses_generated(Path::new("src")) => {
-            println!(
-                "cargo::error=src/lib.rs: nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the \
-                 model's type, or `sampled` instead of `equations`, or neither for a `Model`",
-                declaration.display()
-            );
-            end_build();
-        }
+    let generated = generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi);
+    match generated
+        .and_then(|generated| generated.refuse_unused(declaration, Path::new("")).map(|()| generated))
+    {
         Ok(generated) => {
-            // `fmu!` finds the variables by the library's name, which must equal the identifier.
-            let folder = generated.variables.parent().and_then(Path::file_name);
-            let identifier = folder.and_then(|folder| folder.to_str()).unwrap_or_default();
-            println!("cargo::rustc-env=FMU_VARIABLES_OF_{identifier}={}", generated.variables.display());
-            println!("cargo::rustc-env=FMU_DECLARED={identifier}");
-            if let Some(name) = generated.flat_name {
-                println!(
-                    "cargo::warning={}: the naming convention is flat, since '{name}' is not a structured name",
-                    declaration.display()
-                );
+            let (variable, file) = generated.compiler_variable();
+            println!("cargo::rustc-env={variable}={file}");
+            println!("cargo::rustc-env={IDENTIFIER_VARIABLE}={}", generated.identifier());
+            if let Some(warning) = generated.warning(declaration) {
+                println!("cargo::warning={warning}");
             }
             for source in generated.sources {
                 println!("cargo::rerun-if-changed={}", source.display());
@@ -121,11 +106,53 @@ pub fn generate(declaration: impl AsRef<Path>) {
         }
         Err(error) => {
             for finding in error.findings() {
-                // A rejected name may contain a line break.
-                println!("cargo::error={}", finding.to_string().replace('\n', " "));
+                println!("cargo::error={}", finding.in_one_line());
             }
             end_build();
         }
+    }
+}
+
+impl Generated {
+    /// The model's identifier.
+    #[must_use]
+    pub fn identifier(&self) -> &str {
+        let folder = self.variables.parent().and_then(Path::file_name);
+        folder.and_then(|folder| folder.to_str()).unwrap_or_default()
+    }
+
+    /// The environment variable by which `fmu!` finds the interface when the library is compiled: it knows the library's
+    /// name, which must equal the identifier.
+    #[must_use]
+    pub fn compiler_variable(&self) -> (String, String) {
+        (format!("FMU_VARIABLES_OF_{}", self.identifier()), self.variables.display().to_string())
+    }
+
+    /// What the author should know.
+    #[must_use]
+    pub fn warning(&self, declaration: &Path) -> Option<String> {
+        self.flat_name.as_ref().map(|name| {
+            let file = declaration.display();
+            format!("{file}: the naming convention is flat, since '{name}' is not a structured name")
+        })
+    }
+
+    /// Rejects a package, in a folder, whose library does not use the interface: the compiler would report every missing type
+    /// separately.
+    ///
+    /// # Errors
+    /// When no source of the library includes it.
+    pub fn refuse_unused(&self, declaration: &Path, package: &Path) -> Result<(), Error> {
+        let library = package.join("src/lib.rs");
+        if library.is_file() && !uses_generated(&package.join("src")) {
+            let reason = format!(
+                "nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the model's type, or \
+                 `sampled` instead of `equations`, or neither for a `Model`",
+                declaration.display()
+            );
+            return Err(Error::of_file(&library, reason));
+        }
+        Ok(())
     }
 }
 
@@ -195,10 +222,11 @@ pub fn generate_into(
 
     let folder = out_dir.join(&model.library);
     fs::create_dir_all(&folder).map_err(|error| Error::of_file(&folder, error))?;
-    // Writes a file, or removes that of a previous build.
+    // Writes a file, or removes that of a previous build. Cargo compiles again what reads a file that was written again.
     let put = |name: &str, content: Option<&[u8]>| {
         let file = folder.join(name);
         let done = match content {
+            Some(content) if fs::read(&file).is_ok_and(|written| written == content) => Ok(()),
             Some(content) => fs::write(&file, content),
             None if file.exists() => fs::remove_file(&file),
             None => Ok(()),

@@ -1,0 +1,152 @@
+//! Generates models' interfaces in place of their build scripts.
+//!
+//! What a build script depends on takes more than half of the first build of a model, and is in this command already. Cargo
+//! leaves out the script of a package with the key `links` if its configuration states what the script would print (the
+//! Cargo Book, "Overriding Build Scripts"). Cargo without this command runs the script.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::SystemTime;
+
+use anyhow::{Error, Result, bail};
+use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, generate_into};
+use fmu_io::terminal::complain;
+use fmu_terms::{Interfaces, Version};
+
+use super::metadata::{Metadata, Package};
+use super::new::{BUILD_SCRIPT, DECLARATION, checkout};
+
+/// The generator, and the crates that it is made of.
+const GENERATOR: &str = "fmu-export-build";
+const MADE_OF: [&str; 3] = [GENERATOR, "fmu-terms", "fmu-xml"];
+
+/// An interface that was generated.
+pub struct Interface {
+    /// The key `links` of the package.
+    links: String,
+    /// The environment variable for the compiler.
+    variable: (String, String),
+    /// The folder with the model's own.
+    pub folder: PathBuf,
+}
+
+impl Interface {
+    /// Generates those of the packages whose build scripts would do just that, for the chosen FMI version and interfaces, else
+    /// the environment's.
+    ///
+    /// # Errors
+    /// When a declaration is rejected, which is then told, or a file cannot be written.
+    pub fn generate_all<'a>(
+        metadata: &Metadata,
+        packages: impl Iterator<Item = &'a Package>,
+        version: Option<Version>,
+        interfaces: Option<Interfaces>,
+    ) -> Result<Vec<Self>> {
+        let mut packages = packages.filter(|package| has_build_script_of_new(package)).peekable();
+        if packages.peek().is_none() || !is_their_generator(metadata) {
+            return Ok(vec![]);
+        }
+        let generated = packages.map(|package| Self::generate(metadata, package, version, interfaces));
+        Ok(generated.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    }
+
+    /// Generates that of a package; none if its build script has to tell that the library has another name.
+    fn generate(
+        metadata: &Metadata,
+        package: &Package,
+        version: Option<Version>,
+        interfaces: Option<Interfaces>,
+    ) -> Result<Option<Self>> {
+        let Some(links) = package.links.clone() else { return Ok(None) };
+        let root = shown(package.folder());
+        let declaration = root.join(DECLARATION);
+        let fmi = Fmi::chosen(&declaration, version, interfaces).map_err(Error::msg)?;
+        let choice = format!("fmu-generated/{}-{}", fmi.version, fmi.interfaces);
+        let folder = metadata.target_directory.join(choice);
+        let name = format!("{}@{}", package.name, package.version);
+        let generated = generate_into(&declaration, &folder, &package.of_declaration(), fmi);
+        let generated = match generated
+            .and_then(|generated| generated.refuse_unused(&declaration, &root).map(|()| generated))
+        {
+            Ok(generated) => generated,
+            Err(error) => {
+                for finding in error.findings() {
+                    complain(&format!("error: {name}: {}", finding.in_one_line()));
+                }
+                bail!("the declaration of {} is rejected; see the messages above", package.name);
+            }
+        };
+        if !package.libraries().any(|library| library.name == generated.identifier()) {
+            return Ok(None);
+        }
+        if let Some(warning) = generated.warning(&declaration) {
+            complain(&format!("warning: {name}: {warning}"));
+        }
+        Ok(Some(Self { links, variable: generated.compiler_variable(), folder }))
+    }
+
+    /// Tells cargo what the build script would print, in a build for a Rust target.
+    pub fn configure(&self, command: &mut Command, target: &str) -> Result<()> {
+        let (variable, file) = &self.variable;
+        // A JSON string is one of TOML.
+        let [links, file] = [&self.links, file].map(serde_json::to_string);
+        let setting = format!("target.{target}.{}.rustc-env.{variable}={}", links?, file?);
+        command.arg("--config").arg(setting);
+        // Cargo hashes several variables in any order, and would compile again. The value is for a message that is not
+        // needed here.
+        command.env(IDENTIFIER_VARIABLE, "");
+        Ok(())
+    }
+}
+
+/// Whether a package's build script is as `cargo fmu new` writes it, and can be left out.
+fn has_build_script_of_new(package: &Package) -> bool {
+    let script = fs::read_to_string(package.folder().join("build.rs"));
+    package.links.is_some()
+        && script.is_ok_and(|script| script.split_whitespace().eq(BUILD_SCRIPT.split_whitespace()))
+}
+
+/// Whether this command contains the generator of a workspace: the same version from a registry, or that of the checkout that
+/// this command was built from, unchanged since.
+fn is_their_generator(metadata: &Metadata) -> bool {
+    // If cargo cannot tell, its build will say why.
+    let Ok(resolved) = metadata.with_dependencies() else { return false };
+    let mut generators = resolved.packages.iter().filter(|package| package.name == GENERATOR).peekable();
+    generators.peek().is_some()
+        && generators.all(|package| match (&package.source, checkout()) {
+            (Some(_), _) => package.version == env!("CARGO_PKG_VERSION"),
+            (None, Some(crates)) => {
+                let is_there =
+                    package.folder().canonicalize().ok() == crates.join(GENERATOR).canonicalize().ok();
+                is_there && is_newer_than(crates)
+            }
+            (None, None) => false,
+        })
+}
+
+/// Whether this command is newer than the sources of its generator.
+fn is_newer_than(crates: &Path) -> bool {
+    let modified = |file: &Path| fs::metadata(file)?.modified();
+    let built = env::current_exe().and_then(|command| modified(&command));
+    let sources = MADE_OF.map(|name| newest(&crates.join(name)));
+    built.is_ok_and(|built| sources.into_iter().all(|source| source.is_some_and(|source| source < built)))
+}
+
+/// When a file in a folder was last modified.
+fn newest(folder: &Path) -> Option<SystemTime> {
+    let entries = fs::read_dir(folder).ok()?;
+    let times = entries.map(|entry| {
+        let entry = entry.ok()?;
+        let metadata = entry.metadata().ok()?;
+        if metadata.is_dir() { newest(&entry.path()) } else { metadata.modified().ok() }
+    });
+    times.collect::<Option<Vec<_>>>()?.into_iter().max()
+}
+
+/// A folder as seen from the current one.
+fn shown(folder: &Path) -> PathBuf {
+    let here = env::current_dir().unwrap_or_default();
+    folder.strip_prefix(here).unwrap_or(folder).to_owned()
+}
