@@ -11,7 +11,7 @@ use fmu_io::reading;
 use fmu_package::{FmuDescription, MODEL_DESCRIPTION};
 use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 
-use super::generation::Interface;
+use super::generation::GeneratedInterface;
 use super::metadata::{Message, Metadata, Package};
 use super::target::{Made, Profile};
 
@@ -76,7 +76,7 @@ pub fn compile<'a>(
 ) -> Result<Compiled> {
     let packages: Vec<_> = packages.collect();
     let interfaces_in_place =
-        Interface::generate_all(metadata, packages.iter().copied(), version, interfaces)?;
+        GeneratedInterface::generate_all(metadata, packages.iter().copied(), version, interfaces)?;
     let mut command = build.command(&metadata.target_directory, profile);
     for interface in &interfaces_in_place {
         interface.configure(&mut command, build.rust_target()?)?;

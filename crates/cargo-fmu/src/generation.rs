@@ -23,7 +23,7 @@ const GENERATOR: &str = "fmu-export-build";
 const MADE_OF: [&str; 3] = [GENERATOR, "fmu-terms", "fmu-xml"];
 
 /// An interface that was generated.
-pub struct Interface {
+pub struct GeneratedInterface {
     /// The key `links` of the package.
     links: String,
     /// The environment variable for the compiler.
@@ -32,7 +32,7 @@ pub struct Interface {
     pub folder: PathBuf,
 }
 
-impl Interface {
+impl GeneratedInterface {
     /// Generates those of the packages whose build scripts would do just that, for the chosen FMI version and interfaces, else
     /// the environment's.
     ///
