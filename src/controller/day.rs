@@ -132,8 +132,8 @@ impl Day {
         self.ambient_pressure * larger(power(larger(1.0 + work, LEAST_RATIO), 1.0 / EXPONENT), LEAST_RATIO)
     }
 
-    /// The factor from engine speed to the schedule's, at a pressure here and the corresponding one at reference conditions
-    /// (Pa).
+    /// The factor from engine speed to the schedule's, at a pressure here and the corresponding one at reference
+    /// conditions (Pa).
     pub fn speed_factor(&self, pressure: f64, scheduled_pressure: f64) -> f64 {
         if self.temperature_ratio == 1.0 && self.work_ratio == 1.0 {
             return 1.0;

@@ -10,12 +10,20 @@ use fmu_export::Persistent;
 
 use super::allocation::ramp;
 use super::schedule::LocalModel;
-use super::variables::{FirmnessParameters, Parameters};
+use super::variables::Parameters;
 use crate::elementary::{between, larger};
 
 /// The largest gain at rest (%/Pa): the vacuum sustains 100 Pa of noise with it where the engine responds least to the
 /// duty, at 1000 rpm, 112 kPa or 2250 rpm, 130 kPa.
 const LARGEST_GAIN: f64 = 4e-3;
+
+/// The rate of engine speed (rpm/s) from which a ramp is fast: with it the pump sustains 50 Pa of noise on endless
+/// ramps of 700 rpm/s, which it does not with 500 rpm/s.
+const FAST_RAMP: f64 = 1e3;
+
+/// The time (s) in which a ramp's firmness fades: the longest time constant of the schedule, as the shafts take that
+/// long to follow the ramp.
+const FADING_TIME: f64 = 2.0;
 
 /// From 0 at rest to 1 on a fast ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -26,9 +34,8 @@ pub struct Firmness {
 impl Firmness {
     /// Takes a rate of engine speed (rpm/s): its magnitude counts at once, and fades.
     pub fn sample(&mut self, parameters: &Parameters, rate: f64) -> Self {
-        let &FirmnessParameters { full_rate, fading_time } = &parameters.firmness;
-        self.share =
-            larger(ramp(rate.abs(), 0.0, full_rate), self.share - parameters.sample_time / fading_time);
+        let faded = self.share - parameters.sample_time / FADING_TIME;
+        self.share = larger(ramp(rate.abs(), 0.0, FAST_RAMP), faded);
         *self
     }
 

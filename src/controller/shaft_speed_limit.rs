@@ -40,10 +40,12 @@ const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
 const RATE_FILTER: f64 = 0.05;
 
 /// The margin below the speed at rest (rpm) that counts as near. There boost is extrapolated with the contribution of
-/// the high-pressure shaft alone, which follows at once: with more, the limit oscillates. Farther away a multiple is
-/// used, since at rest the low-pressure shaft adds to boost too.
+/// the high-pressure shaft alone, which follows at once: with more, the limit oscillates.
 const NEAR_LIMIT: f64 = 5e3;
-const FAR_FACTOR: f64 = 4.0;
+
+/// Boost per speed of the high-pressure shaft at rest over that at once, as the low-pressure shaft adds to boost, too:
+/// what boost gains up to the limit from far below it, and loses on the way back from above.
+const BOTH_SHAFTS: f64 = 4.0;
 
 /// The largest correction of the pressure limit (Pa): a stuck sensor must not disable it.
 const LARGEST_CORRECTION: f64 = 60e3;
@@ -89,8 +91,8 @@ fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> 
     let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, boost_per_speed, .. } =
         &parameters.shaft_speed_limit;
     let left = speed_at_rest - speed;
-    let by_speed = boost_per_speed * (left + (FAR_FACTOR - 1.0) * larger(left - NEAR_LIMIT, 0.0));
-    let too_fast = FAR_FACTOR * boost_per_speed * larger(speed - most, 0.0);
+    let by_speed = boost_per_speed * (left + (BOTH_SHAFTS - 1.0) * larger(left - NEAR_LIMIT, 0.0));
+    let too_fast = BOTH_SHAFTS * boost_per_speed * larger(speed - most, 0.0);
     larger(by_speed, gain * (parameters.pwm_max - virtual_duty) - too_fast)
 }
 

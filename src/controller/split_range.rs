@@ -73,7 +73,7 @@ impl SplitRange {
             OperatingPoint::new(&parameters.range_schedule, pressure, engine_speed)
                 .slower(day.time_scale(), 0.0)
         };
-        // As fast as the actuator permits.
+        // As fast as the actuator permits: its lag, and as much for λ of the firmest feedback.
         let model_lambda = larger(2.0 * actuator_lag, sample_time);
         let to_come = inputs.engine_speed + model_lambda * rate;
         let gain = || at(pressure).local_model().gain;

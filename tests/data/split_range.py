@@ -17,6 +17,8 @@ ROOT = Path(__file__).parents[2]
 SAMPLE_TIME = 0.0125
 # The duty at which the wastegate lifts off, by bisection of the paper's eqs. (4) and (7).
 LIFT_OFF = 28.817807269357402
+# Of a fast ramp of engine speed: its rate (rpm/s), and how long it makes the feedback firm (s).
+FAST_RAMP, FADING_TIME = 1000, 2
 
 
 def starts() -> dict[str, object]:
@@ -136,8 +138,7 @@ class Controller:
         model_lambda = 2 * lag
         speed, rate = self.speed(P["measurement.engine_speed_noise"], lag, speed)
         voltage = self.voltage(P["measurement.supply_voltage_noise"], lag, voltage)
-        fades = self.firmness - SAMPLE_TIME / P["firmness.fading_time"]
-        self.firmness = max(clip(abs(rate) / P["firmness.full_rate"], 0, 1), fades)
+        self.firmness = max(clip(abs(rate) / FAST_RAMP, 0, 1), self.firmness - SAMPLE_TIME / FADING_TIME)
         limits = P["range_schedule.boost_limit"]
         index, share = place(SPEEDS, speed)
         limit = (1 - share) * limits[index] + share * limits[index + 1]

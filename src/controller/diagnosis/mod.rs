@@ -47,6 +47,10 @@ pub const OVERBOOST: f64 = 20e3;
 /// The fastest drift of a sensor (Pa/s) that counts as one: a throttle moves faster.
 const FASTEST_DRIFT: f64 = 2e3;
 
+/// The share of its authority by which a drift moves the integral term: the rest is left to the correction that a
+/// healthy engine needs, from which the drift starts.
+const DRIFT: f64 = 0.5;
+
 /// The code of each finding.
 pub const BOOST_SENSOR: i32 = 1;
 const LOOP: i32 = 2;
@@ -255,9 +259,9 @@ impl Diagnosis {
         self.findings.set(TANK_FILLING, fails && inputs.tank_pressure >= parameters.tank_pressure_off);
     }
 
-    /// Judges the loop and, by the duty, the boost sensor; `here` are measured boost pressure (Pa) and engine speed (rpm)
-    /// at the conditions of the schedule, if there is one that gives the expected response, and `expected_measurement` is
-    /// the pressure (Pa) that the law expects to measure.
+    /// Judges the loop and, by the duty, the boost sensor; `here` are measured boost pressure (Pa) and engine speed
+    /// (rpm) at the conditions of the schedule, if there is one that gives the expected response, and
+    /// `expected_measurement` is the pressure (Pa) that the law expects to measure.
     pub fn check_loop<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
@@ -352,7 +356,8 @@ struct Drift {
 }
 
 impl Drift {
-    /// Whether the term moved slowly, by half of its authority at one operating point or to its limit, for `answer_time`.
+    /// Whether the term moved slowly, by [`DRIFT`] of its authority at one operating point or to its limit, for
+    /// `answer_time`.
     fn sample(
         &mut self,
         parameters: &Parameters,
@@ -378,7 +383,7 @@ impl Drift {
         }
         self.exhausted_for = if is_exhausted && is_tracking { self.exhausted_for + sample_time } else { 0.0 };
         let is_at_limit = self.exhausted_for >= diagnosis.answer_time;
-        let far = 0.5 * integral_authority;
+        let far = DRIFT * integral_authority;
         self.at_point.abs() >= far || is_at_limit && self.slow.abs() >= far
     }
 }
