@@ -6,6 +6,15 @@ use fmu_terms::{Interface, Version, Word};
 use crate::variable::{Types, VariableElement};
 use crate::xml::{Element, children, listed, named};
 
+/// The lists of the model structure in FMI 2.0, where it has them, and the elements of the same in FMI 3.0.
+const LISTS: [[&str; 2]; 5] = [
+    ["Outputs", "Output"],
+    ["Derivatives", "ContinuousStateDerivative"],
+    ["", "ClockedState"],
+    ["InitialUnknowns", "InitialUnknown"],
+    ["", "EventIndicator"],
+];
+
 /// The elements of a description, which may violate the schema.
 #[derive(Debug)]
 pub struct DescriptionElements<'d> {
@@ -19,7 +28,7 @@ pub struct DescriptionElements<'d> {
 /// An element of the model structure.
 #[derive(Clone, Copy, Debug)]
 pub struct StructureElement<'d> {
-    /// Its list, by FMI 3.0's name of its elements: `Output`, `ContinuousStateDerivative`, `ClockedState`,
+    /// What its list has, by FMI 3.0's name of the element: `Output`, `ContinuousStateDerivative`, `ClockedState`,
     /// `InitialUnknown` or `EventIndicator`.
     pub list: &'static str,
     /// The element.
@@ -70,32 +79,25 @@ impl<'d> DescriptionElements<'d> {
 
     /// The elements of the model structure.
     pub fn structure(&self) -> impl Iterator<Item = StructureElement<'d>> + use<'d> {
-        let of_fmi3 = |element: Element<'d>, list| StructureElement {
-            list,
-            element,
-            reference: element.attribute("valueReference"),
+        let elements = |child: Element<'d>| {
+            let name = child.tag_name().name();
+            let of_fmi2 = LISTS.iter().filter(move |[list, _]| *list == name);
+            let of_fmi2 = of_fmi2.flat_map(move |&[_, list]| {
+                let of = move |element: Element<'d>| StructureElement {
+                    list,
+                    element,
+                    reference: element.attribute("index"),
+                };
+                children(child).map(of)
+            });
+            let of_fmi3 = LISTS.iter().filter(move |[_, list]| *list == name);
+            let of_fmi3 = of_fmi3.map(move |&[_, list]| StructureElement {
+                list,
+                element: child,
+                reference: child.attribute("valueReference"),
+            });
+            of_fmi2.chain(of_fmi3)
         };
-        let of_fmi2 = |element: Element<'d>, list| StructureElement {
-            list,
-            element,
-            reference: element.attribute("index"),
-        };
-        named(self.root, "ModelStructure").flat_map(children).flat_map(move |child| {
-            let (of_fmi2_list, of_fmi3_element) = match child.tag_name().name() {
-                "Outputs" => (Some("Output"), None),
-                "Derivatives" => (Some("ContinuousStateDerivative"), None),
-                "InitialUnknowns" => (Some("InitialUnknown"), None),
-                "Output" => (None, Some("Output")),
-                "ContinuousStateDerivative" => (None, Some("ContinuousStateDerivative")),
-                "ClockedState" => (None, Some("ClockedState")),
-                "InitialUnknown" => (None, Some("InitialUnknown")),
-                "EventIndicator" => (None, Some("EventIndicator")),
-                _ => (None, None),
-            };
-            let below = of_fmi2_list.into_iter();
-            let below =
-                below.flat_map(move |list| children(child).map(move |element| of_fmi2(element, list)));
-            below.chain(of_fmi3_element.map(|list| of_fmi3(child, list)))
-        })
+        named(self.root, "ModelStructure").flat_map(children).flat_map(elements)
     }
 }
