@@ -232,8 +232,7 @@ fn manifest_of(manifest: &str, identifier: &str, folder: &Path) -> String {
     let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
     format!(
         "{package}\n\
-         # So that `cargo fmu` can generate in place of build.rs, without compiling what it takes.\n\
-         links = \"fmu-{identifier}\"\n\n\
+         links = \"fmu-{identifier}\" # so that `cargo fmu` can generate in place of build.rs, which takes long to compile\n\n\
          [lib]\n\
          crate-type = [\"cdylib\"]\n\n\
          [dependencies]\n\

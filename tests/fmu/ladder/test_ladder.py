@@ -72,12 +72,12 @@ def test_validators_find_nothing(fmu, model):
 
 @pytest.mark.parametrize("model", [*LADDER, *OTHERS])
 def test_packages_are_short(model):
-    """Lines that are not blank, with the tests."""
+    """Lines that are not blank, with the tests. The key `links` is one that halves the first build."""
     files = ["Cargo.toml", "build.rs", "model.json", "src/lib.rs"]
     texts = [(FMUS.parent / model / file).read_text() for file in files]
     lines = sum(bool(line.strip()) for text in texts for line in text.splitlines())
-    assert lines <= {"VanDerPol": 40, "StickSlip": 106, "Cascade": 110, "Battery": 125, "Pack": 110}.get(
-        model, 90
+    assert lines <= {"VanDerPol": 41, "StickSlip": 107, "Cascade": 111, "Battery": 126, "Pack": 111}.get(
+        model, 91
     )
 
 
