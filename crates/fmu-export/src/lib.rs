@@ -21,10 +21,6 @@
 //
 // Below all of them are the crates fmu-solve, whose names a model uses as if they stood here, and fmu-abi.
 
-// This crate's macros refer to it by this name.
-#[cfg(all(test, feature = "derive"))]
-extern crate self as fmu_export;
-
 mod allocation;
 mod audit;
 mod c_boundary;
