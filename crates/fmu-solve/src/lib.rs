@@ -6,11 +6,12 @@
 //
 //   integration                           how the equations of a model are integrated
 //   event_loop, steady_state              from event to event, and starts at rest
+//   tape                                  numbers with the derivatives of one result by many
 //   integrator, stops                     the integrator, and where a communication step stops
 //   search                                the first event in a step of the integrator
 //   events                                when and why a model has an event
 //   table, space                          tables for equations, and vectors and rotations
-//   number, tape                          numbers with derivatives
+//   number                                numbers with derivatives
 //   time                                  when two times are the same
 //   persistence                           the bytes of a saved state
 //   error, display
