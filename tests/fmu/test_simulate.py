@@ -148,7 +148,7 @@ def test_failing_step_ends_with_time_and_the_fmus_message(cargo_fmu: Run, tmp_pa
     out = tmp_path / "alone.csv"
     done = cargo_fmu("simulate", file, "--fmus", tmp_path, "--out", out)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: alone: fmi2DoStep at 5 s gave fmi2Error\n")
+    assert done.stderr.startswith("error: alone: fmi2DoStep returned fmi2Error at 5 s\n")
     assert "the model's own error" in done.stderr
     assert not out.exists()
 

@@ -108,7 +108,7 @@ def test_a_run_that_fails_is_a_row_with_the_message(results: Path) -> None:
         assert all((row[name] == "") == fails for name in ["up", "down", "rise", "left", "peak", "mean"])
         if fails:
             assert "plant: fmi2SetReal of tank.volume" in row["error"]
-            assert "gave fmi2Error\n" in row["error"] or "gave fmi2Discard\n" in row["error"]
+            assert " returned fmi2Error at " in row["error"] or " returned fmi2Discard at " in row["error"]
             # The FMU's message.
             assert "tank.volume" in row["error"].splitlines()[1]
 

@@ -126,15 +126,15 @@ fn names(text: &str) -> Result<Names, String> {
 
 /// Has the FMUs return early for events that can.
 fn return_early(scenario: &mut Scenario, loaded: &mut LoadedFmus) -> Result<()> {
-    let mut refused = String::new();
+    let mut refused = vec![];
     for member in &mut scenario.fmus {
         match loaded.get(member)?.refuse_no_event_mode() {
             Ok(()) => member.returns_early = true,
-            Err(error) => refused += &format!("; {}: {error}", member.name),
+            Err(error) => refused.push(format!("{}: {error}", member.name)),
         }
     }
     if !scenario.fmus.iter().any(|member| member.returns_early) {
-        bail!("no FMU takes it{refused}");
+        bail!("{}", refused.join("; "));
     }
     Ok(())
 }

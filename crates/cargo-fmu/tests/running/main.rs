@@ -361,7 +361,7 @@ fn one_fmu_runs_alone_with_values_of_the_command_line() {
             "--set fail=eror: the value eror of fail cannot be used: it is not one of no, ",
         ),
         (["--set", "level=1"], "--set level=1: no FMU has a settable variable level"),
-        (["--set", "fail=error"], "fmi2DoStep at 0 s gave fmi2Error"),
+        (["--set", "fail=error"], "fmi2DoStep returned fmi2Error at 0 s"),
         (["--set", "flag"], "expected NAME=VALUE"),
         (["--parameters", "other.ssv"], "--parameters other.ssv: no FMU has a parameter of the set any"),
         (["--fmu", "a=b.fmu"], "--fmu a=b.fmu: only for scenarios, not single FMUs"),
@@ -697,7 +697,7 @@ fn a_study_has_a_report() {
         "<td>last</td><td class=\"number\">1\u{202f}Pa (run 0)</td><td class=\"number\">2\u{202f}Pa (run 2)</td><td class=\"number\">4\u{202f}Pa (run 4)</td>",
         "<td>alone:input</td><td>3 values from 1 to 4</td>",
         "<td>alone:fail</td><td>error, no</td>",
-        "<td>1</td><td>alone: fmi2DoStep at 0 s gave fmi2Error",
+        "<td>1</td><td>alone: fmi2DoStep returned fmi2Error at 0 s",
         // The runs that did not fail.
         "\"x\":[1.0,2.0,4.0],\"y\":[1.0,2.0,4.0]",
         // What the colours are, and no more what the axis has.

@@ -34,7 +34,7 @@ impl Status {
         let known = ["OK", "Warning", "Discard", "Error", "Fatal", "Pending"];
         match usize::try_from(self.0).ok().and_then(|status| known.get(status)) {
             Some(name) => format!("{prefix}{name}"),
-            None => format!("{}, which is not a status of FMI", self.0),
+            None => format!("the unknown status {}", self.0),
         }
     }
 }
@@ -64,7 +64,7 @@ pub struct Called {
 
 impl fmt::Display for Called {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{} gave {}", self.function, self.status.name(self.function.prefix))
+        write!(formatter, "{} returned {}", self.function, self.status.name(self.function.prefix))
     }
 }
 
@@ -178,15 +178,15 @@ impl fmt::Display for CallFailed {
             variables.iter().try_for_each(|variable| write!(formatter, "{variable}, "))?;
             write!(formatter, "{last}")?;
         }
-        if let Some(time) = self.time {
-            write!(formatter, " at {} s", Seconds(time))?;
-        }
         match self.status {
             Some(status) => {
                 let prefix = self.function.get(..4).unwrap_or_default();
-                write!(formatter, " gave {}", status.name(prefix))?;
+                write!(formatter, " returned {}", status.name(prefix))?;
             }
             None => write!(formatter, " returned no instance")?,
+        }
+        if let Some(time) = self.time {
+            write!(formatter, " at {} s", Seconds(time))?;
         }
         if let Some(time) = self.last_successful_time {
             write!(formatter, ", having reached {} s", Seconds(time))?;
