@@ -69,7 +69,9 @@ def row(broken: Path) -> str:
 def table() -> str:
     """The rows, in the order of the tests."""
     subprocess.run(
-        ["cargo", "test", "--quiet", "--package", "fmu-validation", "--test", "validation"], cwd=ROOT, check=True
+        ["cargo", "test", "--quiet", "--package", "fmu-validation", "--test", "validation"],
+        cwd=ROOT,
+        check=True,
     )
     subprocess.run(["cargo", "build", "--quiet", "--package", "cargo-fmu"], cwd=ROOT, check=True)
     folder = TARGET / "tmp" / "good-fmus"
