@@ -61,7 +61,7 @@ pub struct EventLoop {
     most_trials: u32,
     trials: u32,
     events: u32,
-    /// From where these count, and the place of the last time event, in s since the start.
+    /// Where trials and events began to count, and the place of the last time event, in s since the start.
     since: f64,
     last_due: f64,
 }

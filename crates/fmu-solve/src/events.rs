@@ -29,10 +29,10 @@ pub struct Events {
     crowded: u32,
     /// Which indicators were positive at the last event.
     positive: Box<[bool]>,
-    /// Which have changed since.
+    /// Which indicators have changed since the last event.
     changed: Box<[bool]>,
     indicators: Box<[f64]>,
-    /// The largest magnitude of each so far.
+    /// The largest magnitude of each indicator so far.
     scales: Box<[f64]>,
     /// The last search, with its memory.
     search: Option<Box<Search>>,
@@ -90,7 +90,7 @@ pub(crate) enum Side {
     After,
 }
 
-/// The rest follows from the model.
+/// Saves what does not follow from the model.
 impl Persistent for Events {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         self.next.persist(archive)?;
@@ -109,7 +109,7 @@ impl Search {
 }
 
 impl Events {
-    /// For a model with this many event indicators.
+    /// The events of a model with this many event indicators.
     #[must_use]
     pub fn new(indicators: usize) -> Self {
         Self {
@@ -130,7 +130,7 @@ impl Events {
         &self.changed
     }
 
-    /// The position of the first of them.
+    /// The position of the first indicator that has changed since the last event.
     #[must_use]
     pub fn first_changed(&self) -> Option<usize> {
         self.changed.iter().position(|changed| *changed)

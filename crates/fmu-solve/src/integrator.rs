@@ -70,7 +70,7 @@ pub struct Integrator {
     jacobian: Jacobian,
     /// Whether the last step ended beyond the end that was asked for.
     is_ahead: bool,
-    /// A clone has it if it is ahead.
+    /// The last step. A clone has it if it is ahead.
     last: Option<Box<LastStep>>,
     /// Memory for a step. A clone has none, as it is between steps.
     work: Option<Box<Work>>,
@@ -79,17 +79,17 @@ pub struct Integrator {
 /// What a step is to integrate, in s.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
-    /// Its start.
+    /// The start of the span.
     pub begin: f64,
     /// The last time that is asked for.
     pub end: f64,
-    /// How far a step may go beyond it.
+    /// The latest time that a step may reach beyond the end.
     pub limit: f64,
     /// How far rounding may move the end.
     pub rounding: f64,
 }
 
-/// From a start to an end, not beyond.
+/// The span from a start to an end, not beyond.
 impl From<(f64, f64)> for Span {
     fn from((begin, end): (f64, f64)) -> Self {
         Self { begin, end, limit: end, rounding: 0.0 }
@@ -130,14 +130,14 @@ impl Persistent for Integrator {
 /// The trials of a communication step.
 #[derive(Debug)]
 pub struct Trials<'a> {
-    /// Their number.
+    /// The number of trials.
     pub count: &'a mut u32,
     /// The number after which the step fails.
     pub most: u32,
 }
 
 impl Trials<'_> {
-    /// Counts one. Returns whether it is one too many.
+    /// Counts a trial. Returns whether it is one too many.
     fn add(&mut self) -> bool {
         *self.count += 1;
         *self.count > self.most

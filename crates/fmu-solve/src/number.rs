@@ -343,7 +343,7 @@ impl Number for f64 {
 pub struct Dual {
     /// The value.
     pub value: f64,
-    /// Its derivative.
+    /// The derivative along the direction.
     pub derivative: f64,
 }
 
@@ -426,7 +426,7 @@ macro_rules! arithmetic {
         }
 
         impl ::core::iter::Sum for $number {
-            /// Begins as that of `f64` does.
+            /// Starts from −0.0, as the sum of `f64` does.
             fn sum<I: Iterator<Item = Self>>(numbers: I) -> Self {
                 numbers.fold(Self::from(-0.0), Add::add)
             }

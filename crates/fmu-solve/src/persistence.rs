@@ -175,7 +175,7 @@ macro_rules! numbers {
 
 numbers!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
 
-/// As a `u64`, so that the bytes are the same on every platform.
+/// Saved as a `u64`, so that the bytes are the same on every platform.
 impl Persistent for usize {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
         let mut number = *self as u64;

@@ -130,7 +130,7 @@ impl<T: Number, const SIZE: usize> Div<T> for Vector<T, SIZE> {
 pub struct Matrix<T>(pub [[T; 3]; 3]);
 
 impl<T: Number> Matrix<T> {
-    /// With these numbers on the diagonal, and zeros elsewhere.
+    /// The matrix with these numbers on the diagonal, and zeros elsewhere.
     #[must_use]
     pub fn diagonal(numbers: [T; 3]) -> Self {
         Self::of(|row, column| if row == column { numbers[row] } else { T::from(0.0) })
@@ -203,13 +203,13 @@ impl<T: Number> Quaternion<T> {
         Self { real: cosine, imaginary: axis * sine }
     }
 
-    /// The four numbers, the real part first, as states have them.
+    /// The quaternion of four numbers, the real part first, as states have them.
     #[must_use]
     pub fn from_array([real, x, y, z]: [T; 4]) -> Self {
         Self { real, imaginary: Vector([x, y, z]) }
     }
 
-    /// The four numbers, the real part first.
+    /// The quaternion's four numbers, the real part first.
     #[must_use]
     pub fn to_array(self) -> [T; 4] {
         let [x, y, z] = self.imaginary.0;
@@ -222,7 +222,7 @@ impl<T: Number> Quaternion<T> {
         Self { imaginary: -self.imaginary, ..self }
     }
 
-    /// With length 1: integration lets the length of an attitude drift.
+    /// The quaternion with length 1: integration lets the length of an attitude drift.
     #[must_use]
     pub fn normalized(self) -> Self {
         let numbers = Vector(self.to_array());
@@ -250,7 +250,7 @@ impl<T: Number> Quaternion<T> {
     }
 }
 
-/// The rotation by the second one, then the first.
+/// The product of two quaternions: the rotation by the second, then by the first.
 impl<T: Number> Mul for Quaternion<T> {
     type Output = Self;
 

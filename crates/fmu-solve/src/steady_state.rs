@@ -230,7 +230,7 @@ struct Factors<const N: usize> {
 }
 
 impl<const N: usize> Factors<N> {
-    /// Those of 1/Δt − J, with `damping` = 1/Δt, unless it is singular.
+    /// The factors of 1/Δt − J, with `damping` = 1/Δt, unless this matrix is singular.
     fn of(jacobian: &[[f64; N]; N], damping: f64) -> Option<Self> {
         let mut matrix = jacobian.map(|row| row.map(|element| -element));
         for (diagonal, row) in matrix.iter_mut().enumerate() {

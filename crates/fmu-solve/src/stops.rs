@@ -7,12 +7,12 @@ use crate::time::End;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stops {
     pub events: EventsLeft,
-    /// Whether at the end of each internal step, too.
+    /// Whether the step stops at the end of each internal step, too.
     pub internal_steps: bool,
 }
 
 impl Stops {
-    /// None: the model handles its events.
+    /// No stops: the model handles its events.
     pub const NONE: Self = Self { events: EventsLeft::None, internal_steps: false };
 }
 
@@ -36,16 +36,16 @@ impl Stop {
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventsLeft {
-    /// All: the step may end early.
+    /// All events: the step may end early.
     All,
     /// The event at the end of the step; the model handles earlier events.
     AtEnd,
-    /// None.
+    /// No events: the model handles all.
     None,
 }
 
 impl EventsLeft {
-    /// Whether they include an event at a time in s, in a step to `end`.
+    /// Whether the importer handles an event at a time in s, in a step to `end`.
     #[must_use]
     pub fn has(self, time: f64, end: f64) -> bool {
         match self {

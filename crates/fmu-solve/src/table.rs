@@ -44,7 +44,7 @@ pub enum Beyond {
     Hold,
     /// A straight line with the slope at the edge.
     Extend,
-    /// The same again. The values at both edges must be equal.
+    /// The table again, periodically. The values at both edges must be equal.
     Repeat,
     /// NaN, with which no step is accepted: for a variable that must not leave the table.
     Invalid,
@@ -66,13 +66,13 @@ impl<'a, V: Number> Curve<'a, V> {
         Self { knots, values, interpolation: Interpolation::Linear, beyond: Beyond::Hold }
     }
 
-    /// With [`Interpolation::Cubic`].
+    /// The curve with [`Interpolation::Cubic`].
     #[must_use]
     pub fn cubic(self) -> Self {
         Self { interpolation: Interpolation::Cubic, ..self }
     }
 
-    /// With another way of going beyond the edges.
+    /// The curve with another way of going beyond the edges.
     #[must_use]
     pub fn beyond(self, beyond: Beyond) -> Self {
         Self { beyond, ..self }
@@ -134,13 +134,13 @@ impl<'a, V: Number, R: AsRef<[V]>> Surface<'a, R, V> {
         Self { rows, columns, values, interpolation: Interpolation::Linear, beyond: Beyond::Hold }
     }
 
-    /// With [`Interpolation::Cubic`].
+    /// The surface with [`Interpolation::Cubic`].
     #[must_use]
     pub fn cubic(self) -> Self {
         Self { interpolation: Interpolation::Cubic, ..self }
     }
 
-    /// With another way of going beyond the edges, all four.
+    /// The surface with another way of going beyond the edges, all four.
     #[must_use]
     pub fn beyond(self, beyond: Beyond) -> Self {
         Self { beyond, ..self }
@@ -395,20 +395,20 @@ impl Table {
     /// Reads a file of a model's resources, which are those of `fmu_export::Context`.
     ///
     /// # Errors
-    /// Those of [`ReadResource::resource`] and [`Table::parse`], or when it is not UTF-8.
+    /// When [`ReadResource::resource`] or [`Table::parse`] fails, or the file is not UTF-8.
     pub fn resource(resources: &impl ReadResource, name: &str) -> Result<Self, Error> {
         let bytes = resources.resource(name)?;
         let text = str::from_utf8(&bytes).map_err(|error| refused(name, &error.to_string()))?;
         Self::parse(name, text)
     }
 
-    /// Its rows. If the first cell is a text, it is NaN.
+    /// The table's rows. If the first cell is a text, it is NaN.
     #[must_use]
     pub fn rows(self) -> Vec<Vec<f64>> {
         self.rows
     }
 
-    /// Its columns.
+    /// The table's columns.
     ///
     /// # Errors
     /// When the first cell is a text, or a row has another number of cells.
@@ -429,11 +429,11 @@ impl Table {
         Ok(columns)
     }
 
-    /// Its numbers as those of a [`Surface`]: columns' knots in the first row, after a cell that is not used and may be a
-    /// text, then in each row the row's knot and its values.
+    /// The table's numbers as those of a [`Surface`]: columns' knots in the first row, after a cell that is not used
+    /// and may be a text, then in each row the row's knot and its values.
     ///
     /// # Errors
-    /// Those of [`Surface::check`].
+    /// When [`Surface::check`] rejects the numbers.
     pub fn grid(self) -> Result<Grid, Error> {
         let mut rows = self.rows.into_iter();
         let columns = rows.next().unwrap_or_default().into_iter().skip(1).collect();

@@ -24,7 +24,7 @@ struct Operation {
 /// The operations from variables to results. It reuses its memory for the next recording.
 #[derive(Default)]
 pub struct Tape {
-    /// The first one represents all constants.
+    /// The recorded operations; the first one represents all constants.
     operations: RefCell<Vec<Operation>>,
 }
 
@@ -165,7 +165,7 @@ impl fmt::Debug for Tape {
 pub struct Recorded<'t> {
     value: f64,
     tape: Option<&'t Tape>,
-    /// Its place on the tape; 0 for a constant.
+    /// The number's place on the tape; 0 for a constant.
     place: u32,
 }
 

@@ -8,7 +8,7 @@
 /// The times of one instant differ by at most this many relative roundings: each is a sum of a start and a product of
 /// two factors, one of which is rounded (3/2), and a step's end is one more sum.
 const ROUNDINGS: f64 = 4.0;
-/// The same for a time without a step's size, which may be the sum of some steps.
+/// The most relative roundings of a time without a step's size, which may be the sum of some steps.
 const SUMMED: f64 = 64.0;
 /// The tolerance of a step's start relative to its size: some importers count nanoseconds.
 const START: f64 = 1e-6;
@@ -87,7 +87,7 @@ impl Ahead {
 /// The end of a communication step, and the times that are the same.
 #[derive(Clone, Copy, Debug)]
 pub struct End {
-    /// In s.
+    /// The end in s.
     pub time: f64,
     rounding: f64,
     /// How far the importer's clock is ahead (s).
@@ -95,15 +95,15 @@ pub struct End {
 }
 
 impl End {
-    /// Of an importer's step from a start by a size, both in s, whose events FMUs of any maker announce.
+    /// The end of an importer's step from a start by a size, both in s, whose events FMUs of any maker announce.
     #[must_use]
     pub fn of_any(start: f64, size: f64) -> Self {
         let time = start + size;
         Self { time, rounding: coincidence(size, time), ahead: 0.0 }
     }
 
-    /// Of a step from a start by a size, with the importer's clock at its end, in an experiment since a time, all in s:
-    /// since + k·h rounds as the larger of both ends does, even where it passes zero.
+    /// The end of a step from a start by a size, with the importer's clock at its end, in an experiment since a time,
+    /// all in s: since + k·h rounds as the larger of both ends does, even where it passes zero.
     #[must_use]
     pub fn of_sum((start, size): (f64, f64), Ahead { seconds }: Ahead, since: f64) -> Self {
         let (time, since) = (start + size, since.abs());

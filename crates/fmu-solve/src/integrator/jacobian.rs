@@ -31,17 +31,17 @@ const DIRECTION: usize = 2;
 /// A Jacobian.
 #[derive(Debug)]
 pub(super) struct Jacobian {
-    /// Where its elements are, once found; not for few states.
+    /// Where the Jacobian has elements, once found; not for few states.
     pattern: Option<Arc<Pattern>>,
     /// The elements, by rows; none in a clone that does not use them.
     elements: Vec<f64>,
-    /// The number of steps that it still serves; 0 if it must be renewed.
+    /// The number of steps that the Jacobian still serves; 0 if it must be renewed.
     serves: u32,
-    /// The number of steps completed with it.
+    /// The number of steps completed with the Jacobian.
     served: u32,
-    /// The length of the step for which it was factored; 0 if none.
+    /// The length of the step for which the matrix was factored; 0 if none.
     factored_for: f64,
-    /// The most steps that the next one serves, and the number of steps accepted since this changed.
+    /// The most steps that the next Jacobian serves, and the number of steps accepted since this changed.
     most: u32,
     accepted: u32,
 }
@@ -104,17 +104,17 @@ impl Jacobian {
         }
     }
 
-    /// Whether it still serves the next step.
+    /// Whether the Jacobian still serves the next step.
     pub(super) fn serves(&self) -> bool {
         self.serves > 0
     }
 
-    /// Whether no step was completed with it.
+    /// Whether no step was completed with the Jacobian.
     pub(super) fn is_fresh(&self) -> bool {
         self.served == 0
     }
 
-    /// Discards it if it does not serve a step of this length.
+    /// Discards the Jacobian if it does not serve a step of this length.
     pub(super) fn expect<S: System>(&mut self, length: f64) {
         if !S::METHOD.takes_any_jacobian && length > GROWTH * self.factored_for {
             self.discard();
@@ -281,7 +281,7 @@ struct Groups {
     long_rows: Vec<usize>,
 }
 
-/// Those of the groups, and one that checks them.
+/// The directions of the groups, and one that checks them.
 impl Directions for Groups {
     fn count(&self) -> usize {
         self.number + 1
@@ -340,9 +340,9 @@ impl Groups {
 /// The matrix of the linear equations.
 #[derive(Debug)]
 pub(super) struct Matrix {
-    /// Unless the Jacobian is full.
+    /// The groups of columns; none if the Jacobian is full.
     groups: Option<Groups>,
-    /// The products along their directions, by rows.
+    /// The products of the Jacobian along the groups' directions, by rows.
     products: Vec<f64>,
     factors: Factors,
     /// Whether the factors are those of the present Jacobian.
@@ -351,7 +351,7 @@ pub(super) struct Matrix {
     scale: f64,
     /// How many steps of the explicit method one with a Jacobian and factors of its own costs, where these are sparse.
     pub(super) price: u32,
-    /// How many times it was factored, and equations were solved.
+    /// How many times the matrix was factored, and equations were solved.
     #[cfg(test)]
     pub(super) counts: [u32; 2],
 }

@@ -4,18 +4,18 @@ use super::system::System;
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// The last step.
+/// The integrator's last step.
 #[derive(Debug)]
 pub(super) struct LastStep {
-    /// Its start and end in s, and its length.
+    /// The step's start and end in s, and its length.
     pub(super) begin: f64,
     pub(super) end: f64,
     pub(super) length: f64,
-    /// The states at both.
+    /// The states at the step's start and end.
     pub(super) from: Vec<f64>,
     pub(super) to: Vec<f64>,
-    /// Whether the explicit method took it. If so, its stages can be evaluated again: its start then, and what that
-    /// counted from.
+    /// Whether the explicit method took the step. If so, its stages can be evaluated again: its start then, and what
+    /// that counted from.
     pub(super) is_explicit: bool,
     pub(super) begun: f64,
     pub(super) zero: f64,
@@ -60,13 +60,14 @@ impl LastStep {
         }
     }
 
-    /// Whether the explicit method took it. Code for it is left out where it never does.
+    /// Whether the explicit method took the step. Code for it is left out where it never does.
     #[inline]
     pub(super) fn took_explicit<S: System>(&self) -> bool {
         S::METHOD.has_explicit() && self.is_explicit
     }
 
-    /// What a saved state keeps of it: the polynomials, or what is needed to evaluate them again if those are more.
+    /// What a saved state keeps of the step: the polynomials, or what is needed to evaluate them again if those are
+    /// more.
     pub(super) fn kept(&self) -> Self {
         let Self { from, to, dense, .. } = self;
         let has_dense = self.has_dense && !self.is_explicit;

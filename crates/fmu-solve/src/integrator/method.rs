@@ -6,7 +6,7 @@
 //! (1/(γ·h) − A)·uᵢ = f(t + τᵢ·h, x + Σⱼ aᵢⱼ·uⱼ) + Σⱼ cᵢⱼ/h·uⱼ + gᵢ·h·∂f/∂t,   j < i.
 //! ```
 //!
-//! Its result is where the last stage evaluates f plus that stage.
+//! The result of the step is where the last stage evaluates f plus that stage.
 
 use super::explicit;
 
@@ -16,7 +16,7 @@ pub struct Method {
     pub(super) gamma: f64,
     /// a: the weights of the stages in the states at which each stage is evaluated.
     pub(super) states: &'static [&'static [f64]],
-    /// c: those on the right-hand side of each stage.
+    /// c: the weights of the stages on the right-hand side of each stage.
     pub(super) stages: &'static [&'static [f64]],
     /// τ: the time of each stage within the step, relative to it.
     pub(super) times: &'static [f64],
@@ -31,7 +31,7 @@ pub struct Method {
     pub(super) dense: &'static [&'static [f64]],
     /// Whether the order holds with any matrix in place of the Jacobian, which then serves many steps.
     pub(super) takes_any_jacobian: bool,
-    /// Where the explicit method takes the place of this one.
+    /// The phases in which the explicit method takes the place of this one.
     pub(super) explicit: Phases,
 }
 
@@ -61,7 +61,7 @@ impl Method {
         !matches!(self.explicit, Phases::None)
     }
 
-    /// Whether the methods take turns.
+    /// Whether the explicit method and the linearly implicit one take turns.
     pub(super) const fn switches(&self) -> bool {
         matches!(self.explicit, Phases::Nonstiff)
     }
@@ -132,7 +132,7 @@ pub const ROS34PW2: Method = Method {
 /// γ of `Rodas5P`.
 const GAMMA: f64 = 0.211_937_563_194_290_14;
 
-/// The later ones are those of the sixth, and 1.
+/// The weights a of `Rodas5P`; rows after the sixth are the sixth, followed by ones.
 const A: [&[f64]; 8] = [
     &[],
     &[3.0],

@@ -45,13 +45,13 @@ pub struct TwoRates<const FAST: usize, const SLOW: usize> {
     slow: Course<SLOW>,
     /// The derivatives of the slow slopes with respect to each fast state, as old as the slow Jacobian.
     coupling: [[f64; SLOW]; FAST],
-    /// Whether they may differ from zero.
+    /// Whether the slow slopes may depend on each fast state.
     drives: [bool; FAST],
     /// The fast part's steps that the slow part still needs; none between steps.
     ahead: Vec<FastStep<FAST>>,
-    /// Those of the fast part's last trial.
+    /// The stages of the fast part's last trial.
     stages: Stages<FAST>,
-    /// For coupled parts.
+    /// The integrator of all states, for coupled parts.
     together: Integrator,
     /// The position of the state with which the last step failed.
     decisive: usize,
@@ -68,10 +68,10 @@ impl<const FAST: usize, const SLOW: usize> Persistent for TwoRates<FAST, SLOW> {
 }
 
 impl<const FAST: usize, const SLOW: usize> TwoRates<FAST, SLOW> {
-    /// For this many states of a system.
+    /// The integrator of a system with this many states.
     ///
     /// # Panics
-    /// When they are not the states of both parts.
+    /// When both parts together have another number of states.
     #[must_use]
     pub fn new<S: TwoParts>(size: usize) -> Self {
         assert_eq!(size, FAST + SLOW, "the numbers of states of `TwoRates`");
@@ -417,20 +417,20 @@ struct Course<const N: usize> {
     max: [f64; N],
     /// The time reached.
     time: f64,
-    /// The states at this time.
+    /// The states at the time reached.
     states: [f64; N],
-    /// Their derivatives; not numbers before the first step.
+    /// The derivatives at the time reached; not numbers before the first step.
     slopes: [f64; N],
     /// The reciprocals of the states' errors allowed in a step.
     weights: [f64; N],
     steps: StepSize,
     /// The approximate Jacobian, by columns.
     jacobian: [[f64; N]; N],
-    /// Its norm, of states and derivatives relative to the states' allowed errors, in 1/s.
+    /// The Jacobian's norm, of states and derivatives relative to the states' allowed errors, in 1/s.
     stiffness: f64,
-    /// The number of remaining steps with it; 0 if there is none.
+    /// The number of remaining steps with the Jacobian; 0 if there is none.
     serves: u32,
-    /// Whether no step was accepted with it yet.
+    /// Whether no step was accepted with the Jacobian yet.
     is_fresh: bool,
     /// The inverse of 1 − γ·h·J, by columns.
     inverse: [[f64; N]; N],
@@ -441,9 +441,10 @@ struct Course<const N: usize> {
 /// A step that was tried.
 struct Trial<const N: usize> {
     states: [f64; N],
-    /// Their estimated error.
+    /// The estimated errors of the states.
     error: [f64; N],
-    /// The largest one, relative to what is allowed; infinite if it or a state is not finite, or a state out of its range.
+    /// The largest error relative to what is allowed; infinite if an error or a state is not finite, or a state out of
+    /// its range.
     largest: f64,
 }
 

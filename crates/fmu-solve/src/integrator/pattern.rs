@@ -13,9 +13,9 @@ pub struct Pattern {
     starts: Vec<u32>,
     /// The columns of the elements, ascending within each row.
     columns: Vec<u32>,
-    /// The operations by which the derivatives are evaluated, as far as known, …
+    /// The operations by which the derivatives are evaluated, as far as known.
     operations: u32,
-    /// … and those that the gradients of all rows go back through, some many times.
+    /// The operations that the gradients of all rows go back through, some many times.
     traversed: u32,
 }
 
@@ -24,7 +24,7 @@ crate::persistent!(<> Pattern { starts, columns, operations, traversed });
 /// An order of elimination.
 pub(super) struct Elimination {
     pub(super) order: Vec<u32>,
-    /// How many unknowns of each equation are left after its own.
+    /// How many unknowns of each equation remain once its own is eliminated.
     left: Vec<usize>,
 }
 
@@ -36,7 +36,7 @@ impl Elimination {
 }
 
 impl Pattern {
-    /// That of a matrix without zeros.
+    /// The pattern of a matrix without zeros.
     #[must_use]
     pub fn full() -> Self {
         Self::default()
@@ -120,7 +120,7 @@ impl Pattern {
         &self.columns[self.range(row)]
     }
 
-    /// The same of the transposed matrix.
+    /// The columns of each row of the transposed matrix.
     fn transposed(&self) -> Vec<Vec<u32>> {
         let mut transposed = vec![vec![]; self.size()];
         for row in 0..self.size() {

@@ -3,9 +3,9 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs while it costs little, …
+/// How many votes the linearly implicit method needs while it costs little.
 const TO_IMPLICIT: u32 = 4;
-/// … and the explicit one.
+/// How many votes the explicit method needs.
 const TO_EXPLICIT: u32 = 3;
 /// The first trials after the linearly implicit method has taken over do not vote: their lengths are those that stability
 /// allowed the explicit one, and their errors those that it left.

@@ -9,7 +9,7 @@ use super::pattern::Pattern;
 
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
-    /// Their number.
+    /// The number of directions.
     fn count(&self) -> usize;
     /// The component of a direction along a state. Where the pattern is full, each direction is that of the state at its
     /// position.
@@ -24,26 +24,27 @@ pub trait Directions {
 
 /// A system dx/dt = f(t, x).
 pub trait System {
-    /// How it is integrated.
+    /// The integration method.
     const METHOD: &'static Method = &RODAS5P;
     /// Whether the tolerance is relative to nominal values alone.
     const TOLERANCE_IS_ABSOLUTE: bool = false;
     /// The longest step in s.
     const LONGEST_STEP: f64 = f64::INFINITY;
-    /// Whether it may have more than [`Method::most_dense`] states with a pattern: otherwise code for it is left out.
+    /// Whether the system may have more than [`Method::most_dense`] states with a pattern: otherwise code for it is
+    /// left out.
     const MAY_BE_SPARSE: bool = false;
 
-    /// What times count from.
+    /// The zero from which times count.
     fn zero(&self) -> f64 {
         0.0
     }
-    /// Has them count from another zero.
+    /// Counts times from another zero.
     fn count_from(&mut self, zero: f64) {
         let _ = zero;
     }
     /// Computes the derivatives of the states.
     fn derivatives(&mut self, time: f64, states: &[f64], derivatives: &mut [f64]);
-    /// Computes their derivatives along directions of the states, by rows, and with respect to time.
+    /// Differentiates the states' derivatives along directions of the states, by rows, and with respect to time.
     fn linearize(
         &mut self,
         time: f64,
@@ -87,7 +88,7 @@ pub struct StepFailure {
 pub enum Part {
     /// The first states, which do not depend on the others.
     Fast,
-    /// The other states.
+    /// The states after the fast ones.
     Slow,
 }
 
@@ -116,7 +117,7 @@ pub trait TwoParts: System {
 /// The allowed error of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance<'a> {
-    /// Relative to the sum of a state and its nominal value.
+    /// The allowed error relative to the sum of a state and its nominal value.
     pub relative: f64,
     /// The nominal value of each state.
     pub nominals: &'a [f64],

@@ -50,7 +50,7 @@ fn exact(time: f64) -> [f64; 2] {
     [(time.sin() - 1.0_f64.sin()).exp(), time.recip()]
 }
 
-/// The same by another method.
+/// A system integrated by another method.
 macro_rules! by {
     ($($name:ident: $method:ident),*) => {$(
         struct $name<S>(S);
@@ -319,7 +319,7 @@ trait Rates {
     fn rates<T: Number>(&self, time: f64, states: &[T]) -> Vec<T>;
 }
 
-/// Such a system with the pattern of its Jacobian or without, which counts.
+/// A system with the pattern of its Jacobian or without, which counts what is computed.
 struct Counted<R, const PATTERN: bool> {
     rates: R,
     /// The Jacobians, patterns, derivatives with respect to time, right-hand sides, derivatives along directions, and rows
@@ -532,7 +532,7 @@ fn a_row_with_all_columns_is_as_exact_as_the_others() {
 /// States that decay and drive each other, all by all.
 #[derive(Clone, Copy)]
 struct Crowd {
-    /// Whether their squares are computed once, before the rows that all need them.
+    /// Whether the states' squares are computed once, before the rows that all need them.
     shares: bool,
 }
 
@@ -644,7 +644,7 @@ impl Rates for Pleiades {
     }
 }
 
-/// Of seven stars.
+/// The initial positions and velocities of the seven stars.
 const STARS: [f64; 28] = [
     3.0, 3.0, -1.0, -3.0, 2.0, -2.0, 2.0, 3.0, -3.0, 2.0, 0.0, 0.0, -4.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.75,
     -1.5, 0.0, 0.0, 0.0, -1.25, 1.0, 0.0, 0.0,

@@ -31,7 +31,7 @@ const STIFF: f64 = 0.7 * explicit::STABILITY;
 /// Memory for a step.
 #[derive(Debug)]
 pub(super) struct Work {
-    /// The derivatives at its start.
+    /// The derivatives at the step's start.
     pub(super) slopes: Vec<f64>,
     by_time: Vec<f64>,
     pub(super) matrix: Matrix,
@@ -391,7 +391,7 @@ pub(super) struct LargestError {
 }
 
 impl LargestError {
-    /// That of the errors of the states.
+    /// The largest error of the states.
     pub(super) fn of(errors: impl Iterator<Item = f64>) -> Self {
         let mut largest = Self { largest: 0.0, state: 0 };
         for (state, error) in errors.enumerate() {
