@@ -87,19 +87,19 @@ impl Phases {
         }
     }
 
-    /// With one more.
+    /// The set with one more state.
     #[must_use]
     pub const fn and(self, phase: Phase) -> Self {
         Self(self.0 | 1 << phase as u16)
     }
 
-    /// With one less.
+    /// The set without a state.
     #[must_use]
     pub const fn without(self, phase: Phase) -> Self {
         Self(self.0 & !(1 << phase as u16))
     }
 
-    /// Whether a state is among them.
+    /// Whether the set contains a state.
     #[must_use]
     #[inline]
     pub const fn contains(self, phase: Phase) -> bool {
@@ -114,9 +114,9 @@ pub struct Function {
     pub name: &'static str,
     /// The only interface whose instances have the function, if there is just one.
     pub interface: Option<Interface>,
-    /// The states in which it may be called.
+    /// The states in which the function may be called.
     pub phases: Phases,
-    /// What it shares with the other functions of its version.
+    /// What the function shares with the others of its version.
     pub version: &'static Conventions,
 }
 
@@ -125,7 +125,7 @@ pub struct Function {
 pub struct Conventions {
     /// The standard's name for the array of value references of getters and setters, for messages.
     pub value_references: &'static str,
-    /// The standard's name for their array of values.
+    /// The standard's name for the array of values of getters and setters, for messages.
     pub values: &'static str,
     /// The state after an error, unless the standard lets the importer continue.
     pub after_error: Option<Phase>,

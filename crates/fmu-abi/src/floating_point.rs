@@ -53,7 +53,7 @@ mod control {
 
     pub(super) type Register = u32;
 
-    /// All exceptions are masked.
+    /// The register's value with all exceptions masked.
     pub(super) const DEFAULT: Register = 0x1F80;
 
     /// The register without its flags.

@@ -97,7 +97,7 @@ pub(crate) fn first_discrete_difference<V: Variables>(one: &V, other: &V) -> Opt
         .map(|(_, variable)| variable)
 }
 
-/// Whether a variable has the same value in both.
+/// Whether a variable has equal values in two sets of variables.
 fn are_equal<V: Variables>(one: &V, other: &V, reference: ValueReference, data_type: DataType) -> bool {
     match data_type {
         DataType::Real => one.real(reference).to_bits() == other.real(reference).to_bits(),

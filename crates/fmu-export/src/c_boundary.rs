@@ -400,7 +400,7 @@ pub(crate) unsafe fn set_debug_logging<M: Model>(
     instance.set_debug_logging(logging_on, &names.collect::<Result<Vec<_>, _>>()?)
 }
 
-/// After an integrator's step there is nothing to do.
+/// Completes an integrator's step, after which there is nothing to do.
 ///
 /// # Safety
 /// The results are null or may be written to.

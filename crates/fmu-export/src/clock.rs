@@ -17,11 +17,11 @@ pub struct Clock {
     pub(crate) is_new: bool,
     /// The interval last reported to the importer.
     told: Option<f64>,
-    /// Whether it has ticked since Event Mode was entered.
+    /// Whether the clock has ticked since Event Mode was entered.
     pub(crate) has_ticked: bool,
     /// In Scheduled Execution, the time of the last tick in s.
     pub(crate) activated: Option<f64>,
-    /// How many samples it has activated.
+    /// How many samples the clock has activated.
     samples: u64,
 }
 
@@ -44,7 +44,7 @@ impl Clock {
         Self { interval: Some(interval), shift, ..Self::default() }
     }
 
-    /// Whether it ticks now. Only one input clock ticks at a time.
+    /// Whether the clock ticks now. Only one input clock ticks at a time.
     #[must_use]
     pub fn ticks(&self) -> bool {
         self.ticks
@@ -74,7 +74,7 @@ impl Clock {
         self.shift
     }
 
-    /// Sets this time in s, if parameters determine it.
+    /// Sets the time from the start to the first tick of a periodic clock, in s, if parameters determine it.
     pub fn set_shift(&mut self, shift: f64) {
         self.shift = shift;
     }
@@ -88,7 +88,7 @@ impl Clock {
         }
     }
 
-    /// The time of its next sample in s, if its interval does not change.
+    /// The time of the clock's next sample in s, if the interval does not change.
     pub(crate) fn next(&self, start_time: f64) -> Option<f64> {
         Some(start_time + self.shift + self.samples as f64 * self.interval?)
     }

@@ -165,7 +165,7 @@ impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for F {
 /// Messages that begin with their time, which is not the context's: the compiler would then keep that in memory even in
 /// steps without messages, which are short.
 pub(crate) struct Timed<F> {
-    /// In s.
+    /// The time of the messages, in s.
     time: f64,
     log: F,
 }

@@ -66,11 +66,11 @@ pub struct VariableDescription {
     pub stride: ValueReference,
     /// The data type.
     pub data_type: DataType,
-    /// Its role.
+    /// The variable's role.
     pub causality: Causality,
-    /// When its value may change.
+    /// When the value may change.
     pub variability: Variability,
-    /// How its initial value is defined; inputs and the independent variable have none.
+    /// How the initial value is defined; inputs and the independent variable have none.
     pub initial: Option<Initial>,
     /// The smallest accepted value.
     pub min: f64,
@@ -82,9 +82,9 @@ pub struct VariableDescription {
     pub first_real_input: Option<usize>,
     /// The position of a continuous-time state among the states; for an array, that of its first element.
     pub first_state: Option<usize>,
-    /// Its roles in the equations of initialization.
+    /// The variable's roles in the equations of initialization.
     pub in_initialization: Roles,
-    /// Its roles in the equations of steps and events.
+    /// The variable's roles in the equations of steps and events.
     pub in_steps: Roles,
 }
 
@@ -92,9 +92,9 @@ pub struct VariableDescription {
 /// entries are unknowns, as are outputs and locals that it need not list. A state that is an output is both.
 #[derive(Clone, Copy, Debug)]
 pub struct Roles {
-    /// Given.
+    /// Whether the variable is given.
     pub known: bool,
-    /// Computed.
+    /// Whether the variable is computed.
     pub unknown: bool,
 }
 
@@ -226,7 +226,7 @@ pub struct Dependencies {
 /// Known variables, such as neighboring elements of an array.
 #[derive(Clone, Copy, Debug)]
 pub struct Knowns {
-    /// The first one, for the first unknown.
+    /// The first known of the first unknown.
     pub first: ValueReference,
     /// The number of knowns.
     pub count: u32,
@@ -258,13 +258,13 @@ impl Dependencies {
 pub struct ClockDescription {
     /// The value reference.
     pub value_reference: ValueReference,
-    /// Whether the importer activates it; otherwise the model does.
+    /// Whether the importer activates the clock; otherwise the model does.
     pub is_input: bool,
-    /// When it ticks.
+    /// When the clock ticks.
     pub interval_variability: IntervalVariability,
-    /// Whether its interval is declared; if so, importers may set the interval of a fixed or tunable clock.
+    /// Whether the clock's interval is declared; if so, importers may set the interval of a fixed or tunable clock.
     pub has_interval: bool,
-    /// Whether its interval may be exchanged as a fraction.
+    /// Whether the clock's interval may be exchanged as a fraction.
     pub supports_fraction: bool,
     /// Whether the importer may revoke a tick.
     pub can_be_deactivated: bool,

@@ -190,7 +190,7 @@ pub(crate) fn evaluate<E: Equations, T: Number>(equations: &E, time: T, variable
     equations.evaluate(time, E::Variables::evaluation(variables));
 }
 
-/// The same for plain numbers.
+/// Evaluates the equations of a model with plain numbers.
 pub(crate) fn evaluate_values<E: Equations>(equations: &E, time: f64, variables: &mut E::Variables) {
     equations.evaluate_values(time, E::Variables::evaluation(variables));
 }

@@ -56,7 +56,7 @@ pub(crate) struct ClockUpdate {
 #[derive(Clone, Debug)]
 pub(crate) struct IntermediateUpdate {
     pub(crate) callback: IntermediateCallback,
-    /// The variables that the importer gets and sets in it.
+    /// The variables that the importer gets and sets in intermediate updates.
     pub(crate) registered: Box<[ValueReference]>,
 }
 
@@ -71,7 +71,7 @@ pub(crate) struct IntermediateCallback {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Offer {
     pub(crate) is_made: bool,
-    /// Why a function of it is refused otherwise.
+    /// Why a function is refused if the FMU does not offer it.
     pub(crate) refusal: &'static str,
 }
 
@@ -85,7 +85,7 @@ pub(crate) struct Instance<M: Model> {
     /// The value references of array elements in the last call that got or set arrays. The memory is reused, so that
     /// only the first calls allocate.
     scalars: Vec<ValueReference>,
-    /// For adjoint derivatives.
+    /// The tape for adjoint derivatives.
     tape: Tape,
     /// Whether a step may end early.
     pub(crate) early_return_allowed: bool,
@@ -187,7 +187,7 @@ impl<M: Model> Instance<M> {
         self.report(&error, function)
     }
 
-    /// Logs an error, and enters the state that follows, if any.
+    /// Logs an error, and enters the state after an error, if the version has one.
     fn report(&mut self, error: &Error, function: &Function) -> Status {
         self.logger.error(format_args!("{error}"));
         if let Some(phase) = function.version.after_error {

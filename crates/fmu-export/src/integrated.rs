@@ -149,7 +149,7 @@ impl<E: Equations, I: Integrate<E>> Fmu for Integrated<E, I> {
     type Model = Self;
 }
 
-/// The rest belongs to a step in progress.
+/// Saves what does not belong to a step in progress.
 impl<E: Equations, I: Integrate<E>> crate::Persistent for Integrated<E, I> {
     fn persist(&mut self, archive: &mut fmu_solve::persistence::Archive<'_>) -> Result<(), Error> {
         self.equations.persist(archive)?;
@@ -644,9 +644,9 @@ struct Evolution<'a, 'c, E: Equations, I> {
     tolerance: f64,
     states: &'a mut [f64],
     context: &'a mut Context<'c>,
-    /// The time reached at its start (s).
+    /// The time reached at the step's start (s).
     begin: f64,
-    /// Whether the integrator may go beyond the end.
+    /// Whether the integrator may go beyond the step's end.
     looks_ahead: bool,
     /// Where the variables were evaluated last.
     place: Place,

@@ -268,7 +268,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = (variables, inputs);
     }
 
-    /// The next step begins after an event.
+    /// Begins the next step after an event.
     #[doc(hidden)]
     fn enter_step_mode(&mut self) {}
 }
@@ -279,9 +279,9 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
                `Equations` or `Sampled`"
 )]
 pub trait Fmu {
-    /// What the runtime makes of it: itself if it is a [`Model`].
+    /// What the runtime makes of the model: itself if it is a [`Model`].
     type Model: Model;
-    /// Its interfaces are possible.
+    /// Fails to compile if the model's interfaces are impossible.
     #[doc(hidden)]
     const CHECKED: () = check_interfaces::<Self::Model>();
 }
@@ -291,16 +291,16 @@ pub trait Fmu {
 #[derive(Clone, Copy, Debug)]
 pub struct Serves {
     pub model_exchange: bool,
-    /// Of Co-Simulation in FMI 3.0.
+    /// Event Mode of Co-Simulation in FMI 3.0.
     pub event_mode: bool,
     pub scheduled_execution: bool,
 }
 
 impl Serves {
-    /// Nothing else.
+    /// Nothing but co-simulation.
     pub const CO_SIMULATION: Self =
         Self { model_exchange: false, event_mode: false, scheduled_execution: false };
-    /// All of it.
+    /// Everything.
     pub const ALL: Self = Self { model_exchange: true, event_mode: true, scheduled_execution: true };
 }
 

@@ -22,7 +22,7 @@ static FIRST: Mutex<Option<String>> = Mutex::new(None);
 /// A line of a file.
 #[derive(Clone, Copy)]
 struct Place {
-    /// The end of its path, padded with 0.
+    /// The end of the file's path, padded with 0.
     file: [u8; Self::LONGEST],
     line: u32,
 }
@@ -132,7 +132,7 @@ mod tests {
         crate::c_boundary::silence_panics();
         let here = attempt(|| -> u8 { panic!("it panics here") });
         let elsewhere = attempt(|| std::thread::spawn(|| panic!("it panics there")).join().unwrap());
-        // That of another test may be in between.
+        // A panic of another test may be in between.
         let first = lock_first().take().unwrap_or_default();
         let _ = std::panic::take_hook();
         assert_eq!((here, elsewhere), (None, None));

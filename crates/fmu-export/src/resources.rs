@@ -14,12 +14,12 @@ use crate::variables::Variables;
 pub(crate) struct Resources(Result<Cow<'static, Path>, Cow<'static, str>>);
 
 impl Resources {
-    /// For an FMU without files.
+    /// The resources of an FMU without files.
     pub(crate) fn none() -> Self {
         Self(Err("the model's JSON has no \"resources\"".into()))
     }
 
-    /// The folder from which those of an FMU come.
+    /// The folder from which an FMU's resources come.
     pub(crate) fn of<V: Variables>() -> Self {
         V::RESOURCES.map_or_else(Self::none, |folder| Self(Ok(Path::new(folder).into())))
     }

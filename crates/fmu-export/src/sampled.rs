@@ -113,9 +113,9 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
 /// Identifies a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Its number, from 0; with clocks, among the ticks of the same clock.
+    /// The sample's number, from 0; with clocks, among the ticks of the same clock.
     pub number: u64,
-    /// Its time in s.
+    /// The sample's time in s.
     pub time: f64,
 }
 
@@ -128,9 +128,9 @@ pub struct SampledModel<S> {
     executed: u64,
     /// The time in s of the first sample with the present period, which is the start with the first one.
     origin: f64,
-    /// Its number.
+    /// The number of the first sample with the present period.
     first: u64,
-    /// The period in s, between samples since then.
+    /// The present period in s.
     period: f64,
 }
 
@@ -142,11 +142,11 @@ impl<S: Sampled> Fmu for SampledModel<S> {
 
 /// The next sample.
 struct Due {
-    /// Its time in s.
+    /// The sample's time in s.
     time: f64,
-    /// How long after the last one it is at least, in s.
+    /// The least time from the last sample to this one, in s.
     period: f64,
-    /// From when its time is counted, in s.
+    /// The time from which the sample's time is counted, in s.
     origin: f64,
     /// The position of the clock that ticks, if there are any.
     clock: Option<usize>,
@@ -160,7 +160,7 @@ impl Due {
 
     /// The sample at the time of the one before, `last`, if that is the same.
     fn join(self, last: &mut f64) -> Self {
-        // Those of a period are apart.
+        // Samples of a period are apart.
         let is_same = self.clock.is_some() && self.time <= *last + self.rounding();
         *last = if is_same { *last } else { self.time };
         Self { time: *last, ..self }

@@ -28,7 +28,7 @@ const CHECKSUM: usize = 8;
 /// The bytes of a value that belongs to an FMU.
 ///
 /// # Errors
-/// Those of the value.
+/// When the value cannot be written, or memory is short.
 pub(crate) fn to_bytes(
     description: &ModelDescription,
     instance_type: InstanceType,

@@ -68,7 +68,7 @@ impl<F: Fmu> Simulation<F> {
     /// Checks the parameters and computes the values at the experiment's start time.
     ///
     /// # Errors
-    /// Those of the model.
+    /// When the model refuses its parameters or fails.
     pub fn initialize(&mut self) -> Result<(), Error> {
         F::Model::check_parameters(&self.variables)?;
         self.time = self.experiment.start_time;
@@ -87,7 +87,7 @@ impl<F: Fmu> Simulation<F> {
     /// tick.
     ///
     /// # Errors
-    /// Those of the model; also when it requests the end, at [`Simulation::time`].
+    /// When the model fails, or requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
         let mut inputs = InputSignal::constant(self.inputs.clone());
         if self.left.as_ref().is_some_and(|left| *left == self.inputs_and_states()) {
@@ -107,7 +107,7 @@ impl<F: Fmu> Simulation<F> {
     /// Ticks a clock at the present time, such as `|variables| &mut variables.clocks.sample`.
     ///
     /// # Errors
-    /// Those of the model.
+    /// When the model fails.
     pub fn tick(&mut self, clock: impl Fn(&mut VariablesOf<F>) -> &mut Clock) -> Result<(), Error> {
         self.take_parameters();
         let Self { model, variables, inputs, experiment, messages, time, .. } = self;

@@ -60,7 +60,7 @@ pub fn sum_of_magnitudes(numbers: &[f64]) -> f64 {
 macro_rules! numbers {
     ($name:ident { $($kind:ident $field:ident $([$size:literal])*),* $(,)? }) => {
         impl<T: Copy> $name<T> {
-            /// Maps each number of both.
+            /// Maps each number with the other struct's.
             #[must_use]
             pub fn combine<S: Copy, U>(
                 &self,

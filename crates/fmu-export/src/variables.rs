@@ -19,7 +19,7 @@ use crate::inputs::Inputs;
 pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// The input variables only.
     type Inputs: Inputs;
-    /// These variables over another number type.
+    /// The variables over another number type.
     type Of<T: Number>;
     /// What [`Equations::evaluate`](crate::Equations::evaluate) reads and computes, over a number type.
     type Evaluation<'a, T: Number + 'a>;
@@ -28,7 +28,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     /// What follows from parameters only, over a number type: calculated parameters, and locals whose variability is
     /// `fixed` or `tunable`; `()` if there are none.
     type CalculatedParameters<T: Number>;
-    /// Whether there are calculated parameters, or such locals.
+    /// Whether there are calculated parameters, or locals that follow from parameters only.
     const HAS_CALCULATED_PARAMETERS: bool = false;
     /// The nominal values of the states; 1 if undeclared.
     const STATE_NOMINALS: &'static [f64];
@@ -40,7 +40,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     const LIMITS: &'static [usize] = &[];
     /// The relative tolerance of the JSON's `default_experiment`.
     const DEFAULT_TOLERANCE: Option<f64> = None;
-    /// This model's tables.
+    /// The model's description.
     const DESCRIPTION: &'static ModelDescription;
     /// In FMI 3.0, the value reference of the first event indicator's variable; those of the others follow.
     const FIRST_EVENT_INDICATOR: ValueReference = ValueReference::MAX;
@@ -155,13 +155,14 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     fn inputs(&self) -> &Self::Inputs;
     /// The inputs, for temporary replacement.
     fn inputs_mut(&mut self) -> &mut Self::Inputs;
-    /// Whether all parameters have the values of others.
+    /// Whether all parameters equal those of other variables.
     fn has_parameters_of(&self, other: &Self) -> bool;
     /// The variables as seen by an evaluation: read-only ones by shared references.
     fn evaluation<'a, T: Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T>;
-    /// These variables over another number type: each number computed from this one's and the other's.
+    /// The variables over another number type: each number computed from this one's and the other's.
     fn combined<T: Number>(&self, other: &Self, number: impl FnMut(f64, f64) -> T) -> Self::Of<T>;
-    /// The reverse: each number computed from one of another number type, and from another's.
+    /// The reverse of [`Variables::combined`]: each number computed from one of another number type, and from
+    /// another's.
     fn collected<T: Number>(numbers: &Self::Of<T>, other: &Self, number: impl FnMut(T, f64) -> f64) -> Self;
     /// Calls a function with the position of each state and its value.
     fn each_state<T: Number>(variables: &Self::Of<T>, function: impl FnMut(usize, T));
@@ -249,7 +250,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = reference;
         0
     }
-    /// Sets a variable of one of these types, if the value fits.
+    /// Sets a variable of an FMI 3.0 integer type other than Int32, if the value fits.
     fn set_whole(&mut self, reference: ValueReference, value: i128) {
         let _ = (reference, value);
     }
@@ -267,7 +268,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
         let _ = position;
         None
     }
-    /// The same clock, mutable.
+    /// The clock at a position in [`Variables::CLOCKS`], mutable.
     fn clock_mut(&mut self, position: usize) -> Option<&mut Clock> {
         let _ = position;
         None

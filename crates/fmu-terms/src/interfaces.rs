@@ -28,7 +28,7 @@ impl Version {
     /// Every version.
     pub const ALL: [Self; 2] = [Self::Two, Self::Three];
 
-    /// That of an `fmiVersion` in a modelDescription.xml, if it is one of these: `2.0`, or `3.` and what follows.
+    /// The version that an `fmiVersion` in a modelDescription.xml declares, if known: `2.0`, or `3.` and what follows.
     #[must_use]
     pub fn declared(text: &str) -> Option<Self> {
         match text {
@@ -76,7 +76,7 @@ words! {
 }
 
 impl Interface {
-    /// Its name, for people.
+    /// The interface's name, for people.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -106,7 +106,7 @@ impl InstanceType {
     pub const ALL: [Self; 4] =
         [Self::CoSimulation, Self::CoSimulationWithEvents, Self::ModelExchange, Self::ScheduledExecution];
 
-    /// The interface, whose functions its instances have.
+    /// The interface whose functions instances of this type have.
     #[inline]
     #[must_use]
     pub const fn interface(self) -> Interface {
@@ -137,9 +137,9 @@ pub enum Interfaces {
     CoSimulation,
     /// Model Exchange.
     ModelExchange,
-    /// Both; the importer chooses one per instance.
+    /// Co-simulation and Model Exchange; the importer chooses one per instance.
     Both,
-    /// In FMI 3.0: no other interface, as a clock affects all interfaces of its FMU (FMI 3.0.2, section 2.5.2).
+    /// Scheduled Execution alone, as in FMI 3.0 a clock affects all interfaces of its FMU (FMI 3.0.2, section 2.5.2).
     ScheduledExecution,
 }
 
@@ -159,7 +159,7 @@ impl Interfaces {
         }
     }
 
-    /// Whether an interface is among them.
+    /// Whether an interface is included.
     #[must_use]
     pub const fn include(self, interface: Interface) -> bool {
         match interface {
@@ -169,25 +169,25 @@ impl Interfaces {
         }
     }
 
-    /// Whether they include co-simulation.
+    /// Whether co-simulation is included.
     #[must_use]
     pub const fn co_simulation(self) -> bool {
         self.include(Interface::CoSimulation)
     }
 
-    /// Whether they include Model Exchange.
+    /// Whether Model Exchange is included.
     #[must_use]
     pub const fn model_exchange(self) -> bool {
         self.include(Interface::ModelExchange)
     }
 
-    /// Whether they include Scheduled Execution.
+    /// Whether Scheduled Execution is included.
     #[must_use]
     pub const fn scheduled_execution(self) -> bool {
         self.include(Interface::ScheduledExecution)
     }
 
-    /// Their names, for people.
+    /// The interfaces' names, for people.
     #[must_use]
     pub fn names(self) -> &'static str {
         match self {

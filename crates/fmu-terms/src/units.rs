@@ -22,7 +22,7 @@ pub struct Unit {
     pub name: String,
     /// The unit in SI base units.
     pub base: Option<BaseUnit>,
-    /// Its display units.
+    /// The unit's display units.
     pub display_units: Vec<DisplayUnit>,
 }
 
@@ -39,9 +39,9 @@ impl Unit {
 pub struct BaseUnit {
     /// The exponents of kg, m, s, A, K, mol, cd and rad.
     pub exponents: [i32; BASE_UNITS.len()],
-    /// See above.
+    /// The factor from the unit to SI base units.
     pub factor: f64,
-    /// See above.
+    /// The offset in SI base units.
     pub offset: f64,
 }
 
@@ -51,23 +51,23 @@ pub struct BaseUnit {
 pub struct DisplayUnit {
     /// The name used by variables.
     pub name: String,
-    /// See above.
+    /// The factor from the unit to the display unit.
     pub factor: f64,
-    /// See above.
+    /// The offset in the display unit.
     pub offset: f64,
 }
 
 /// A linear function of a value: factor · value + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linear {
-    /// See above.
+    /// The factor of the value.
     pub factor: f64,
-    /// See above.
+    /// The constant term.
     pub offset: f64,
 }
 
 impl BaseUnit {
-    /// Its exponents other than 0, with the base units' names.
+    /// The exponents other than 0, with the base units' names.
     pub fn powers(&self) -> impl Iterator<Item = (&'static str, i32)> + use<> {
         BASE_UNITS.into_iter().zip(self.exponents).filter(|(_, exponent)| *exponent != 0)
     }

@@ -17,7 +17,7 @@ words! {
         Output = "output",
         #[default]
         Local = "local",
-        /// Of time only.
+        /// The causality of time only.
         #[cfg_attr(feature = "serde", serde(skip_deserializing))]
         Independent = "independent",
     }
@@ -37,7 +37,7 @@ words! {
 }
 
 impl Variability {
-    /// That of a variable that declares none (FMI 2.0.5, section 2.2.7; FMI 3.0.2, section 2.4.7.4).
+    /// The variability of a variable that declares none (FMI 2.0.5, section 2.2.7; FMI 3.0.2, section 2.4.7.4).
     #[must_use]
     pub fn by_default(version: Version, causality: Option<Causality>, is_float: bool) -> Self {
         use Causality::{CalculatedParameter, Parameter, StructuralParameter};
@@ -113,7 +113,7 @@ impl IntervalVariability {
         matches!(self, Self::Constant | Self::Fixed | Self::Tunable)
     }
 
-    /// Whether they are so throughout the experiment: initialization sets the interval.
+    /// Whether ticks are equidistant throughout the experiment: initialization sets the interval.
     #[must_use]
     #[inline]
     pub fn is_uniform(self) -> bool {
@@ -177,7 +177,7 @@ impl DataType {
         Self::Clock,
     ];
 
-    /// The name of its element in a version's modelDescription.xml.
+    /// The name of the type's element in a version's modelDescription.xml.
     #[must_use]
     pub fn name(self, version: Version) -> &'static str {
         match (self, version) {
@@ -201,7 +201,7 @@ impl DataType {
         }
     }
 
-    /// Whether a version has it.
+    /// Whether a version has the type.
     #[must_use]
     pub fn is_of(self, version: Version) -> bool {
         let is_of_both =
@@ -215,13 +215,13 @@ impl DataType {
         Self::ALL.into_iter().find(|known| known.is_of(version) && known.name(version) == name)
     }
 
-    /// Whether its values are floating-point numbers.
+    /// Whether the type's values are floating-point numbers.
     #[must_use]
     pub fn is_float(self) -> bool {
         matches!(self, Self::Real | Self::Float32)
     }
 
-    /// Whether its values are integers.
+    /// Whether the type's values are integers.
     #[must_use]
     pub fn is_integer(self) -> bool {
         matches!(

@@ -2,14 +2,14 @@
 
 /// A word that the standard defines, such as a causality.
 pub trait Word: Copy + PartialEq + 'static {
-    /// All of its kind.
+    /// All words of the kind.
     const ALL: &[Self];
 
-    /// As modelDescription.xml has it.
+    /// The word as modelDescription.xml has it.
     #[must_use]
     fn as_str(self) -> &'static str;
 
-    /// The one that a text is.
+    /// The word that a text is.
     #[must_use]
     fn of(text: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|word| word.as_str() == text)

@@ -114,7 +114,7 @@ macro_rules! fmi2_calls {
     } };
 }
 
-/// What the functions share.
+/// What the functions of FMI 2.0 share.
 pub static CONVENTIONS: Conventions =
     Conventions { value_references: "vr", values: "value", after_error: None };
 

@@ -271,7 +271,7 @@ macro_rules! fmi3_calls {
     } };
 }
 
-/// What the functions share.
+/// What the functions of FMI 3.0 share.
 pub static CONVENTIONS: Conventions = Conventions {
     value_references: "valueReferences",
     values: "values",

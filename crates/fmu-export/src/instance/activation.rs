@@ -94,7 +94,7 @@ pub(crate) fn fraction(number: f64) -> Option<[u64; 2]> {
     let (exponent, bias) = (u32::try_from(bits >> FRACTION_BITS).ok()?, 1023 + FRACTION_BITS);
     let mut divided = u128::from(mantissa).checked_mul(1_u128.checked_shl(exponent.saturating_sub(bias))?)?;
     let mut divisor = 1_u128.checked_shl(bias.saturating_sub(exponent))?;
-    // Its convergents, each closer than any fraction with a smaller denominator.
+    // The number's convergents, each closer than any fraction with a smaller denominator.
     let (mut before, mut last) = ([0, 1], [1, 0]);
     while divisor > 0 {
         let whole = divided / divisor;

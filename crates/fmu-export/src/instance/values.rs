@@ -22,7 +22,7 @@ pub(super) const FLOATS: &[DataType] = &[DataType::Float32];
 
 /// The numbers of an FMI 3.0 integer type other than Int32.
 pub(crate) trait Whole: Copy + Into<i128> + TryFrom<i128> {
-    /// The types accessed by its functions.
+    /// The types that the functions of this integer type access.
     const TYPES: &[DataType];
 }
 

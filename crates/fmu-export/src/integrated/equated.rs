@@ -20,7 +20,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// They are not the results of one evaluation.
+    /// The place of variables that are not the results of one evaluation.
     pub(super) const NONE: Self = Self { elapsed: f64::NAN, time: f64::NAN };
 }
 

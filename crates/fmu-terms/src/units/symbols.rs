@@ -6,7 +6,7 @@ use super::BaseUnit;
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Prefixes {
     None,
-    /// Those above 1 (`kt`, but not `ft`).
+    /// The prefixes above 1 (`kt`, but not `ft`).
     Large,
     All,
 }
