@@ -1,7 +1,7 @@
 //! Logarithm, exponential function and powers to base 2 of `f64`, cheaper than the standard library's.
 //!
-//! Those are correct to the last bit or two, differently on each platform; these are correct to 1e-14 (see the tests),
-//! bit-identical on every platform, and can be inlined, so that several run in parallel.
+//! The standard library's are correct to the last bit or two, differently on each platform; these are correct to 1e-14
+//! (see the tests), bit-identical on every platform, and can be inlined, so that several run in parallel.
 
 use std::array;
 use std::f64::consts::{LN_2, LOG2_E};

@@ -70,13 +70,13 @@ impl Benchmark {
     }
 }
 
-/// In s.
+/// A short communication step, in s.
 const SHORT_STEP: f64 = 1e-3;
 /// Repetitions of a short task in one run, so that reading the clock does not count.
 const OFTEN: usize = 1000;
 /// The number of values read or set in one call.
 const VALUES: usize = 10;
-/// In m². With an exhaust area the gas path acts on the actuation, and the plant cannot be integrated in two
+/// An exhaust area in m². With one the gas path acts on the actuation, and the plant cannot be integrated in two
 /// halves.
 const EXHAUST_AREA: f64 = 1e-4;
 
@@ -226,7 +226,7 @@ fn plant_steps(group: &str, stretch: Stretch, size: f64, exhaust_area: f64) -> [
 
 /// The states at the beginning of a step of the recorded experiment, with an exhaust area in m².
 fn states_at(row: usize, exhaust_area: f64) -> States {
-    /// By the bits of the area, for the beginning of each step.
+    /// The states by the bits of the area, for the beginning of each step.
     static STATES: Mutex<BTreeMap<u64, Vec<States>>> = Mutex::new(BTreeMap::new());
     let mut states = STATES.lock().expect("nothing panicked");
     states.entry(exhaust_area.to_bits()).or_insert_with(|| {
@@ -354,16 +354,16 @@ const MEASUREMENTS: [f64; 2] = [149.9e3, 150.1e3];
 /// What the controller measures beside boost.
 #[derive(Clone, Copy)]
 struct Measured {
-    /// In Pa and K; 0 as without a sensor.
+    /// Ambient pressure and temperature in Pa and K; 0 as without a sensor.
     ambient: [f64; 2],
-    /// In rpm; 0 as without a sensor.
+    /// The high-pressure shaft speed in rpm; 0 as without a sensor.
     hp_turbo_speed: f64,
 }
 
 impl Measured {
     const NOTHING: Self = Self { ambient: [0.0; 2], hp_turbo_speed: 0.0 };
     const THIN_AIR: Self = Self { ambient: [80e3, 250.0], hp_turbo_speed: 0.0 };
-    /// Below the speed at which it limits boost.
+    /// A measured shaft, below the speed at which it limits boost.
     const SHAFT: Self = Self { hp_turbo_speed: 190e3, ..Self::THIN_AIR };
 }
 
@@ -372,7 +372,7 @@ impl Measured {
 struct Control {
     /// The communication step, in s.
     step: f64,
-    /// In s.
+    /// The sample time in s.
     sample_time: f64,
     structure: FeedbackStructure,
     measured: Measured,
@@ -596,7 +596,7 @@ impl Subject for FmuStart {
     }
 }
 
-/// The same for the model.
+/// The plant's model, called directly, until it is ready for its first step.
 struct DirectStart {
     mode: InitializationMode,
     plant: Option<Box<Direct<BoostPlant>>>,

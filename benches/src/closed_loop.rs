@@ -72,7 +72,7 @@ pub struct Fmus {
 }
 
 impl Default for Fmus {
-    /// At rest where the controller begins.
+    /// The FMUs at rest where the controller begins.
     fn default() -> Self {
         let (controllers, plants) = (controller_library(), plant::library());
         let mut this = Self {
@@ -120,7 +120,7 @@ pub struct Models {
 }
 
 impl Default for Models {
-    /// At rest where the controller begins.
+    /// The models at rest where the controller begins.
     fn default() -> Self {
         let controller = Direct::<BoostController>::new(ControllerInputs::default(), |_| {});
         let plant = Direct::new(commands(&controller), |_| {});

@@ -7,7 +7,7 @@ use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
 pub struct Direct<M: Model> {
     /// The model.
     pub model: M,
-    /// Its variables.
+    /// The model's variables.
     pub variables: M::Variables,
     /// The inputs of the next step.
     pub inputs: InputSignal<InputsOf<M>>,

@@ -17,7 +17,7 @@ pub const STEP: f64 = 0.0125;
 /// The whole experiment.
 #[derive(Debug)]
 pub struct Experiment {
-    /// The states at its start.
+    /// The states at the experiment's start.
     pub states: States,
     /// The inputs during each step.
     pub inputs: Vec<Inputs>,
@@ -76,11 +76,11 @@ pub fn steps(count: usize, size: f64) -> usize {
 /// A part of the experiment.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
-    /// For the benchmark's name.
+    /// The stretch's name in the benchmark's.
     pub name: &'static str,
-    /// The index of its first step.
+    /// The index of the stretch's first step.
     pub first: usize,
-    /// The number of its steps.
+    /// The number of the stretch's steps.
     pub count: usize,
 }
 

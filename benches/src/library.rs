@@ -21,9 +21,9 @@ macro_rules! functions {
         pub struct Library {
             $($name: $function,)*
             guid: CString,
-            /// By value reference.
+            /// The variables by value reference.
             variables: &'static [VariableDescription],
-            /// Last, so that it is dropped after all pointers into it.
+            /// The loaded library; last, so that it is dropped after all pointers into it.
             _loaded: libloading::Library,
         }
 
@@ -139,7 +139,7 @@ pub struct Instance<'a> {
     /// The FMU's library.
     pub library: &'a Library,
     component: Component,
-    /// The end of its last step in s.
+    /// The end of the instance's last step in s.
     pub time: f64,
 }
 

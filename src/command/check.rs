@@ -14,11 +14,11 @@ use fmu_validation::{Finding, validate};
 
 /// An FMU that may replace the plant or the controller.
 pub struct Candidate {
-    /// Its description, with the elements of arrays, as a run has them.
+    /// The FMU's description, with the elements of arrays, as a run has them.
     description: FmuDescription,
-    /// What its libraries lack on any platform.
+    /// What the FMU's libraries lack on any platform.
     problems: Vec<String>,
-    /// What they lack on this platform.
+    /// What the FMU's libraries lack on this platform.
     note: Option<String>,
 }
 
@@ -51,7 +51,7 @@ impl Candidate {
         Ok(Self { description, problems, note })
     }
 
-    /// Compares it with the interface.
+    /// Compares the FMU with the interface.
     ///
     /// # Errors
     /// When a connection is not one of plant and controller.

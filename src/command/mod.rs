@@ -11,7 +11,7 @@ use anyhow::Result;
 use boost_interface::{Interface, Role};
 use clap::{Parser, Subcommand};
 
-/// For the help.
+/// The exit statuses, for the help.
 const EXIT_STATUSES: &str = "\
 Exit status:
   0    success; `check`: the FMU fits

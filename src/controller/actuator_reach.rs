@@ -1,9 +1,9 @@
 //! Whether the actuator can open the high-pressure wastegate as far as the reference needs.
 //!
-//! It opens by vacuum. An engine starts with air in its tank, which the pump removes in some two minutes; until then the
-//! other valves limit boost. How much vacuum suffices is not left to the map of the actuator, since a stiffer spring needs
-//! more, and thin air has less: where boost is too high nevertheless, a full tank is awaited.
-//!
+//! The actuator opens the wastegate by vacuum. An engine starts with air in the vacuum tank, which the pump removes in
+//! some two minutes; until then the other valves limit boost. How much vacuum suffices is not left to the map of the
+//! actuator, since a stiffer spring needs more, and thin air has less: where boost is too high nevertheless, a full
+//! tank is awaited.
 //! A leak, a dead pump or a failing supply take the vacuum away later. Neither the tank's pressure nor the one that the
 //! valve reaches at full duty may be above the pressure that the chamber needs. The other valves then limit boost once it
 //! is too high, since at low engine speed the high-pressure stage alone may not raise it.
@@ -28,14 +28,14 @@ pub struct ActuatorReach {
 /// The vacuum since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 enum Vacuum {
-    /// The tank has not had one that opens the wastegate.
+    /// The tank has not had a vacuum that opens the wastegate.
     #[default]
     Awaited,
-    /// The tank has had one, and never been full.
+    /// The tank has had a vacuum that opens the wastegate, and never been full.
     Partial,
-    /// A partial one did not suffice.
+    /// A partial vacuum did not suffice.
     Insufficient,
-    /// The tank has been full: that is all there is.
+    /// The tank has been full: there is no more vacuum to be had.
     Full,
 }
 

@@ -102,7 +102,7 @@ impl Bypass {
         opening
     }
 
-    /// The lagged opening at a sample, for a wanted one. It starts there.
+    /// The lagged opening at a sample, for a wanted one. It starts at the wanted one.
     pub(super) fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
         let allocation = &parameters.allocation;
         let before = self.opening.unwrap_or(asked);

@@ -68,7 +68,7 @@ pub struct Day {
     work_ratio: f64,
     /// Ambient pressure (Pa).
     ambient_pressure: f64,
-    /// By how much it is below the reference value (Pa).
+    /// By how much ambient pressure is below the reference value (Pa).
     pressure_deficit: f64,
     /// Whether ambient pressure is measured.
     pub is_measured: bool,

@@ -72,7 +72,7 @@ impl Pid {
         Self { integral: 0.0, derivative: 0.0, measurement }
     }
 
-    /// The same with all pressures (Pa) converted.
+    /// Converts all pressures (Pa).
     pub(super) fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
         self.measurement = pressure(self.measurement);
     }
@@ -84,8 +84,8 @@ impl Pid {
 
     /// Updates the derivative term with the measurement (Pa) of a new sample.
     ///
-    /// It acts only on the measurement, so reference steps cause no kick, through a filter with the time constant
-    /// `T_d / filter`, discretised by backward differences.
+    /// The derivative term acts only on the measurement, so reference steps cause no kick, through a filter with the
+    /// time constant `T_d / filter`, discretised by backward differences.
     pub fn differentiate(
         &mut self,
         tuning: &FeedbackSettings,

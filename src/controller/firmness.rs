@@ -25,7 +25,7 @@ const FAST_RAMP: f64 = 1e3;
 /// long to follow the ramp.
 const FADING_TIME: f64 = 2.0;
 
-/// From 0 at rest to 1 on a fast ramp.
+/// The firmness of the feedback, from 0 at rest to 1 on a fast ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Firmness {
     share: f64,

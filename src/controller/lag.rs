@@ -5,7 +5,7 @@ use fmu_export::Persistent;
 /// A signal behind another by a time constant, by backward differences: stable for any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Lag {
-    /// None before the first sample.
+    /// The lagged signal; none before the first sample.
     value: Option<f64>,
 }
 

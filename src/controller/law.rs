@@ -70,9 +70,9 @@ pub struct Task<'a, const COLUMNS: usize> {
 /// What the integral term corrects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Correction {
-    /// How far it moves boost at rest (Pa).
+    /// How far the integral term moves boost at rest (Pa).
     pub pressure: f64,
-    /// Whether it is at the limit of its authority.
+    /// Whether the integral term is at the limit of its authority.
     pub is_exhausted: bool,
 }
 
@@ -98,13 +98,13 @@ impl BoostLaw {
         }
     }
 
-    /// The same with an integral term (%).
+    /// The law with an integral term (%).
     pub fn with_integral(mut self, integral: f64) -> Self {
         self.pid.integral = integral;
         self
     }
 
-    /// The same with all pressures (Pa) converted.
+    /// Converts all pressures (Pa).
     pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
         self.pid.convert(&pressure);
         self.reference_model.convert(&pressure);

@@ -23,9 +23,9 @@ pub struct ReferenceModel {
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearized {
-    /// The duty at nominal voltage (%) that would hold its boost pressure.
+    /// The duty at nominal voltage (%) that would hold the model's boost pressure.
     holding: f64,
-    /// `K_p`: the static gain from duty to its boost pressure (Pa/%).
+    /// `K_p`: the static gain from duty to the model's boost pressure (Pa/%).
     pub gain: f64,
     /// `K_p / T_tf`: the initial rate of change per duty (Pa/(% s)).
     slope: f64,
@@ -37,7 +37,7 @@ impl ReferenceModel {
         Self { pressure, delayed: None }
     }
 
-    /// The same with all pressures (Pa) converted.
+    /// Converts all pressures (Pa).
     pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
         self.pressure = pressure(self.pressure);
         self.delayed = self.delayed.map(pressure);

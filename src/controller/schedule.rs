@@ -106,7 +106,7 @@ pub struct OperatingPoint<'a, const COLUMNS: usize> {
     weights: [f64; 4],
     /// The factor of time constants.
     time_scale: f64,
-    /// What delays add to the schedule's (s).
+    /// What is added to the schedule's delays (s).
     lag: f64,
 }
 
@@ -127,7 +127,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
         Self { schedule, row, column, weights, time_scale: 1.0, lag: 0.0 }
     }
 
-    /// With time constants longer by a factor, and delays by a lag (s).
+    /// The operating point with time constants longer by a factor, and delays by a lag (s).
     #[must_use]
     pub fn slower(self, time_scale: f64, lag: f64) -> Self {
         Self { time_scale, lag, ..self }

@@ -64,7 +64,7 @@ pub fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
     schedule::interpolate(&maps.engine_speed, &maps.boost_limit, engine_speed)
 }
 
-/// The same for a measured shaft, which `boost_limit` need not protect.
+/// The schedule's boost pressure limit for a measured shaft (Pa), which `boost_limit` need not protect.
 ///
 /// Where the schedule has the absolute limit instead, and beyond its columns, it is extrapolated from the nearest two
 /// columns.

@@ -45,7 +45,7 @@ pub fn running<D: Number>(system: &System<D>, inputs: &Inputs<D>, tank_pressure:
 pub struct Settled {
     /// The states to start from.
     pub states: States,
-    /// Why they are not a steady state, if so.
+    /// Why the states are not a steady state, if so.
     pub shortcoming: Option<Shortcoming>,
 }
 

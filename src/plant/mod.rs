@@ -84,9 +84,9 @@ pub struct Plant {
     #[persistent(skip)]
     system: System,
     latch: DutyLatch,
-    /// The states of a settled start, for its derivatives.
+    /// The states of a settled start, for their derivatives.
     found: States,
-    /// Whether they are a steady state.
+    /// Whether the states `found` are a steady state.
     is_settled: bool,
 }
 
@@ -238,7 +238,7 @@ impl Multirate for Plant {
         });
     }
 
-    /// When the exhaust pushes the wastegate.
+    /// Whether the exhaust pushes the wastegate.
     fn is_coupled(&self, variables: &Variables) -> bool {
         variables.parameters.actuator.exhaust_area != 0.0
     }

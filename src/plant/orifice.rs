@@ -74,7 +74,7 @@ impl<D: Elementary> Orifice<D> {
         }
     }
 
-    /// The same for a known temperature ratio of isentropic flow from the first to the second side.
+    /// [`Self::mass_flow`] for a known temperature ratio of isentropic flow from the first to the second side.
     pub fn mass_flow_at(&self, area: D, first: (D, D), second: (D, D), temperature_ratio: D) -> D {
         if area.is_constant(0.0) {
             0.0.into()

@@ -24,7 +24,7 @@ impl<D: Number> Port<D> {
         PortLocals { effective_area, mass_flow: self.orifice.mass_flow(effective_area, first, second) }
     }
 
-    /// The same for a known temperature ratio of isentropic flow from the first to the second side.
+    /// [`Self::flow`] for a known temperature ratio of isentropic flow from the first to the second side.
     pub fn flow_at(&self, opening: D, first: (D, D), second: (D, D), temperature_ratio: D) -> PortLocals<D> {
         let effective_area = opening * self.open_area;
         PortLocals {

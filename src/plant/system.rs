@@ -45,7 +45,7 @@ use crate::elementary::Elementary;
 const LOWEST_PRESSURE: f64 = 1.0;
 /// Flow in kg/s below which the temperatures of mixed air flows are blended.
 const AIR_MIXING_WIDTH: f64 = 1e-4;
-/// The same for exhaust gas.
+/// Flow in kg/s below which the temperatures of mixed exhaust flows are blended.
 const EXHAUST_MIXING_WIDTH: f64 = 1e-5;
 
 /// All components with their parameters and derived constants.

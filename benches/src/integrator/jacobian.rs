@@ -16,7 +16,7 @@ pub struct Elements {
 }
 
 impl Elements {
-    /// Those of a problem, with the diagonal: the rates that a state which is not a number spoils.
+    /// The elements of a problem's Jacobian, with the diagonal: the rates that a state which is not a number spoils.
     pub fn of<P: Problem>() -> Self {
         let size = P::Variables::STATE_NOMINALS.len();
         let (mut states, mut rates) = (vec![0.0; size], vec![0.0; size]);

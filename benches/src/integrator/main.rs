@@ -23,7 +23,7 @@ use fmu_export_problems::{
 use crate::jacobian::Elements;
 use crate::sundials::{Cvode, Solver, Sundials, Way};
 
-/// Errors between these are compared; beyond, tighter tolerances are left out.
+/// The smallest error that is compared; below it, tighter tolerances are left out.
 const LEAST_ERROR: f64 = 1e-9;
 /// Each time is the median of so many, far apart, each of as many runs as take this long, in s.
 const ROUNDS: usize = 3;

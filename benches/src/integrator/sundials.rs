@@ -31,7 +31,7 @@ macro_rules! functions {
         #[allow(non_snake_case, reason = "the names of SUNDIALS")]
         pub struct Sundials {
             $($name: unsafe extern "C" fn($($type),*) $(-> $result)?,)*
-            /// Last, so that they are dropped after all pointers into them.
+            /// The loaded libraries; last, so that they are dropped after all pointers into them.
             _loaded: Vec<libloading::Library>,
         }
 
@@ -108,7 +108,7 @@ functions! {
 
 const ADAMS: c_int = 1;
 const BDF: c_int = 2;
-/// Past the point, then back to it by interpolation.
+/// Steps past the point, then goes back to it by interpolation.
 const NORMAL: c_int = 1;
 const BY_COLUMNS: c_int = 0;
 const WITHOUT_PRECONDITIONER: c_int = 0;
@@ -133,7 +133,7 @@ pub enum Solver {
 }
 
 impl Solver {
-    /// Whether it takes the Jacobian as a matrix.
+    /// Whether the solver takes the Jacobian as a matrix.
     pub fn has_matrix(self) -> bool {
         !matches!(self, Self::Adams | Self::Gmres)
     }
@@ -142,11 +142,11 @@ impl Solver {
 /// What happens at a communication point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// The solver steps past it, and the states there are interpolated.
+    /// The solver steps past the communication point, and the states there are interpolated.
     Free,
-    /// A step ends there, and the solver continues with its history.
+    /// A step ends at the communication point, and the solver continues with its history.
     Stop,
-    /// The solver starts anew.
+    /// The solver restarts at the communication point.
     Restart,
 }
 
@@ -160,7 +160,7 @@ pub struct Cvode<'a, P> {
     rates: Vec<Dual>,
 }
 
-/// As CVODE calls it.
+/// The rates, as CVODE calls them.
 ///
 /// # Safety
 /// The vectors are those of the problem, and `data` is its [`Cvode`].
@@ -173,7 +173,7 @@ unsafe extern "C" fn rates<P: Problem>(_: f64, states: Pointer, rates: Pointer, 
     0
 }
 
-/// As CVODE calls it.
+/// The Jacobian, as CVODE calls it.
 ///
 /// # Safety
 /// The vectors and the matrix are those of the problem, and `data` is its [`Cvode`].
@@ -224,7 +224,7 @@ impl Sundials {
     /// The elements of a vector.
     ///
     /// # Safety
-    /// It is a serial vector of the problem's size, of which no elements are borrowed otherwise.
+    /// `vector` is a serial vector of the problem's size, of which no elements are borrowed otherwise.
     #[allow(clippy::mut_from_ref, reason = "the elements are not those of the library")]
     unsafe fn array<P: Problem>(&self, vector: Pointer) -> &mut [f64] {
         // SAFETY: as this function's.
@@ -242,7 +242,7 @@ fn count(number: usize) -> c_int {
 /// Writes numbers to an array.
 ///
 /// # Safety
-/// It is as long.
+/// `array` is as long as `numbers`.
 unsafe fn fill(array: *mut c_int, numbers: &[usize]) {
     for (place, &number) in numbers.iter().enumerate() {
         // SAFETY: as this function's.

@@ -35,7 +35,7 @@ pub(crate) struct Unknown {
 /// array read alike is followed once.
 pub(crate) const MOST: usize = 2_000_000;
 
-/// The error for the variable at which there are more.
+/// The error for the variable at which there are more reads than [`MOST`].
 pub(crate) fn too_many(scalar: &Scalar) -> String {
     format!("{}: following all reads up to here takes more than {MOST} steps; omit some", scalar.name)
 }
@@ -99,7 +99,7 @@ fn closures(
     let mut closures: Vec<Closure> = vec![None; scalars.len()];
     // Equal closures are shared, such as those of variables with the same reads.
     let mut distinct: BTreeSet<Rc<[usize]>> = BTreeSet::new();
-    // Those of lists that several variables share, by where these are.
+    // The closures of lists that several variables share, by where these lists are.
     let mut of_lists: BTreeMap<*const usize, Closure> = BTreeMap::new();
     let (mut last, mut steps) = (vec![0; scalars.len()], 0);
     for (number, circle) in

@@ -48,7 +48,7 @@ pub(crate) struct Flat<'a> {
 pub(crate) struct Spread {
     /// The sizes of the arrays of components, and the variable's own.
     pub(crate) sizes: Vec<usize>,
-    /// Its scalars' positions, row by row.
+    /// The positions of the variable's scalars, row by row.
     pub(crate) positions: Vec<usize>,
 }
 
@@ -221,7 +221,7 @@ impl<'a> Flat<'a> {
         Ok(self.declaration.of_type(*found))
     }
 
-    /// The start value that the components around a variable of a part give it, and its path: the outermost one's.
+    /// The start value that the outermost of the components around a part's variable gives it, and its path.
     ///
     /// In an array of components, a list has the value of each: that of a scalar, or lists for those of arrays.
     fn overridden(
@@ -267,7 +267,7 @@ impl<'a> Flat<'a> {
         for started in component.start.keys() {
             let path = format!("{key}.start.{started}");
             if !self.started.contains(&path) {
-                // Those in it follow it.
+                // The parts in a component follow it.
                 let fields = self.parts[part..].iter().flat_map(|part| {
                     part.fields
                         .iter()
@@ -409,8 +409,8 @@ impl<'a> Flat<'a> {
         Ok(())
     }
 
-    /// Records the declared value references of a variable and its derivative. An undeclared one of the derivative is
-    /// the next number.
+    /// Records the declared value references of a variable and its derivative. An undeclared reference of the
+    /// derivative is the next number.
     fn pin(
         &mut self,
         declaration: &VariableDeclaration,

@@ -176,7 +176,7 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// `<img>`, or the SVG that it shows.
+    /// Begins an `<img>`, or the SVG that it shows.
     fn begin_image(&mut self, element: &BytesStart<'_>, place: Place<'_>) -> Result<(), Error> {
         let attributes = attributes(element, place)?;
         let source = attributes.get("src").map(Path::new);

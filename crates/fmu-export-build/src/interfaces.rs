@@ -14,7 +14,7 @@ use crate::source::Source;
 pub struct Fmi {
     /// The version of the standard.
     pub version: Version,
-    /// Its interfaces.
+    /// The interfaces of the FMU.
     pub interfaces: Interfaces,
 }
 

@@ -54,17 +54,18 @@ pub struct Generated {
     pub sources: Vec<PathBuf>,
     /// The modelDescription.xml.
     pub model_description: PathBuf,
-    /// The typed interface, in the same folder.
+    /// The typed interface, in the folder of the modelDescription.xml.
     pub variables: PathBuf,
-    /// The documentation page, `index.html` in the same folder.
+    /// The documentation page, `index.html`, in the folder of the modelDescription.xml.
     pub documentation: PathBuf,
-    /// The icon, `model.png` in the same folder, if declared.
+    /// The icon, `model.png`, in the folder of the modelDescription.xml, if declared.
     pub icon: Option<PathBuf>,
-    /// The icon as a vector drawing, `model.svg` in the same folder, if there is an SVG of the icon's name.
+    /// The icon as a vector drawing, `model.svg`, beside `model.png`, if there is an SVG of the icon's name.
     pub drawing: Option<PathBuf>,
-    /// The terminals, `terminalsAndIcons.xml` in the same folder, if declared; in FMI 3.0 also for an icon.
+    /// The terminals, `terminalsAndIcons.xml`, beside the modelDescription.xml, if declared; in FMI 3.0 also for an
+    /// icon.
     pub terminals: Option<PathBuf>,
-    /// The folder of files that the model reads at run time, `resources` in the same folder, if declared.
+    /// The folder of files that the model reads at run time, `resources`, beside the modelDescription.xml, if declared.
     pub resources: Option<PathBuf>,
     /// The first variable whose name is not a structured name of FMI, if any: it makes the naming convention `flat`.
     pub flat_name: Option<String>,

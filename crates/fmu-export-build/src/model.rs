@@ -42,43 +42,43 @@ pub(crate) struct Model<'a> {
 /// The model itself, or a component at any depth.
 #[derive(Default)]
 pub(crate) struct Part<'a> {
-    /// None for the model.
+    /// The component's declaration; none for the model.
     pub(crate) component: Option<&'a ComponentDeclaration>,
-    /// Its name in FMI, such as `outer.inner`; empty for the model.
+    /// The part's name in FMI, such as `outer.inner`; empty for the model.
     pub(crate) name: String,
-    /// The same without the subscripts of arrays of components, from one of these on, whose number is beside it.
+    /// The part's names without the subscripts of `arrays` from a position on, each with this position.
     pub(crate) general_names: Vec<(usize, String)>,
-    /// Its index from 0 in an array of components.
+    /// The part's index from 0 in an array of components.
     pub(crate) index: Option<usize>,
-    /// The sizes of the arrays of components in which it is, the outermost first, and its indices there.
+    /// The sizes of the arrays of components around the part, the outermost first, and its indices there.
     pub(crate) arrays: Vec<(usize, usize)>,
-    /// With what the paths of its variables in Rust begin, such as `outer.inner.`; empty for the model.
+    /// How the paths of the part's variables in Rust begin, such as `outer.inner.`; empty for the model.
     pub(crate) path: String,
-    /// The description with those of the components around it.
+    /// The part's description with those of the components around it.
     pub(crate) description: Option<String>,
-    /// With what the names of its structs begin.
+    /// How the names of the part's structs begin.
     pub(crate) type_name: String,
-    /// The position of the part around it.
+    /// The position of the part around this one.
     pub(crate) around: Option<usize>,
-    /// The positions of the components directly in it.
+    /// The positions of the components directly in the part.
     pub(crate) components: Vec<usize>,
     pub(crate) fields: Vec<Field<'a>>,
-    /// Its path in the declaration; empty for the model.
+    /// The part's path in the declaration; empty for the model.
     pub(crate) key: String,
 }
 
 impl<'a> Part<'a> {
-    /// Its name within the part around it.
+    /// The part's name within the part around it.
     pub(crate) fn own_name(&self) -> &'a str {
         self.component.map_or("", |component| &component.name)
     }
 
-    /// Its name in Rust.
+    /// The part's name in Rust.
     pub(crate) fn rust_name(&self) -> String {
         self.component.map(ComponentDeclaration::rust_name).unwrap_or_default()
     }
 
-    /// Its description without those of the components around it.
+    /// The part's description without those of the components around it.
     pub(crate) fn own_description(&self) -> Option<&'a str> {
         self.component?.description.as_deref()
     }
@@ -87,12 +87,12 @@ impl<'a> Part<'a> {
         self.component?.component_type.as_deref()
     }
 
-    /// The group of its states, for a component of the model.
+    /// The group of the part's states, for a component of the model.
     pub(crate) fn state_group(&self) -> Option<&'a str> {
         self.component?.state_group.as_deref()
     }
 
-    /// The name in FMI of one of its variables or components.
+    /// The name in FMI of one of the part's variables or components.
     pub(crate) fn name_of(&self, inner: &str) -> String {
         name_within(&self.name, inner)
     }
@@ -118,18 +118,18 @@ pub(crate) struct Field<'a> {
     pub(crate) declaration: &'a VariableDeclaration,
     pub(crate) place: Place,
     pub(crate) data_type: ValueType,
-    /// Its scalars' positions, row by row.
+    /// The positions of the variable's scalars, row by row.
     pub(crate) positions: Vec<usize>,
 }
 
 impl Field<'_> {
-    /// Whether it is an array whose elements share a unit.
+    /// Whether the variable is an array whose elements share a unit.
     pub(crate) fn is_uniform_array(&self) -> bool {
         let declaration = self.declaration;
         !declaration.sizes.is_empty() && !matches!(declaration.unit, Some(OneOrEach::Each(_)))
     }
 
-    /// Its name in Rust.
+    /// The field's name in Rust.
     pub(crate) fn name(&self) -> String {
         self.declaration.rust_name()
     }
@@ -165,17 +165,17 @@ pub(crate) struct Scalar {
     pub(crate) name: String,
     /// The path in the declaration.
     pub(crate) key: String,
-    /// The positions of its part, and of its field in the part; those of a derivative are those of its state.
+    /// The positions of the scalar's part, and of its field in the part; those of a derivative are those of its state.
     pub(crate) field: [usize; 2],
     pub(crate) value_reference: u32,
     pub(crate) description: Option<String>,
     pub(crate) place: Place,
     pub(crate) causality: Causality,
     pub(crate) variability: Variability,
-    /// None for inputs and the independent variable.
+    /// How the initial value is defined; none for inputs and the independent variable.
     pub(crate) initial: Option<Initial>,
     pub(crate) data_type: ValueType,
-    /// The position of its type among the declaration's `real_types`, if any.
+    /// The position of the scalar's type among the declaration's `real_types`, if any.
     pub(crate) real_type: Option<usize>,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
@@ -191,11 +191,11 @@ pub(crate) struct Scalar {
     pub(crate) reinit: bool,
     /// For a state: whether the equations are invalid below `min`, and above `max`.
     pub(crate) strict: [bool; 2],
-    /// The positions of the clocks at whose ticks it changes; none if it changes at any time.
+    /// The positions of the clocks at whose ticks the scalar changes; none if it changes at any time.
     pub(crate) clocks: Vec<usize>,
     /// For a clocked state: the position of its previous value.
     pub(crate) previous: Option<usize>,
-    /// Whether it is such a previous value.
+    /// Whether the scalar is the previous value of a clocked state.
     pub(crate) is_previous: bool,
     /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
     pub(crate) path: String,
@@ -222,22 +222,23 @@ impl Scalar {
         }
     }
 
-    /// Whether it is given between steps.
+    /// Whether the scalar is given between steps.
     pub(crate) fn known_in_steps(&self) -> bool {
         matches!(self.place, Place::Inputs | Place::States | Place::Time) || self.is_input_clock()
     }
 
-    /// Whether the importer activates it as a clock.
+    /// Whether the scalar is a clock that the importer activates.
     pub(crate) fn is_input_clock(&self) -> bool {
         self.place == Place::Clocks && self.causality == Causality::Input
     }
 
-    /// Whether it is given in initialization.
+    /// Whether the scalar is given in initialization.
     pub(crate) fn known_in_initialization(&self) -> bool {
         matches!(self.place, Place::Inputs | Place::Time) || self.initial == Some(Initial::Exact)
     }
 
-    /// Whether it belongs to the `InitialUnknowns`. Before the first tick of its clock there are only start values.
+    /// Whether the scalar belongs to the `InitialUnknowns`. Before the first tick of its clock there are only start
+    /// values.
     pub(crate) fn unknown_in_initialization(&self) -> bool {
         !self.known_in_initialization()
             && self.clocks.is_empty()
@@ -246,13 +247,13 @@ impl Scalar {
                 || self.causality == Causality::CalculatedParameter)
     }
 
-    /// Whether it is an unknown between steps.
+    /// Whether the scalar is an unknown between steps.
     pub(crate) fn unknown_in_steps(&self) -> bool {
         self.causality == Causality::Output || self.place == Place::Derivatives || self.previous.is_some()
     }
 
-    /// Whether it is an unknown that no list of `ModelStructure` needs: in initialization, an output with an exact
-    /// start value; or a local.
+    /// Whether the scalar is an unknown that no list of `ModelStructure` needs: in initialization, an output with an
+    /// exact start value; or a local.
     pub(crate) fn unknown_beside_the_lists(&self) -> bool {
         let is_calculated = matches!(self.place, Place::Locals | Place::CalculatedParameters)
             && self.initial == Some(Initial::Calculated);

@@ -5,15 +5,15 @@ use std::env;
 /// The package of a model. The declaration need not repeat its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Package {
-    /// Its name.
+    /// The package's name.
     pub name: String,
-    /// Its version.
+    /// The package's version.
     pub version: String,
-    /// Its description, or empty.
+    /// The package's description, or empty.
     pub description: String,
-    /// Its authors, separated by colons, or empty.
+    /// The package's authors, separated by colons, or empty.
     pub authors: String,
-    /// Its license's SPDX expression, or empty.
+    /// The SPDX expression of the package's license, or empty.
     pub license: String,
 }
 

@@ -248,10 +248,10 @@ impl<'n> Known<'n, '_> {
 /// The variables behind the connections of components.
 struct Connections<'n, 'a> {
     known: Known<'n, 'a>,
-    /// Their names, by the component's position and the connection's name; none for rejected ones, and for those beyond
-    /// the ends of an array.
+    /// The connected variables' names, by the component's position and the connection's name; none for rejected
+    /// connections, and for those beyond the ends of an array.
     variables: BTreeMap<(usize, &'a str), Option<String>>,
-    /// Those that are read.
+    /// The connections that are read.
     read: BTreeSet<(usize, &'a str)>,
 }
 
@@ -304,7 +304,7 @@ impl<'n, 'a> Connections<'n, 'a> {
         }
     }
 
-    /// What the first of some entries that a part may mean is.
+    /// What a part means by the first of some entries with a meaning.
     fn look_up_any<'r, 't>(
         &mut self,
         part: usize,

@@ -20,7 +20,7 @@ pub(crate) enum Start {
     Binary(Vec<u8>),
     /// An item of the enumeration.
     Item {
-        /// From 0.
+        /// The item's position, from 0.
         position: usize,
         value: i32,
     },
@@ -108,7 +108,7 @@ impl Start {
     }
 }
 
-/// As in XML.
+/// The start value as in XML.
 impl fmt::Display for Start {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

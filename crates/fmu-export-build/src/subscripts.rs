@@ -36,13 +36,13 @@ pub(crate) struct Reader<'a> {
 
 /// The positions that the elements of an array read.
 pub(crate) enum Found<'n> {
-    /// All the same.
+    /// The positions that every element reads.
     Alike(&'n [usize]),
     Each(Vec<Vec<usize>>),
 }
 
 impl Found<'_> {
-    /// Those of an element.
+    /// The positions that an element reads.
     pub(crate) fn of(&self, element: usize) -> &[usize] {
         match self {
             Self::Alike(positions) => positions,
@@ -172,7 +172,7 @@ impl Subscript {
         })
     }
 
-    /// The indices from 0 that it means in a dimension of a size, for an element with its own indices.
+    /// The indices from 0 that the subscript means in a dimension of a size, for an element with its own indices.
     fn range(&self, own: &[usize], size: usize) -> Range<usize> {
         match self {
             Self::All => 0..size,

@@ -12,7 +12,7 @@ use declaration::{DisplayUnitDeclaration, UnitDeclaration};
 /// The units of the model's file, and the built-in ones.
 pub(crate) struct Units<'a> {
     declared: &'a [UnitDeclaration],
-    /// Their positions.
+    /// The positions of the declared units, by name.
     names: BTreeMap<&'a str, usize>,
     table: UnitTable<'a>,
 }

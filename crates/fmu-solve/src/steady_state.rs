@@ -16,11 +16,12 @@ use crate::number::{Dual, Number};
 const FIRST_STEP: f64 = 1e-3;
 /// The pseudo time step in seconds above which the iteration is Newton's.
 const NEWTON_STEP: f64 = 1e7;
-/// The largest change of a scaled unknown in one iteration, …
+/// The largest change of a scaled unknown in one iteration.
 const LARGEST_CHANGE: f64 = 0.2;
-/// … and the largest fraction of a scaled unknown by which it may approach 0, unless that is less than …
+/// The largest fraction of a scaled unknown by which it may approach 0 in one iteration, unless less than
+/// [`NEAR_ZERO`].
 const LARGEST_FRACTION: f64 = 0.5;
-/// … this, from where it may cross 0.
+/// The change towards 0 of a scaled unknown that is always allowed, so that it may cross 0.
 const NEAR_ZERO: f64 = 1e-3;
 /// The largest fraction of a step's residual that may remain; above, the step was too long for its linearization.
 const LARGEST_CONTRACTION: f64 = 0.8;

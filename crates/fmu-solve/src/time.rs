@@ -63,13 +63,14 @@ pub struct Ahead {
 crate::persistent!(Ahead { seconds });
 
 impl Ahead {
-    /// At the start (s) of a step from the time reached (s). One that begins elsewhere is no sum of the steps before.
+    /// The lead at the start (s) of a step from the time reached (s): none if the step begins elsewhere, as it is no
+    /// sum of the steps before.
     #[must_use]
     pub fn at_start(self, reached: f64, start: f64) -> Self {
         if start.to_bits() == reached.to_bits() { self } else { Self::default() }
     }
 
-    /// After a step from a start by a size, both in s.
+    /// The lead after a step from a start by a size, both in s.
     #[must_use]
     pub fn after(self, start: f64, size: f64) -> Self {
         // The rounding of the sum, exactly if the start is not smaller than the size (Dekker, A floating-point technique

@@ -23,17 +23,17 @@ const SMALLEST: f64 = 60.0;
 /// The number of connectors at each side.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
-    /// From the environment to the controller only.
+    /// Inputs from the environment to the controller only.
     pub controller_inputs: usize,
-    /// From the environment to the plant only.
+    /// Inputs from the environment to the plant only.
     pub plant_inputs: usize,
-    /// From the environment to both.
+    /// Inputs from the environment to both components.
     pub shared_inputs: usize,
-    /// From the controller to the plant.
+    /// Signals from the controller to the plant.
     pub commands: usize,
-    /// From the plant to the controller.
+    /// Signals from the plant to the controller.
     pub measurements: usize,
-    /// From the plant to the environment only.
+    /// Outputs from the plant to the environment only.
     pub plant_outputs: usize,
 }
 

@@ -17,7 +17,7 @@ const COMPONENTS: &str = "Components.ssd";
 
 /// An FMU in the system.
 pub struct Member<'a> {
-    /// Its variables in the interface.
+    /// The FMU's variables in the interface.
     pub compatibility: &'a Compatibility<'a>,
     /// The .fmu file.
     pub fmu: Vec<u8>,
@@ -29,7 +29,7 @@ pub struct Member<'a> {
 struct Wire<'a> {
     port: &'a Port<'a>,
     variable: &'a FmuVariable,
-    /// In the direction of the signal.
+    /// The conversion in the direction of the signal.
     conversion: Linear,
 }
 

@@ -58,7 +58,7 @@ struct Demand {
     /// How far boost should have moved (Pa).
     expected: f64,
     has_answered: bool,
-    /// How long it has failed to move although it should have (s).
+    /// How long boost has failed to move although it should have (s).
     unanswered: f64,
 }
 

@@ -145,7 +145,7 @@ impl BoostSensor {
 struct Signal {
     /// Boost pressure (Pa) and engine speed (rpm) at the last change.
     last: Option<[f64; 2]>,
-    /// Time since then (s).
+    /// Time since the last change (s).
     age: f64,
     /// The smallest change (Pa).
     smallest_change: Option<f64>,
@@ -223,7 +223,7 @@ struct KeyOn {
 }
 
 impl KeyOn {
-    /// Judges a sample; whether it is the one that confirms an offset.
+    /// Judges a sample. Returns whether the sample confirms an offset.
     fn sample(&mut self, parameters: &Parameters, inputs: &Inputs) -> bool {
         self.has_run |= inputs.engine_speed >= ENGINE_RUNS_FROM;
         if self.has_run || self.is_off || !inputs.measures_ambient_pressure() {

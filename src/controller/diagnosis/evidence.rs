@@ -13,7 +13,7 @@ pub const STEADY_SPEED: f64 = 100.0;
 pub struct Confirmed {
     /// Whether the condition holds, as confirmed.
     pub holds: bool,
-    /// How long it has been observed otherwise (s).
+    /// How long the condition has been observed otherwise (s).
     seen_otherwise: f64,
 }
 

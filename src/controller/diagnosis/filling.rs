@@ -19,13 +19,13 @@ const CHAMBER_SETTLES: f64 = 0.75;
 /// The memory of the judgement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Filling {
-    /// From when the pump was switched on.
+    /// The span from when the pump was switched on.
     run: Span,
-    /// From when the duty became constant.
+    /// The span from when the duty became constant.
     rest: Span,
     /// The duty (%) at the last sample.
     duty: f64,
-    /// The sum of its changes (%) since then.
+    /// The sum of the duty's changes (%) since `rest` began.
     travel: f64,
 }
 

@@ -9,7 +9,7 @@ use crate::controller::variables::{FreezeFrameLocals, Inputs, Locals};
 pub struct FreezeFrame {
     is_taken: bool,
     code: i32,
-    /// Since the start (s).
+    /// The time since the start (s).
     time: f64,
     engine_speed: f64,
     boost_pressure: f64,

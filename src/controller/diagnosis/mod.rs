@@ -345,13 +345,13 @@ impl Diagnosis {
 struct Drift {
     /// The pressure that the integral term corrected at the last sample (Pa).
     before: f64,
-    /// The sum of its slow changes since it corrected little, or boost was far from its reference (Pa).
+    /// The sum of the integral term's slow changes since it corrected little, or boost was far from its reference (Pa).
     slow: f64,
-    /// The sum of its slow changes at one operating point (Pa), where an engine needs none.
+    /// The sum of the integral term's slow changes at one operating point (Pa), where an engine needs none.
     at_point: f64,
-    /// The engine speed (rpm) and the driver's reference (Pa) of that point; none while boost does not follow.
+    /// The engine speed (rpm) and the driver's reference (Pa) of the operating point; none while boost does not follow.
     point: Option<[f64; 2]>,
-    /// How long it has been at its limit (s).
+    /// How long the integral term has been at its limit (s).
     exhausted_for: f64,
 }
 

@@ -24,7 +24,7 @@ pub(crate) struct Checked {
     pub(crate) data_type: ValueType,
     pub(crate) variability: Variability,
     pub(crate) initial: Option<Initial>,
-    /// Its scalars' start values, row by row.
+    /// The start values of the variable's scalars, row by row.
     pub(crate) starts: Option<Vec<Start>>,
 }
 
@@ -129,7 +129,7 @@ fn place(variable: &VariableDeclaration, data_type: ValueType) -> Result<(Place,
         (causality == Causality::StructuralParameter, data_type == DataType::Clock);
     let reason = "a structuralParameter is of type UInt64";
     refuse_if(is_structural && data_type != DataType::UInt64, "type", reason)?;
-    // That of FMI 3.0, for both versions.
+    // The default of FMI 3.0, for both versions.
     let default = Variability::by_default(Version::Three, Some(causality), data_type.data_type().is_float());
     let variability = variable.variability.unwrap_or(default);
     let is_continuous = variability == Variability::Continuous;

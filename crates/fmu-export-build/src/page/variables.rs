@@ -265,7 +265,7 @@ impl<'m, 'a> Page<'m, 'a> {
         self.has_start(field) && (is_matrix || field.positions.len() > MOST_STARTS)
     }
 
-    /// Whether they differ and so have a separate row.
+    /// Whether the start values are many, differ, and so have a separate row.
     fn folds_starts(&self, field: &Field<'_>) -> bool {
         let first = &self.model.scalars[field.positions[0]].start;
         let differs = |position: &usize| self.model.scalars[*position].start != *first;

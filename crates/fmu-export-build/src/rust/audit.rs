@@ -151,7 +151,7 @@ impl Sums {
     }
 }
 
-/// As the variable `sums`.
+/// Writes the sums as the variable `sums`.
 impl fmt::Display for Sums {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str("        let sums: [f64; 4] = [\n")?;

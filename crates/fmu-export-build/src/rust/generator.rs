@@ -19,7 +19,7 @@ pub(super) const MOST_INLINE: usize = 256;
 
 /// A scalar, or an array whose elements follow a rule.
 pub(super) struct Variable<'m> {
-    /// The positions of its elements.
+    /// The positions of the variable's elements.
     pub(super) positions: Vec<usize>,
     /// The array's sizes; empty if it is a scalar.
     pub(super) sizes: &'m [usize],
@@ -213,7 +213,7 @@ impl<'m, 'a> Generator<'m, 'a> {
     /// The path in a place of all elements of an array, row by row.
     pub(super) fn flat(&self, variable: &Variable<'_>, is_mutable: bool) -> String {
         let flattened = if is_mutable { ".as_flattened_mut()" } else { ".as_flattened()" };
-        // That of the first element, whose indices are 0.
+        // The path of the first element, whose indices are 0.
         let path = &self.first(variable).path;
         let path = path.strip_suffix(&"[0]".repeat(variable.sizes.len())).unwrap_or(path);
         path.to_owned() + &flattened.repeat(variable.sizes.len() - 1)
@@ -330,7 +330,7 @@ impl Variable<'_> {
 }
 
 impl Field<'_> {
-    /// Whether it is on the heap.
+    /// Whether the field is on the heap.
     pub(super) fn is_boxed(&self) -> bool {
         self.positions.len() > MOST_INLINE
     }
@@ -376,7 +376,7 @@ impl<'m, 'a> Component<'m, 'a> {
         self.parts[0]
     }
 
-    /// The array's size, if it is one.
+    /// The array's size; none for a single component.
     pub(super) fn size(&self) -> Option<usize> {
         self.is_array.then_some(self.parts.len())
     }

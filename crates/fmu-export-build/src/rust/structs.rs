@@ -148,7 +148,7 @@ impl Generator<'_, '_> {
         if self.has_reals() {
             return format!("{EVALUATION}pub struct Evaluation<'a, T = f64> {{\n{fields}}}\n");
         }
-        // The same over all number types. Equations name one, as those of other models do.
+        // `Evaluation` over all number types. Equations name one, as those of other models do.
         format!(
             "
 /// What equations read and calculate, over any number type.

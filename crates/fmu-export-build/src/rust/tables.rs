@@ -292,7 +292,7 @@ impl Run {
         let Self { unknown, knowns, count, strides } = self;
         let none = (1, vec![0; knowns.len()]);
         let (stride, strides) = strides.as_ref().unwrap_or(&none);
-        // Those at equal distances are one entry.
+        // Knowns at equal distances are one entry.
         let mut runs: Vec<[u32; 4]> = Vec::new();
         for (&known, &stride) in knowns.iter().zip(strides) {
             match runs.last_mut() {

@@ -73,7 +73,8 @@ impl<'m, 'a> Variables<'m, 'a> {
         if self.is_fmi3() { Ok(()) } else { self.write_aliases(writer) }
     }
 
-    /// In FMI 2.0 variables of the same value reference (section 2.2.7), which an importer can only read.
+    /// Writes aliases: in FMI 2.0 variables of the same value reference (section 2.2.7), which an importer can only
+    /// read.
     fn write_aliases(&self, writer: &mut XmlWriter) -> io::Result<()> {
         for (position, scalar) in self.model.scalars.iter().enumerate() {
             let is_constant = scalar.variability == Variability::Constant;
@@ -94,7 +95,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         Ok(())
     }
 
-    /// In FMI 2.0 an element within that of the type, otherwise one element.
+    /// Writes a variable: in FMI 2.0 an element with that of the type in it, otherwise one element.
     fn write(&self, writer: &mut XmlWriter, position: usize) -> io::Result<()> {
         let scalar = &self.model.scalars[position];
         let array = self.arrays.get(&position);
@@ -217,7 +218,7 @@ impl<'m, 'a> Variables<'m, 'a> {
             && matches!(scalar.causality, Causality::Input | Causality::Output)
     }
 
-    /// In FMI 2.0 unknowns in lists, which are not empty, otherwise elements named after their list.
+    /// Writes unknowns: in FMI 2.0 in lists, which are not empty, otherwise as elements named after their list.
     pub(crate) fn write_structure(&self, writer: &mut XmlWriter, structure: &Structure) -> io::Result<()> {
         if !self.is_fmi3() {
             let lists = [
@@ -241,7 +242,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         ] {
             self.write_unknowns(writer, (name, "valueReference"), unknowns)?;
         }
-        // Their dependencies are for debugging only, and omitted.
+        // Event indicators' dependencies are for debugging only, and omitted.
         self.model.in_place(Place::EventIndicators).try_for_each(|position| {
             empty(writer, "EventIndicator", vec![("valueReference", self.reference(position))])
         })

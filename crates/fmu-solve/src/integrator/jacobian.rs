@@ -132,13 +132,13 @@ impl Jacobian {
         }
     }
 
-    /// Has the next ones serve no longer than it did.
+    /// Has the next Jacobians serve no longer than this one did.
     pub(super) fn distrust(&mut self) {
         (self.most, self.accepted) = (self.served.max(1), 0);
         self.discard();
     }
 
-    /// Has it renewed before the next step.
+    /// Has the Jacobian renewed before the next step.
     pub(super) fn discard(&mut self) {
         self.serves = 0;
     }
@@ -154,7 +154,7 @@ impl Jacobian {
         if S::MAY_BE_SPARSE
             && let Some(pattern) = &self.pattern
         {
-            // That of a clone is another one.
+            // The pattern of a clone is another one.
             matrix.follow::<S>(pattern);
         }
         system.linearize(time, states, &Units(0), &mut [], by_time);

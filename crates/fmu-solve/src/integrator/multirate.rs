@@ -335,7 +335,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
                     fast.slopes = Self::fast(system, to, &trial.states, slow);
                     step.slopes[1] = fast.slopes;
                 } else {
-                    // Those of the last stage, which is little from it.
+                    // The slopes of the last stage, which is little from it.
                     let [last, slopes] = &stages[STAGES - 2];
                     let by_states = product(&fast.jacobian, &array::from_fn(|i| trial.states[i] - last[i]));
                     step.slopes[1] = array::from_fn(|i| slopes[i] + by_states[i]);

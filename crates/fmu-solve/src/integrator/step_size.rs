@@ -9,13 +9,13 @@ const REDUCTION: f64 = 0.2;
 const ROUNDING: f64 = 1e-6;
 /// The shortest step, in roundings of the time.
 const SHORTEST: f64 = 16.0 * f64::EPSILON;
-/// With a method that takes any matrix, steps share one whose lengths differ by no more than this, relatively.
+/// With a method that takes any matrix, steps share a matrix if their lengths differ by no more than this, relatively.
 pub(super) const SIMILAR: f64 = 0.4;
 
 /// The length of the next step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepSize {
-    /// In s; 0 if still to be estimated.
+    /// The proposed length in s; 0 if still to be estimated.
     pub(super) next: f64,
     /// The longest step in s.
     longest: f64,

@@ -810,7 +810,7 @@ fn nonstiff_systems_take_about_as_many_right_hand_sides_as_in_scipy() {
                 continue;
             }
             compared += 1;
-            // Theirs at this error, by powers between and beyond the two that are nearest.
+            // The others' evaluations at this error, by powers between and beyond the two that are nearest.
             let at = others[1..3].iter().take_while(|(other, _)| *other > error).count();
             let [(most, few), (least, many)] = [others[at], others[at + 1]];
             let (few, many) = (f64::from(few), f64::from(many));

@@ -63,7 +63,7 @@ impl Work {
         }
     }
 
-    /// Forgets what belongs to another run.
+    /// Forgets the factors and stages of another run.
     pub(super) fn forget(&mut self) {
         self.matrix.forget();
         self.has_stages = false;
@@ -268,7 +268,7 @@ impl Work {
         let before = mem::replace(&mut last.to, mem::take(moved));
         let to = &last.to;
         let scale = |i: usize| tolerance.scale::<S>(i, last.from[i].abs().max(to[i].abs()));
-        // Those of the dense output are not evaluated yet.
+        // The stages of the dense output are not evaluated yet.
         let (stages, [errors, ..]) = stages.split_at_mut(explicit::AT_END.end) else { unreachable!() };
         let mut relative = |weights: &[f64]| {
             // Stage by stage is fast for long vectors.
