@@ -11,7 +11,7 @@ use crate::{Interface, Port, Role};
 /// An FMU's variable for a port.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// Its name.
+    /// The variable's name.
     pub name: String,
     /// From the interface's values to those of an input, from those of an output to the interface's.
     pub conversion: Conversion,

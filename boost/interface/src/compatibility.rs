@@ -63,13 +63,13 @@ pub enum Match<'a> {
 /// What a match means for the FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is connected.
+    /// The port is connected.
     Fits,
-    /// It is left out, and is not needed.
+    /// The port is left out, and is not needed.
     LeftOut,
     /// A connection of the loop is left open.
     Open,
-    /// It cannot be connected.
+    /// The port cannot be connected.
     Wrong,
 }
 

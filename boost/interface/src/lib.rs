@@ -35,7 +35,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// The other role.
+    /// The opposite role.
     #[must_use]
     pub fn other(self) -> Self {
         match self {
@@ -115,7 +115,7 @@ pub struct Port<'i> {
     pub interface: &'i Interface,
     /// The variable as our FMU in this role declares it.
     pub variable: &'i FmuVariable,
-    /// Its kind at the FMU in this role.
+    /// The variable's kind at the FMU in this role.
     pub kind: Kind,
     /// The connected variable of our FMU in the other role. If there is none, the port connects to the environment of
     /// the system and is optional.

@@ -58,9 +58,9 @@ impl Compiled {
 
 /// A generated modelDescription.xml.
 pub struct GeneratedDescription {
-    /// Its text.
+    /// The description's text.
     pub xml: String,
-    /// What it says.
+    /// What the description says.
     pub content: FmuDescription,
 }
 

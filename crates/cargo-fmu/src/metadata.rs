@@ -10,9 +10,9 @@ use serde::Deserialize;
 /// A workspace.
 #[derive(Debug, Deserialize)]
 pub struct Metadata {
-    /// Its members.
+    /// The workspace's members.
     pub packages: Vec<Package>,
-    /// The folder of its Cargo.toml.
+    /// The folder of the workspace's Cargo.toml.
     pub workspace_root: PathBuf,
     /// Where cargo builds.
     pub target_directory: PathBuf,
@@ -85,12 +85,12 @@ impl Metadata {
 }
 
 impl Package {
-    /// Its folder.
+    /// The package's folder.
     pub fn folder(&self) -> &Path {
         self.manifest_path.parent().unwrap_or(&self.manifest_path)
     }
 
-    /// What a model's declaration need not repeat of it, as cargo tells it to build scripts.
+    /// What a model's declaration need not repeat of the package, as cargo tells it to build scripts.
     pub fn of_declaration(&self) -> fmu_export_build::Package {
         fmu_export_build::Package {
             name: self.name.clone(),
@@ -101,7 +101,7 @@ impl Package {
         }
     }
 
-    /// Its libraries for other languages.
+    /// The package's libraries for other languages.
     pub fn libraries(&self) -> impl Iterator<Item = &Target> {
         self.targets.iter().filter(|target| target.is_library())
     }

@@ -152,16 +152,16 @@ pub fn host_triple() -> Result<&'static str> {
 
 /// A kind of build result.
 pub trait Made {
-    /// Its name in messages.
+    /// The result's name in messages.
     fn name(&self) -> &str;
 
-    /// Rust's name of what it is for.
+    /// Rust's name of what the result is for.
     fn rust_target(&self) -> Result<&str>;
 
-    /// Its file name suffix.
+    /// The suffix of the result's file name.
     fn suffix(&self) -> &'static str;
 
-    /// The command that builds it in cargo's target folder, with a profile if it is a library; the caller adds packages.
+    /// The command that builds the result in a target folder, with a profile if a library; the caller adds packages.
     fn command(&self, target: &Path, profile: &Profile) -> Command;
 }
 

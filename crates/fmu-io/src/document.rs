@@ -64,7 +64,7 @@ impl Location {
     /// Puts the location before an error's message. The error no longer downcasts.
     ///
     /// # Errors
-    /// That of the result.
+    /// When the result is an error.
     pub fn locate<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| self.error(format!("{error:#}")))
     }

@@ -100,7 +100,7 @@ impl Folder {
         Ok(Self(Some((folder, lock))))
     }
 
-    /// Its path.
+    /// The folder's path.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.0.as_ref().map_or(Path::new(""), |(folder, _)| folder.path())

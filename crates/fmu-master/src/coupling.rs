@@ -90,7 +90,7 @@ pub enum Source {
     /// A member's output.
     Output {
         member: usize,
-        /// Its index among what is read of the member; once coupled, of all.
+        /// The output's index among what is read of the member; once coupled, of all.
         reading: usize,
     },
 }

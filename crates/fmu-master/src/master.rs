@@ -29,7 +29,7 @@ const VARIABLE_STEP: &str = "canHandleVariableCommunicationStepSize";
 #[derive(Clone, Default)]
 pub struct LoadedFmus {
     fmus: BTreeMap<(PathBuf, Option<Interface>), Arc<Fmu>>,
-    /// Those that are read of FMUs before they are loaded.
+    /// The descriptions of FMUs, read before the FMUs are loaded.
     descriptions: BTreeMap<PathBuf, FmuDescription>,
 }
 
@@ -47,7 +47,7 @@ impl LoadedFmus {
     /// The FMU of a scenario's member; loads it on first use.
     ///
     /// # Errors
-    /// Those of [`Fmu::open_with`], with the member's location.
+    /// When the FMU cannot be opened, as for [`Fmu::open_with`]; the error has the member's location.
     pub fn get(&mut self, member: &Member) -> Result<Arc<Fmu>> {
         let key = (member.file.clone(), member.interface);
         if let Some(fmu) = self.fmus.get(&key) {
@@ -403,7 +403,7 @@ impl<'a> Master<'a> {
     /// `progress` as [`Master::step_to_end`] does.
     ///
     /// # Errors
-    /// Those of [`Master::initialize`] and [`Master::step`].
+    /// When [`Master::initialize`] or [`Master::step`] fails.
     pub fn run(mut self, progress: impl FnMut(u32, &mut Record)) -> Result<Run> {
         let run = self.begin(Some(self.scenario.stop_time)).and_then(|()| self.step_to_end(progress));
         let ended = run.map_or_else(|error| error.downcast().map(Some), |()| Ok(None))?;
@@ -541,7 +541,7 @@ fn driven<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, 
     })
 }
 
-/// Those of them that get outputs.
+/// The [`driven`] inputs that get outputs.
 fn connected<'a>(coupling: &'a Coupling<'_>) -> impl Iterator<Item = (At, &'a str, &'a str)> {
     driven(coupling).filter(|(at, ..)| {
         let wire = &coupling.members[at.member].inputs.wires[at.position];

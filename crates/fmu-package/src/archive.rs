@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(refusal(bytes), "its entry 'a/one': another entry has this path");
     }
 
-    /// It would have to be both file and folder.
+    /// One path would have to be both file and folder.
     #[test]
     fn an_entry_below_a_file_is_refused() {
         for paths in [["a.txt", "a.txt/b"], ["a.txt/b", "A.txt"], ["a", "a/"]] {

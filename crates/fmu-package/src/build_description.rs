@@ -42,7 +42,7 @@ pub struct SourceFileSet {
 /// A static library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StaticLibrary {
-    /// Its name.
+    /// The library's name.
     pub name: String,
     /// Whether the system has it; otherwise it is among the FMU's libraries for the platform.
     pub is_external: bool,

@@ -34,13 +34,13 @@ const TABLE: &str = "a table [[connection]] for each connection";
 /// A connection to an input of an FMU.
 #[derive(Clone, Debug)]
 pub struct Connection {
-    /// The name of the FMU; none if it is a signal of the scenario.
+    /// The name of the source FMU; none if the source is a signal of the scenario.
     pub source: Option<String>,
-    /// Its output, or the signal.
+    /// The source FMU's output, or the signal.
     pub output: String,
-    /// The name of the FMU.
+    /// The name of the target FMU.
     pub target: String,
-    /// Its input.
+    /// The target FMU's input.
     pub input: String,
     /// From the output's value to the input's.
     pub conversion: Conversion,
@@ -72,10 +72,10 @@ pub fn refused_name(fmu: &str) -> Option<String> {
 }
 
 impl Conversion {
-    /// By the declared units.
+    /// Converts by the declared units.
     pub const DECLARED: Self = Self::Units { from: None, to: None };
 
-    /// The other way round.
+    /// The conversion in the opposite direction.
     #[must_use]
     pub fn inverse(&self) -> Self {
         match self.clone() {
@@ -86,7 +86,7 @@ impl Conversion {
 }
 
 impl Connection {
-    /// Its source: the FMU's name, a colon and the output, or the signal.
+    /// The connection's source: the FMU's name, a colon and the output, or the signal.
     #[must_use]
     pub fn from(&self) -> String {
         match &self.source {
@@ -95,7 +95,7 @@ impl Connection {
         }
     }
 
-    /// Its target: the FMU's name, a colon and the input.
+    /// The connection's target: the FMU's name, a colon and the input.
     #[must_use]
     pub fn to(&self) -> String {
         format!("{}:{}", self.target, self.input)

@@ -32,7 +32,7 @@ impl<M: Word> Declared<M> {
 }
 
 impl<M: Copy> Declared<M> {
-    /// Its meaning, if it has one.
+    /// The meaning of the text, if it has one.
     #[must_use]
     pub fn meaning(&self) -> Option<M> {
         self.meaning

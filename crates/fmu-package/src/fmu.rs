@@ -18,7 +18,7 @@ pub struct Fmu<'a> {
     pub model_identifier: &'a str,
     /// The text of modelDescription.xml.
     pub model_description: &'a str,
-    /// Its version of FMI.
+    /// The FMU's version of FMI.
     pub version: Version,
     /// The libraries, by platform.
     pub libraries: Vec<(Platform, Vec<u8>)>,

@@ -22,7 +22,7 @@ use crate::platform::{Architecture, Format, Platform};
 pub struct Library {
     /// The binary's format, from its header.
     pub format: Format,
-    /// Its processors: several in a universal macOS library.
+    /// The library's processors: several in a universal macOS library.
     pub architectures: Vec<Architecture>,
     /// The oldest version of glibc (ELF) or macOS (Mach-O) that it runs on, if known.
     pub oldest_system: Option<Vec<u32>>,
@@ -89,7 +89,7 @@ impl Library {
         )))
     }
 
-    /// Its folders in `binaries/` of an FMU of FMI 2.0 or 3.0 for a platform: in FMI 3.0 one per processor.
+    /// The library's folders in `binaries/` of an FMU of FMI 2.0 or 3.0 for a platform: in FMI 3.0 one per processor.
     #[must_use]
     pub fn folders(&self, platform: Platform, is_fmi3: bool) -> Vec<String> {
         if is_fmi3 {

@@ -1,7 +1,7 @@
 //! Joins FMUs of one model, with libraries for different platforms, into one with all of them.
 //!
-//! They are not trusted: the descriptions must be equal, each library must match its folder, and other differences are
-//! rejected.
+//! The FMUs are not trusted: the descriptions must be equal, each library must match its folder, and other differences
+//! are rejected.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -19,9 +19,9 @@ use crate::xml;
 /// An FMU to merge.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// For messages.
+    /// The FMU's name in messages.
     pub name: String,
-    /// Its files by path, from [`archive::read_files`].
+    /// The FMU's files by path, from [`archive::read_files`].
     pub files: BTreeMap<String, Vec<u8>>,
 }
 

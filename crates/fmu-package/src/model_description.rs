@@ -1,8 +1,7 @@
 //! Reads the modelDescription.xml of an FMU of FMI 2.0 or 3.0 from any tool.
 //!
-//! It does not check schemas. Values whose meaning differs between versions
-//! remain text, and XML errors are rejected with their line. [`FmuDescription::scalars`] turns arrays and aliases of
-//! FMI 3.0 into variables as in FMI 2.0.
+//! Schemas are not checked. Values whose meaning differs between versions remain text, and XML errors are rejected with
+//! their line. [`FmuDescription::scalars`] turns arrays and aliases of FMI 3.0 into variables as in FMI 2.0.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufReader};
@@ -52,9 +51,9 @@ pub struct FmuDescription {
 /// A derivative in `ModelStructure`. References are positions from 1 on, in FMI 3.0 value references.
 #[derive(Clone, Debug)]
 pub struct Derivative {
-    /// The reference of its variable.
+    /// The reference of the derivative's variable.
     pub reference: Declared<u32>,
-    /// Those of the variables on which it depends; on all if not listed.
+    /// The references of the variables on which the derivative depends; if not listed, on all.
     pub dependencies: Option<Vec<Declared<u32>>>,
 }
 
@@ -72,7 +71,7 @@ impl Derivative {
 pub struct Enumeration {
     /// The type's name.
     pub name: String,
-    /// Its items: name and value.
+    /// The enumeration's items: name and value.
     pub items: Vec<(String, i32)>,
 }
 

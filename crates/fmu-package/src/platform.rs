@@ -112,7 +112,7 @@ impl Platform {
         Self::ALL.into_iter().filter(is_own).max()
     }
 
-    /// Its folder in `binaries/` in FMI 2.0, its library format, and the processors of its libraries.
+    /// The platform's folder in `binaries/` in FMI 2.0, its library format, and the processors of its libraries.
     fn row(self) -> (&'static str, Format, &'static [Architecture]) {
         use Architecture::{Aarch64, X86, X86_64};
         match self {
@@ -127,25 +127,25 @@ impl Platform {
         }
     }
 
-    /// Its folder in `binaries/` in FMI 2.0.
+    /// The platform's folder in `binaries/` in FMI 2.0.
     #[must_use]
     pub fn folder(self) -> &'static str {
         self.row().0
     }
 
-    /// Its library format.
+    /// The platform's library format.
     #[must_use]
     pub fn format(self) -> Format {
         self.row().1
     }
 
-    /// The processors of its libraries.
+    /// The processors of the platform's libraries.
     #[must_use]
     pub fn architectures(self) -> &'static [Architecture] {
         self.row().2
     }
 
-    /// Its folder in `binaries/` in FMI 3.0 (section 2.5.1.4.1), for one of its processors: the platform tuple.
+    /// The folder in `binaries/` of FMI 3.0 (section 2.5.1.4.1) for one of the platform's processors: the platform tuple.
     #[must_use]
     pub fn tuple(self, architecture: Architecture) -> String {
         format!("{}-{}", architecture.tuple(), self.format().row()[3])
@@ -170,7 +170,7 @@ impl Platform {
         self.path_in(&self.folder_for_host(is_fmi3), model_identifier)
     }
 
-    /// Its folder in `binaries/` of an FMU of FMI 2.0 or 3.0 for this program's processor.
+    /// The platform's folder in `binaries/` of an FMU of FMI 2.0 or 3.0 for this program's processor.
     #[must_use]
     pub fn folder_for_host(self, is_fmi3: bool) -> String {
         let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));

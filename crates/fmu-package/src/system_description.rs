@@ -34,13 +34,13 @@ pub struct SystemDescription {
 /// A system, or an element of one.
 #[derive(Clone, Debug)]
 pub struct ElementDescription {
-    /// Unique within its system.
+    /// The element's name, unique within its system.
     pub name: String,
-    /// Its connectors.
+    /// The element's connectors.
     pub connectors: Vec<ConnectorDescription>,
-    /// Its parameter sets; later ones override earlier ones.
+    /// The element's parameter sets; later ones override earlier ones.
     pub parameters: Vec<ParameterBinding>,
-    /// What it is.
+    /// What the element is.
     pub content: Content,
 }
 
@@ -49,18 +49,18 @@ pub struct ElementDescription {
 pub enum Content {
     /// Elements and their connections.
     System {
-        /// In file order.
+        /// The system's elements, in file order.
         elements: Vec<ElementDescription>,
-        /// Between connectors of the elements and the system.
+        /// The connections between connectors of the elements and the system.
         connections: Vec<ConnectionDescription>,
-        /// The names of its signal dictionaries.
+        /// The names of the system's signal dictionaries.
         dictionaries: Vec<String>,
     },
     /// A file.
     Component {
-        /// Its kind.
+        /// What the component's file is.
         kind: ComponentKind,
-        /// Its path.
+        /// The file's path.
         source: String,
     },
     /// The signals of a dictionary in the system, or in one around it.
@@ -97,9 +97,9 @@ pub struct ConnectorDescription {
 /// A connection of two connectors, which tell its direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectionDescription {
-    /// One end.
+    /// One end of the connection.
     pub start: End,
-    /// The other.
+    /// The other end of the connection.
     pub end: End,
     /// A transformation after the unit conversion.
     pub transformation: Transformation,
@@ -110,9 +110,9 @@ pub struct ConnectionDescription {
 /// A parameter set of an element.
 #[derive(Clone, Debug)]
 pub struct ParameterBinding {
-    /// It precedes the names in the set.
+    /// The prefix of the names in the set.
     pub prefix: String,
-    /// The set.
+    /// The parameter set.
     pub set: Resource<ParameterSet>,
     /// How the parameters are mapped; if not, they keep their names.
     pub mapping: Option<Resource<ParameterMapping>>,

@@ -118,7 +118,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Its name in the standards, as FMI's causality and as SSP's kind.
+    /// The kind's name in the standards, as FMI's causality and as SSP's kind.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.causality().as_str()

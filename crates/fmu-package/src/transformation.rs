@@ -52,7 +52,7 @@ impl Function {
         }
     }
 
-    /// Its linear part. Values in tables have no unit, so that nothing converts them.
+    /// The function's linear part. Values in tables have no unit, so that nothing converts them.
     #[must_use]
     pub fn linear(&self) -> Linear {
         match self {
@@ -80,14 +80,14 @@ impl From<Linear> for Function {
 /// A transformation, as SSP's files have it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Transformation {
-    /// Of Booleans, integers and Reals.
+    /// A function of Booleans, integers and Reals.
     Function(Function),
-    /// Of an enumeration's items, by their names.
+    /// A mapping of an enumeration's items, by their names.
     Items(Vec<(String, String)>),
 }
 
 impl Transformation {
-    /// That of a connection or a mapped parameter; the identity if it has none.
+    /// Reads the transformation of a connection or a mapped parameter; the identity if it has none.
     pub(crate) fn read(parent: Element<'_>) -> io::Result<Self> {
         for element in children(parent) {
             match element.tag_name().name() {

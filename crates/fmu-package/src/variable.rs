@@ -40,7 +40,7 @@ pub struct FmuVariable {
     pub max: String,
     /// Empty if the FMU gives none.
     pub description: String,
-    /// The variable of which it is the derivative: its position from 1 on, in FMI 3.0 its value reference.
+    /// The variable of which this one is the derivative: its position from 1 on, in FMI 3.0 its value reference.
     pub derivative: Declared<u32>,
     /// `intervalVariability` of a Clock (FMI 3.0).
     pub interval_variability: Declared<IntervalVariability>,
@@ -48,7 +48,7 @@ pub struct FmuVariable {
     pub dimensions: Vec<Dimension>,
     /// Other names of the variable, each with its description (FMI 3.0).
     pub aliases: Vec<(String, String)>,
-    /// Its place in an array, from `FmuDescription::scalars`.
+    /// The variable's place in an array, from `FmuDescription::scalars`.
     pub element: Option<Element>,
 }
 
@@ -64,7 +64,7 @@ pub enum Dimension {
 /// An array element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// Its position among the array's values, with the last index varying fastest (FMI 3.0.2, section 2.2.7).
+    /// The element's position among the array's values, with the last index varying fastest (FMI 3.0.2, section 2.2.7).
     pub position: usize,
     /// The number of the array's values.
     pub size: usize,
@@ -94,11 +94,11 @@ pub(crate) type Types<'d> = HashMap<&'d str, xml::Element<'d>>;
 /// The elements that declare a variable.
 #[derive(Clone, Copy, Debug)]
 pub struct VariableElement<'d> {
-    /// The one with the name.
+    /// The element with the name.
     pub element: xml::Element<'d>,
-    /// The one with `start`, `min` and so on: the same in FMI 3.0.
+    /// The element with `start`, `min` and so on: in FMI 3.0 the one with the name.
     pub typed: xml::Element<'d>,
-    /// Its declared type.
+    /// The variable's declared type.
     declared: Option<xml::Element<'d>>,
     version: Version,
 }
@@ -113,7 +113,7 @@ impl<'d> VariableElement<'d> {
         Self { element, typed, declared, version }
     }
 
-    /// The type of its values.
+    /// The type of the variable's values.
     #[must_use]
     pub fn data_type(&self) -> Declared<DataType> {
         Declared::read(Some(self.kind()), |name| DataType::of(name, self.version))

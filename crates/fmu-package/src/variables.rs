@@ -8,9 +8,9 @@ use crate::variable::FmuVariable;
 #[derive(Clone, Debug, Default)]
 pub struct Variables {
     variables: Vec<FmuVariable>,
-    /// Their positions in the order of their names, those of one name in file order.
+    /// The variables' positions in the order of their names, those of one name in file order.
     by_name: Vec<usize>,
-    /// Their positions in the order of their value references, those of one reference in file order.
+    /// The variables' positions in the order of their value references, those of one reference in file order.
     by_reference: Vec<usize>,
 }
 

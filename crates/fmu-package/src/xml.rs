@@ -35,11 +35,11 @@ pub type Element<'d> = Node<'d, 'd>;
 /// Why a document is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Problem {
-    /// It has a document type definition.
+    /// The document has a document type definition.
     DocumentType,
-    /// It exceeds a limit.
+    /// The document exceeds a limit.
     Limit,
-    /// It is not XML.
+    /// The document is not XML.
     Syntax,
 }
 

@@ -320,7 +320,7 @@ impl Line {
         Self { source: Some((name.to_owned(), function)), ..self }
     }
 
-    /// Its name in the legend, which omits lines without one.
+    /// Sets the line's name in the legend, which omits lines without one.
     pub fn label(self, label: &str) -> Self {
         Self { label: label.to_owned(), ..self }
     }

@@ -59,7 +59,7 @@ pub struct Report {
 pub struct Table {
     /// The attribute `class`, if it has one.
     class: String,
-    /// Its caption and its row of headings, if it has them.
+    /// The table's caption and its row of headings, if it has them.
     caption: String,
     head: String,
     rows: String,
@@ -174,19 +174,19 @@ impl Table {
         Self { head, ..Self::default() }
     }
 
-    /// Its class, for the page's additional rules.
+    /// Sets the table's class, for the page's additional rules.
     #[must_use]
     pub fn class(self, class: &str) -> Self {
         Self { class: format!(" class=\"{class}\""), ..self }
     }
 
-    /// Its caption.
+    /// Sets the table's caption.
     #[must_use]
     pub fn caption(self, caption: &str) -> Self {
         Self { caption: format!("<caption>{}</caption>\n", escaped(caption)), ..self }
     }
 
-    /// Its markup.
+    /// The table's markup.
     #[must_use]
     pub fn html(&self) -> String {
         let Self { class, caption, head, rows } = self;

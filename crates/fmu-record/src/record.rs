@@ -123,7 +123,7 @@ impl Record {
     /// Reads a `.csv` or `.parquet` file as [`Data::read`] does. A column without a unit that has words is of texts.
     ///
     /// # Errors
-    /// Those of [`Data::read`], or when the file's name ends otherwise, or a cell is neither a number nor in a column of
+    /// When [`Data::read`] fails, or the file's name ends otherwise, or a cell is neither a number nor in a column of
     /// texts.
     pub fn read(path: &Path) -> Result<Self> {
         TableFormat::of(path)?;

@@ -22,7 +22,7 @@ pub struct Comparison<'a> {
 
 /// A variable common to all records.
 struct Variable<'a> {
-    /// Its name and units, without values.
+    /// The variable's name and units, without values.
     heading: Column,
     /// In the order of the records.
     columns: Vec<&'a Column>,
@@ -459,7 +459,7 @@ mod tests {
         assert!(notes[0].contains("1 of 2 rows of a are compared"), "{notes:?}");
     }
 
-    /// Their squares and largest differences overflow.
+    /// The squares and largest differences of these numbers overflow.
     #[test]
     fn the_greatest_numbers_are_compared() {
         let text = |a: f64, b: f64| {

@@ -65,9 +65,9 @@ pub type TrialExport<'a> = &'a dyn Fn(Option<Interface>, Option<Version>) -> Res
 /// The end of an experiment, if the command line gives one, and the option that does.
 #[derive(Clone, Copy)]
 pub struct End {
-    /// In s.
+    /// The time of the end (s).
     pub time: Option<f64>,
-    /// Its name without hyphens.
+    /// The option's name without hyphens.
     pub option: &'static str,
 }
 

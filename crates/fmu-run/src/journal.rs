@@ -36,7 +36,7 @@ struct Header {
 enum Line<K, P> {
     Begun(K),
     Finished(P),
-    /// These neither finished nor ended the command: the user interrupted them, or the task failed.
+    /// Parts that neither finished nor ended the command: the user interrupted them, or the task failed.
     Interrupted(Vec<K>),
 }
 
@@ -45,7 +45,7 @@ pub trait Part: Clone + Send + Sync + Serialize + DeserializeOwned + 'static {
     /// What tells it from the other parts.
     type Key: Clone + Ord + Send + Sync + Serialize + DeserializeOwned;
 
-    /// Its key.
+    /// The part's key.
     fn key(&self) -> Self::Key;
 }
 
@@ -194,7 +194,7 @@ impl<P: Part> Journal<P> {
         written.with_context(|| format!("cannot write {}", self.path.display()))
     }
 
-    /// Its state; an interruption leaves it to nobody.
+    /// The journal's state; after an interruption, nobody gets it.
     fn state(&self) -> MutexGuard<'_, State<P>> {
         loop {
             let state = locked(&self.state);

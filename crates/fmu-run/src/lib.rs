@@ -41,7 +41,7 @@ pub const FMUS: &str = "target/fmu";
 /// Opens an FMU for the command line.
 ///
 /// # Errors
-/// Those of [`Fmu::open`]; for a missing file, with what to do about it.
+/// When the FMU cannot be opened, as for [`Fmu::open`]; for a missing file, with what to do about it.
 pub fn open(path: &Path) -> Result<Arc<Fmu>> {
     refuse_missing(path)?;
     Fmu::open(path)

@@ -132,7 +132,7 @@ struct Answers(Arc<Mutex<Channel>>);
 
 struct Channel {
     to: Target,
-    /// That of the present job.
+    /// The number of the present job.
     number: u64,
 }
 
@@ -256,7 +256,7 @@ pub fn work_once(run: impl FnOnce() -> Result<()>) -> Result<()> {
 /// Runs a program that [works once](work_once), with this one's standard streams. Ends what it has started.
 ///
 /// # Errors
-/// Its own, or that it ended without an answer.
+/// When the program fails, or ends without an answer.
 pub fn supervised(program: &Program) -> Result<()> {
     let processes = Processes::new();
     let (group, folder) = processes.start(program, |_| ())?;
@@ -297,7 +297,7 @@ enum Lost {
     Garbled(String, Option<LastCall>),
     /// The worker cannot answer any more; with the last call to an FMU.
     Closed(Option<LastCall>),
-    /// It took longer than the limit; with the last call to an FMU.
+    /// The job took longer than the limit; with the last call to an FMU.
     InTime(Duration, Option<LastCall>),
 }
 

@@ -13,13 +13,13 @@ use fmu_package::xml::named;
 /// A tool that imports FMUs.
 #[derive(Debug)]
 pub struct Importer {
-    /// Its name.
+    /// The importer's name.
     pub name: &'static str,
-    /// The versions for which this is known.
+    /// The importer's versions for which this is known.
     pub versions: &'static str,
     /// The evidence.
     pub evidence: &'static str,
-    /// The rules that it requires beyond the standard, and its behaviour if an FMU breaks them.
+    /// The rules that the importer requires beyond the standard, and its behaviour if an FMU breaks them.
     pub refuses: &'static [(&'static Rule, &'static str)],
 }
 

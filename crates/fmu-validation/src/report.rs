@@ -35,9 +35,9 @@ impl Place {
 pub struct Finding {
     /// The broken rule.
     pub rule: &'static Rule,
-    /// Its location.
+    /// The problem's location.
     pub place: Place,
-    /// Its description.
+    /// The problem's description.
     pub message: String,
 }
 

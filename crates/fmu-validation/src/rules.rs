@@ -28,13 +28,13 @@ impl Severity {
 /// A rule for FMUs.
 #[derive(Debug)]
 pub struct Rule {
-    /// Its permanent identifier.
+    /// The rule's permanent identifier.
     pub id: &'static str,
-    /// The consequence of breaking it.
+    /// The consequence of breaking the rule.
     pub severity: Severity,
-    /// Its source: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` for requirements of the schemas.
+    /// The rule's source: sections of FMI 2.0.5 and FMI 3.0.2, and `schema` for requirements of the schemas.
     pub source: &'static str,
-    /// Its text.
+    /// The rule's text.
     pub text: &'static str,
     /// The remedy for a broken FMU.
     pub remedy: &'static str,

@@ -63,7 +63,7 @@ struct Type<'s> {
     attributes: HashMap<&'s str, Declaration<'s>>,
     has_any_attribute: bool,
     is_mixed: bool,
-    /// Its content, in sequence.
+    /// The type's content, in sequence.
     content: Vec<Declaration<'s>>,
 }
 

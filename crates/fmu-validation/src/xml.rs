@@ -13,7 +13,7 @@ const LONGEST_VALUE: usize = 10_000;
 
 /// A file and its content.
 pub(crate) struct Xml<'d> {
-    /// Its path in the archive.
+    /// The file's path in the archive.
     pub file: &'d str,
     text: &'d str,
     document: Document<'d>,

@@ -32,7 +32,7 @@ pub fn document(content: impl FnOnce(&mut XmlWriter) -> io::Result<()>) -> Strin
 /// An element with content.
 ///
 /// # Errors
-/// Those of the content.
+/// When the content cannot be written.
 pub fn element(
     writer: &mut XmlWriter,
     name: &'static str,

@@ -65,7 +65,7 @@ pub struct Residuals {
     pub unit: String,
     /// The root mean square over the tuning data.
     pub tuning: Option<f64>,
-    /// The same over the validation data.
+    /// The root mean square over the validation data.
     pub validation: Option<f64>,
     /// The measurement noise, if each residual belongs to a single measurement.
     pub noise: Option<f64>,

@@ -172,11 +172,11 @@ pub fn count(figures: &[Reproduced]) -> (String, bool) {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Basis {
-    /// Parameters were calibrated to it.
+    /// Parameters were calibrated to the result.
     Calibration,
-    /// It follows from parameters chosen for other reasons.
+    /// The result follows from parameters chosen for other reasons.
     Prediction,
-    /// It follows from the controller's structure.
+    /// The result follows from the controller's structure.
     Construction,
 }
 

@@ -67,9 +67,9 @@ pub struct Simulated {
 pub struct Measures {
     /// The largest deviation from the reachable reference after settling (Pa).
     pub deviation: f64,
-    /// Its time (s).
+    /// The time of the largest deviation (s).
     pub deviation_time: f64,
-    /// Whether boost is too high then.
+    /// Whether boost is too high at the largest deviation.
     pub is_above: bool,
     /// The largest overshoot over reference steps (Pa).
     pub overshoot: f64,

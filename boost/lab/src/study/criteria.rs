@@ -33,7 +33,7 @@ const UNAIDED_SHAFT_FAST: f64 = 290e3;
 /// Limp-home may let boost (Pa) and the shaft (rpm) go this much farther than no limp-home: rounding of other courses.
 const WORSE_BOOST: f64 = 500.0;
 const WORSE_SHAFT: f64 = 1e3;
-/// It may give up boost where without it boost exceeds the reference by this (Pa), or the shaft [`FAST_AT_REST`].
+/// Limp-home may give up boost where boost would exceed the reference by this (Pa), or the shaft [`FAST_AT_REST`].
 const HARMFUL: f64 = 20e3;
 /// The excess of boost (Pa) by which a boost sensor's fault must have its code, and the largest with one that is dead.
 const EXCESS_STUCK: f64 = 20e3;

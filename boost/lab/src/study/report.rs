@@ -141,7 +141,7 @@ impl StudyReport<'_> {
         values
     }
 
-    /// Those of [`QUANTILES`] that are not the worst case under another name.
+    /// The [`QUANTILES`] that are not the worst case under another name.
     fn shares(&self) -> impl Iterator<Item = f64> {
         let cases = self.outcomes.len();
         QUANTILES.into_iter().filter(move |&share| share >= 1.0 || rank(share, cases) < cases)

@@ -45,7 +45,7 @@ pub struct Hold {
     pub duty: f64,
     /// Boost pressure at the end (Pa).
     pub boost_pressure: f64,
-    /// Its change in the last second (Pa).
+    /// The change of boost pressure in the last second (Pa).
     pub drift: f64,
     /// The high-pressure shaft speed at the end (rpm), if the plant has it.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -37,7 +37,7 @@ pub struct FirstOrder {
 pub struct Estimate {
     /// The estimate, in the unit of the parameter.
     pub value: f64,
-    /// Its standard error for independent residuals.
+    /// The estimate's standard error for independent residuals.
     pub standard_error: f64,
 }
 

@@ -67,7 +67,7 @@ pub enum CellOrigin {
     AboveReach,
     /// The reference is below the reachable range.
     BelowReach,
-    /// Its feedforward is outside the stepped duties.
+    /// The point's feedforward is outside the stepped duties.
     OutsideFittedDuty,
     /// No model that the controller accepts fits the responses.
     NoModel,

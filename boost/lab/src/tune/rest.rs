@@ -84,7 +84,7 @@ fn at_rest(rig: &Rig, tuning: &Tuning) -> Vec<Case> {
     schedule.engine_speeds.iter().enumerate().filter_map(case).collect()
 }
 
-/// The same loop with the tuned controller and the plant that it is tuned to.
+/// A scenario with the tuned controller and the plant that it is tuned to.
 fn tuned(mut scenario: Scenario, tuning: &Tuning) -> Result<Scenario> {
     let [controller, plant] = scenario.fmus.as_mut_slice() else { bail!("a case has two FMUs") };
     controller.parameters.push((tuning.parameter_set("schedule"), controller.location.clone()));

@@ -233,7 +233,7 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same controller with another grid and closed-loop time constant (s).
+    /// Replaces the engine speeds, boost references and closed-loop time constant (s) that are given.
     pub fn with(
         mut self,
         engine_speeds: Option<Vec<f64>>,

@@ -18,12 +18,12 @@ pub struct Columns<'a> {
 }
 
 impl<'a> Columns<'a> {
-    /// Those of a full Jacobian.
+    /// The directions of a full Jacobian, one for each state.
     pub fn full(size: usize) -> Self {
         Self { pattern: None, count: size, of: (0..size).collect(), is_long: vec![false; size] }
     }
 
-    /// Those of the integrator's directions, for this many states.
+    /// The directions of an integrator, for this many states.
     pub fn new(directions: &'a impl Directions, size: usize) -> Self {
         let Some(pattern) = directions.pattern() else { return Self::full(size) };
         let count = directions.count();

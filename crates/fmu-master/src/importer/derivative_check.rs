@@ -44,7 +44,7 @@ pub struct Use<'a> {
 /// What is wrong with a Jacobian.
 pub struct Wrong {
     pub row: usize,
-    /// That of the wrong element; none if the pattern lacks an element in the row.
+    /// The wrong element's column; none if the pattern lacks an element in the row.
     pub column: Option<usize>,
     /// What a difference quotient gives instead.
     pub quotient: f64,

@@ -60,7 +60,7 @@ pub struct State {
     pub derivative: ValueReference,
     /// The derivative's name.
     pub derivative_name: String,
-    /// Its least and greatest value.
+    /// The state's least and greatest value.
     pub range: (f64, f64),
 }
 
@@ -78,12 +78,12 @@ impl Fmu {
     /// Opens an FMU as [`Fmu::open`] does, for the given interface, if any.
     ///
     /// # Errors
-    /// Those of [`Fmu::open`], or when the FMU does not have the interface.
+    /// When the FMU cannot be opened, as for [`Fmu::open`], or does not have the interface.
     pub fn open_with(path: impl AsRef<Path>, interface: Option<Interface>) -> Result<Arc<Self>> {
         Self::open_described(path.as_ref(), interface, None)
     }
 
-    /// The same, of which the description is read, with the elements of arrays, if there is one.
+    /// Opens an FMU as [`Fmu::open_with`] does; a description already read has the elements of arrays.
     pub(crate) fn open_described(
         path: &Path,
         interface: Option<Interface>,
@@ -182,7 +182,7 @@ impl Fmu {
         Some(if is_input { (inverse, given) } else { (given, inverse) })
     }
 
-    /// Its modelDescription.xml: variables, units, capabilities, default experiment. Elements of arrays are variables.
+    /// The content of modelDescription.xml: variables, units, capabilities and so on. Array elements are variables.
     #[must_use]
     pub fn description(&self) -> &FmuDescription {
         &self.description
@@ -242,7 +242,7 @@ impl Fmu {
     }
 }
 
-/// Its value reference as a number.
+/// A variable's value reference as a number.
 pub(super) fn reference(variable: &FmuVariable) -> Result<ValueReference> {
     variable.value_reference.meaning().with_context(|| {
         format!("the value reference of {} is '{}'", variable.name, variable.value_reference)

@@ -34,7 +34,7 @@ impl Fmu {
     /// may differ from those of [`Fmu::instantiate`], with which the FMU handles events itself, unless it has clocks.
     ///
     /// # Errors
-    /// Those of [`Fmu::refuse_no_event_mode`] and [`Fmu::instantiate`].
+    /// When [`Fmu::refuse_no_event_mode`] or [`Fmu::instantiate`] fails.
     pub fn instantiate_with_early_return(self: &Arc<Self>, name: &str) -> Result<Instance> {
         self.refuse_no_event_mode()?;
         self.instance(name, true)
@@ -113,7 +113,7 @@ impl Drop for SavedState {
 }
 
 impl Instance {
-    /// Its name, with which error messages begin.
+    /// The instance's name, with which error messages begin.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.calls.name

@@ -76,7 +76,7 @@ impl Equations {
         Ok(())
     }
 
-    /// The same by differences, about a time (s) and states with nominal values.
+    /// Products of the Jacobian by differences, about a time (s) and states with nominal values.
     fn difference(
         &mut self,
         calls: &mut Calls,

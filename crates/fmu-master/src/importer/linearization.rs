@@ -144,7 +144,7 @@ impl Instance {
         Ok(columns)
     }
 
-    /// The same by central differences, in Model Exchange. `values` are those of the knowns, states first.
+    /// The unknowns' derivatives by central differences, in Model Exchange, at `values` of the knowns, states first.
     fn differences(
         &mut self,
         known: &[&FmuVariable],

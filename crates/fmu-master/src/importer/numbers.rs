@@ -12,7 +12,7 @@ macro_rules! numbers {
             $($memory(Vec<$number>)),*
         }
 
-        /// Their type.
+        /// The type of [`Numbers`].
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Memory {
             $($memory),*

@@ -24,7 +24,7 @@ impl Fmu {
         self.select_of(names, false)
     }
 
-    /// The same, and texts; they are read only.
+    /// Selects variables as [`Fmu::select`] does, and texts, which are read only.
     pub(crate) fn select_with_texts<'a>(
         &self,
         names: impl IntoIterator<Item = &'a str>,
@@ -88,13 +88,13 @@ pub struct Selection {
     limits: Vec<Limit>,
     /// Room for what the variables take.
     fitted: Vec<f64>,
-    /// Those of its FMU.
+    /// The functions of the selection's FMU.
     pub(super) functions: Arc<Functions>,
 }
 
 /// A variable that does not take every number.
 struct Limit {
-    /// Its index among the selection's.
+    /// The variable's index among the selection's.
     position: usize,
     domain: Domain,
     /// From the FMU's value, and to it.
@@ -109,7 +109,7 @@ pub struct Misfit {
     pub reason: String,
 }
 
-/// Those of a type.
+/// The variables of a selection that have one type.
 pub struct Group {
     pub number_type: NumberType,
     /// The type's name in its functions.
@@ -128,9 +128,9 @@ pub struct Group {
 pub struct Texts {
     pub reference: ValueReference,
     element: Option<Element>,
-    /// Its index among the selection's.
+    /// The variable's index among the selection's.
     position: usize,
-    /// Those that occurred, and their numbers.
+    /// The texts that have occurred, and their numbers.
     known: Vec<String>,
     numbers: BTreeMap<String, usize>,
 }
@@ -159,9 +159,9 @@ impl Texts {
 
 /// One of a group's variables.
 struct Slot {
-    /// Its index among the group's values.
+    /// The variable's index among the group's values.
     value: usize,
-    /// Its index among the selection's.
+    /// The variable's index among the selection's.
     position: usize,
     /// From the FMU's value, and to it.
     conversion: Option<(Function, Function)>,

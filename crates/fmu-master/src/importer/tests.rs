@@ -790,7 +790,7 @@ fn integrated(version: u8, states: usize, values: &[(&str, Value)]) -> Instance 
     integrated_with(&careless::misbehaving(version, states, "none"), values)
 }
 
-/// The same with another description.
+/// An instance as of [`integrated`], with another description.
 fn integrated_with(description: &str, values: &[(&str, Value)]) -> Instance {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("misbehaving.fmu");
@@ -879,7 +879,7 @@ fn assert_followed(instance: &mut Instance, told: &str) {
     }
 }
 
-/// It does not matter that more is listed than there is: a state here and there, or all in the last row, whose elements
+/// Listing more elements than there are does no harm: a state here and there, or all in the last row, whose elements
 /// are then computed by themselves.
 #[test]
 fn the_jacobian_has_elements_where_the_model_structure_says() {

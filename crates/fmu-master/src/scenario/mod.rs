@@ -97,12 +97,12 @@ pub struct Scenario {
 /// The relative tolerance that FMUs get for their integrators.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Tolerance {
-    /// That of their default experiments; none where there is none.
+    /// Each FMU gets the tolerance of its default experiment, if that has one.
     #[default]
     OfFmu,
-    /// None.
+    /// No FMU gets a tolerance.
     Undefined,
-    /// The same for all.
+    /// All FMUs get this tolerance.
     Given(f64),
 }
 
@@ -155,11 +155,11 @@ pub struct RunIn {
 /// A value for a variable of an FMU.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// The variable.
+    /// The variable's name.
     pub name: String,
-    /// In the unit that the FMU declares.
+    /// The value, in the unit that the FMU declares.
     pub value: Value,
-    /// Where the scenario gives it.
+    /// Where the scenario gives the value.
     pub location: Location,
 }
 
@@ -168,9 +168,9 @@ pub struct Assignment {
 pub struct Input {
     /// The input's name.
     pub name: String,
-    /// Its values over time.
+    /// The input's values over time.
     pub course: Course,
-    /// Where the scenario gives it.
+    /// Where the scenario gives the input.
     pub location: Location,
 }
 
@@ -179,20 +179,20 @@ pub struct Input {
 pub struct Noise {
     /// The input that the connection leads to, or the recorded variable.
     pub name: String,
-    /// In the variable's unit.
+    /// The standard deviation, in the variable's unit.
     pub standard_deviation: f64,
-    /// The same seed gives the same noise.
+    /// The seed: equal seeds give equal noise.
     pub seed: u64,
-    /// Where the scenario gives it.
+    /// Where the scenario gives the noise.
     pub location: Location,
 }
 
 /// A recorded variable.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// Its name, with its FMU's name and a colon before it if several have it.
+    /// The variable's name, with its FMU's name and a colon before it if several have it.
     pub name: String,
-    /// Where the scenario names it.
+    /// Where the scenario names the variable.
     pub location: Location,
 }
 

@@ -11,7 +11,7 @@ use fmu_solve::time::rounding;
 /// one time are a jump.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Signal {
-    /// The same value at any time.
+    /// One value at all times.
     Constant(f64),
     /// Each value holds from its time; the first also before.
     Steps(Vec<(f64, f64)>),

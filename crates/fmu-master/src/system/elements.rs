@@ -24,7 +24,7 @@ pub struct Elements {
     pub all: Vec<Element>,
     /// The FMUs, in file order.
     pub fmus: Vec<SystemFmu>,
-    /// Those of each system.
+    /// The connections, each with the index of its system.
     pub connections: Vec<(usize, ConnectionDescription)>,
     /// The values of connectors.
     pub starts: BTreeMap<Place, Start>,
@@ -68,7 +68,7 @@ pub struct Start {
 /// A parameter on its way from a set.
 struct Given<'a> {
     parameter: &'a Parameter,
-    /// Those of the set.
+    /// The units that the set declares.
     units: &'a [Unit],
     /// How it is mapped, if it is.
     entry: Option<&'a MappingEntry>,

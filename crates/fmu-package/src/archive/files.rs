@@ -42,9 +42,9 @@ pub enum Reason {
     Encryption,
     /// An entry lies below a file.
     FileAndFolder,
-    /// It is not a ZIP archive.
+    /// The file is not a ZIP archive.
     Format,
-    /// It is too large.
+    /// The archive or the entry is too large.
     Limit,
     /// The entry is a link.
     Link,

@@ -151,7 +151,7 @@ impl Measure {
         }
     }
 
-    /// Its name and units, by those of its variable.
+    /// The measure's name and units, by those of its variable.
     pub fn column(&self, variable: &Column) -> Column {
         let column = match self.kind {
             Kind::Step { quality: Quality::RiseTime, .. } => {

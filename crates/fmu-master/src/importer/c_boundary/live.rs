@@ -72,14 +72,14 @@ impl Life {
 /// A call to an FMU.
 #[derive(Clone, Copy)]
 pub enum Call {
-    /// Its library is loaded, and will be unloaded.
+    /// The FMU's library is loaded, and will be unloaded.
     Load,
     /// A function, at the time reached (s), if there is one.
     Of(Function, Option<f64>),
 }
 
 impl Call {
-    /// Its name in parts, and the time reached (s), if there is one.
+    /// The call's name in parts, and the time reached (s), if there is one.
     pub fn parts(self) -> ([&'static str; 3], Option<f64>) {
         match self {
             Self::Load => (["the loading of its library", "", ""], None),
@@ -121,12 +121,12 @@ impl Live {
         self.life.add(message);
     }
 
-    /// Its messages since the last call of this function.
+    /// Takes the FMU's messages since the last call of this function.
     pub fn take(&self) -> Vec<Message> {
         locked(&self.life.messages).drain(..).collect()
     }
 
-    /// Prints its messages since then, except those for information only.
+    /// Takes the FMU's messages, and prints all but those for information only.
     pub fn print(&self) {
         let messages = self.take().into_iter();
         messages
@@ -134,7 +134,7 @@ impl Live {
             .for_each(|message| print(&self.life.name, &message));
     }
 
-    /// Calls it; its changes of floating-point modes are undone.
+    /// Calls the FMU; its changes of floating-point modes are undone.
     pub fn call<T>(&self, call: Call, function: impl FnOnce() -> T) -> T {
         *locked(&self.life.call) = call;
         CALLED.set(Some(self.environment));

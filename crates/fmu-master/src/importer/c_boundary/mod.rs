@@ -183,7 +183,7 @@ impl Handle {
         self.call_of_type([name, ""], function)
     }
 
-    /// The same for a function with a type in its name.
+    /// Calls a function with a type in its name, unless the instance is dead.
     fn call_of_type(&self, name: [&'static str; 2], function: impl FnOnce(Component) -> c_int) -> Called {
         let named = self.functions.function(name);
         if self.is_dead.get() {

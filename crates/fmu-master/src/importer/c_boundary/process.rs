@@ -104,7 +104,7 @@ pub enum Changes {
     None,
     /// Something that other FMUs would notice.
     Some,
-    /// They have closed or replaced descriptors that this program uses.
+    /// FMUs have closed or replaced descriptors that this program uses.
     Descriptors,
 }
 
