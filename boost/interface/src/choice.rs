@@ -13,11 +13,11 @@ use crate::{Interface, Port, Role};
 pub struct Choice {
     /// The variable's name.
     pub name: String,
-    /// From the interface's values to those of an input, from those of an output to the interface's.
+    /// The conversion from the interface's values to those of an input, from those of an output to the interface's.
     pub conversion: Conversion,
-    /// From which value on a Boolean is true.
+    /// The value from which on a Boolean is true.
     pub threshold: Option<f64>,
-    /// The connection that names it.
+    /// The connection that names the variable.
     pub connection: Connection,
 }
 

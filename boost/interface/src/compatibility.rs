@@ -17,11 +17,11 @@ use crate::{Interface, Port, Role};
 pub struct Compatibility<'a> {
     /// The interface.
     pub interface: &'a Interface,
-    /// Which of the two FMUs it would replace.
+    /// Which of the two FMUs the FMU under test would replace.
     pub role: Role,
     /// The description of the FMU under test.
     pub fmu: &'a FmuDescription,
-    /// For each variable of the interface.
+    /// What was found for each variable of the interface.
     pub matches: Vec<(Port<'a>, Match<'a>)>,
     /// Problems of the FMU as a whole.
     pub problems: Vec<String>,
@@ -36,7 +36,7 @@ pub enum Match<'a> {
         /// Similar names, the most similar first.
         suggestions: Vec<&'a str>,
     },
-    /// The given connections leave it out.
+    /// The given connections leave the variable out.
     Unconnected,
     /// A connection names a variable that the FMU does not have.
     Unknown {
@@ -51,9 +51,9 @@ pub enum Match<'a> {
         variable: &'a FmuVariable,
         /// The conversion from the interface's values to those of an input, from those of an output to the interface's.
         conversion: Function,
-        /// From which value on it is true, if it is a Boolean that a connection gives one.
+        /// The value from which on a Boolean is true, if a connection gives one.
         threshold: Option<f64>,
-        /// Why it does not fit.
+        /// Why the variable does not fit.
         problems: Vec<String>,
         /// Remarks for the user.
         notes: Vec<String>,
@@ -260,7 +260,7 @@ impl<'a> Match<'a> {
         }
     }
 
-    /// What to say of it.
+    /// What to say of the match.
     pub(crate) fn remarks(&self) -> String {
         let like = |suggestions: &[&str]| match suggestions {
             [] => String::new(),

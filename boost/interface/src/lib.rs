@@ -123,7 +123,7 @@ pub struct Port<'i> {
 }
 
 impl<'i> Port<'i> {
-    /// Whether the other FMU has it too.
+    /// Whether the other FMU has the variable, too.
     #[must_use]
     pub fn couples(&self) -> bool {
         self.counterpart.is_some()
@@ -137,13 +137,13 @@ impl<'i> Port<'i> {
         }
     }
 
-    /// Whether a connection can lead to or from it.
+    /// Whether a connection can lead to or from the port.
     #[must_use]
     pub fn is_connectable(&self) -> bool {
         self.couples() || self.kind == Kind::Input
     }
 
-    /// Whether an FMU in this role must have it.
+    /// Whether an FMU in this role must have the variable.
     #[must_use]
     pub fn is_required(&self) -> bool {
         self.couples() && !OPTIONAL.contains(&self.name())

@@ -16,7 +16,7 @@ pub struct Translation {
     /// The conversions to an input's values and from those of an output, by name; values of other variables are not
     /// converted.
     pub conversions: BTreeMap<String, Function>,
-    /// From which values on Booleans are true, by name.
+    /// The values from which on Booleans are true, by name.
     pub thresholds: BTreeMap<String, f64>,
 }
 

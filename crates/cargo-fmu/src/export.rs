@@ -77,7 +77,7 @@ pub struct Export {
 /// Exports what is in the current folder for a trial, beside the FMUs that `export` writes, and returns the FMUs.
 ///
 /// # Errors
-/// As [`Export::plan`] and [`Plan::run`].
+/// When [`Export::plan`] or [`Plan::run`] fails.
 pub fn trial(interface: Option<Interface>, version: Option<Version>) -> Result<Vec<PathBuf>> {
     let export = Export {
         versions: version.into_iter().collect(),

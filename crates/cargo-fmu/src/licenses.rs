@@ -32,11 +32,11 @@ const STANDARD_LIBRARY: [&str; 3] =
 /// A package linked into a library.
 #[derive(Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Linked {
-    /// Name and version.
+    /// The package's name and version.
     name: String,
-    /// The terms in its manifest.
+    /// The terms in the package's manifest.
     terms: String,
-    /// Where its sources are published, if anywhere.
+    /// Where the package's sources are published, if anywhere.
     repository: String,
 }
 

@@ -23,7 +23,7 @@ pub struct Metadata {
 pub struct Package {
     pub name: String,
     pub version: String,
-    /// Where it is from, unless it is a folder.
+    /// Where the package is from, unless it is a folder.
     pub source: Option<String>,
     pub manifest_path: PathBuf,
     /// A native library that the package links, or the name by which cargo's configuration replaces its build script.
@@ -108,7 +108,7 @@ impl Package {
 }
 
 impl Target {
-    /// Whether it is a library for other languages.
+    /// Whether the target is a library for other languages.
     pub fn is_library(&self) -> bool {
         self.crate_types.iter().any(|kind| kind == "cdylib")
     }

@@ -26,12 +26,12 @@ impl Profile {
     /// The name of the default profile.
     const LIBRARY: &str = "fmu-library";
 
-    /// For a trial: compiles fast. Debug information would triple the time.
+    /// The profile for a trial, which compiles fast. Debug information would triple the time.
     pub fn trial() -> Self {
         Self { name: "dev".to_owned(), settings: &["debug=false"] }
     }
 
-    /// Adds it to a command of cargo.
+    /// Adds the profile to a command of cargo.
     fn choose(&self, command: &mut Command) {
         command.args(["--profile", &self.name]);
         for setting in self.settings {
@@ -39,7 +39,7 @@ impl Profile {
         }
     }
 
-    /// Overrides one of its settings.
+    /// Overrides a setting of the profile.
     fn set(&self, command: &mut Command, setting: &str) {
         command.args(["--config", &format!("profile.{}.{setting}", self.name)]);
     }
@@ -370,7 +370,7 @@ impl Build {
         Ok(())
     }
 
-    /// Whether zig links it: if no linker here can.
+    /// Whether zig links: if no linker here can.
     fn links_with_zig(&self) -> bool {
         let Some((triple, glibc)) = self.target.as_deref().map(split) else { return false };
         let is_native = match self.platform {

@@ -41,7 +41,7 @@ impl Location {
         Self { source: text.into(), place: None }
     }
 
-    /// Whether it is an argument of this text.
+    /// Whether the location is an argument of this text.
     #[must_use]
     pub fn is_argument(&self, text: &str) -> bool {
         self.place.is_none() && *self.source == *text
@@ -145,7 +145,7 @@ pub struct TomlTable<'a> {
 }
 
 impl<'a> TomlTable<'a> {
-    /// Where it is.
+    /// Where the table is.
     #[must_use]
     pub fn location(&self) -> &Location {
         &self.location
@@ -245,7 +245,7 @@ impl<'a> Node<'a> {
         Self { document, value: value.get_ref(), path, location }
     }
 
-    /// Where it is.
+    /// Where the value is.
     #[must_use]
     pub fn location(&self) -> &Location {
         &self.location

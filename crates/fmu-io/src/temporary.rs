@@ -32,8 +32,8 @@ fn paths() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes them, and ends the process with
-/// [`INTERRUPTED`]. No effect if one of these signals is ignored, as under `nohup`.
+/// From now on an interruption (Ctrl-C; on Unix also SIGTERM and SIGHUP) removes temporary files and folders, and ends
+/// the process with [`INTERRUPTED`]. No effect if one of these signals is ignored, as under `nohup`.
 pub fn remove_when_interrupted() {
     let end = || {
         IS_INTERRUPTED.store(true, Ordering::SeqCst);
@@ -66,7 +66,7 @@ pub fn leave_to_interruption() {
     }
 }
 
-/// Removes them, just before the process ends.
+/// Removes all temporary files and folders, just before the process ends.
 pub fn remove_all() {
     let paths = paths();
     for path in paths.iter() {

@@ -159,7 +159,7 @@ impl<'a> Names<'a> {
         Meaning::Variables(found)
     }
 
-    /// A name after those of members and colons.
+    /// Each reading of a name as `member:name`: the member's position and the rest.
     fn with_member<'n>(&self, name: &'n str) -> impl Iterator<Item = (usize, &'n str)> {
         let fmus = &self.scenario.fmus;
         name.match_indices(':').filter_map(move |(colon, _)| {

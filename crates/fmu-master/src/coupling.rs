@@ -48,13 +48,13 @@ pub struct Coupled<'a> {
     pub member: &'a Member,
     run_in: Option<&'a RunIn>,
     pub instance: Instance,
-    /// The first of its readings.
+    /// The index of the member's first reading.
     first: usize,
-    /// The first of its readings, which others get.
+    /// The member's outputs that others get, the first of its readings.
     outputs: Selection,
     pub inputs: Inputs,
     texts: Vec<TextWire>,
-    /// Whether it takes part in the round of events.
+    /// Whether the member takes part in the round of events.
     is_called: bool,
 }
 
@@ -66,7 +66,7 @@ pub struct Inputs {
     has_outputs: bool,
     /// The values at the communication point, of in-turn stepping those of the step.
     pub values: Vec<f64>,
-    /// What they were last set to.
+    /// What the inputs were last set to.
     set: Vec<f64>,
 }
 
@@ -74,13 +74,13 @@ pub struct Inputs {
 pub struct Wire {
     pub source: Source,
     conversion: Function,
-    /// Both ends, for messages.
+    /// Both ends of the connection, for messages.
     name: String,
-    /// From which value on a Boolean is true.
+    /// The value from which on a Boolean input is true.
     threshold: Option<f64>,
-    /// What is added to the converted value.
+    /// What is added to the converted value, as noise is.
     pub added: f64,
-    /// The value without it.
+    /// The converted value without what is added.
     pub brought: f64,
 }
 
@@ -160,7 +160,7 @@ pub struct Courses {
 }
 
 impl Courses {
-    /// Of signals, with the conversions to the inputs.
+    /// The courses of signals, with their conversions to the inputs.
     fn new(signals: Vec<(Signal, Function)>, step: f64, held_at: Rc<Cell<Option<f64>>>) -> Self {
         let signals = signals.into_iter().map(|(signal, conversion)| {
             let jumps = signal.jumps();
@@ -209,7 +209,7 @@ pub struct Parts<'a> {
     pub member: &'a Member,
     pub run_in: Option<&'a RunIn>,
     pub instance: Instance,
-    /// What is read of it; the outputs that others get come first.
+    /// What is read of the member; the outputs that others get come first.
     pub readings: Selection,
     pub outputs: Selection,
     pub inputs: Inputs,

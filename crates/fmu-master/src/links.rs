@@ -1,7 +1,7 @@
 //! The connections of a scenario between its FMUs, with their conversions.
 //!
-//! Without connections of its own, a scenario connects each output to the inputs of the same name at other FMUs, and
-//! each signal to the inputs of its name. If the declared units differ, values are converted, as in connections of
+//! If a scenario lists no connections, each output connects to the inputs of the same name at other FMUs, and each
+//! signal to the inputs of its name. If the declared units differ, values are converted, as in connections of
 //! System Structure and Parameterization 1.0.
 
 use std::borrow::Cow;
@@ -23,9 +23,9 @@ pub struct Link {
     pub connection: Connection,
     /// The position of the source among the scenario's FMUs; none for a signal.
     pub source: Option<usize>,
-    /// The position of the target.
+    /// The position of the target among the scenario's FMUs.
     pub target: usize,
-    /// From the output's value to the input's.
+    /// The conversion from the output's value to the input's.
     pub conversion: Function,
 }
 
@@ -82,8 +82,8 @@ impl<'a> Ends<'a> {
     }
 }
 
-/// Each output to the inputs of its name at other FMUs, unless a signal of its own drives one; and each input to a
-/// signal of its name.
+/// Connections from each output to the inputs of its name at other FMUs, unless the FMU's own signal drives one; and
+/// from a signal to each input of its name.
 fn by_name(members: &[Ends<'_>]) -> Vec<Connection> {
     let connection = |source: Option<&Ends<'_>>, target: &Member, name: &str| Connection {
         source: source.map(|giver| giver.member.name.clone()),
@@ -147,7 +147,7 @@ impl Link {
         fmus[self.target].description().variable(&self.connection.input)
     }
 
-    /// The unit that its signal has as it is the input's, if that has one.
+    /// The unit of the signal where it is taken as it is: the input's, if that has one.
     fn signal_unit<'a>(&'a self, fmus: &'a [Arc<Fmu>]) -> Option<(&'a str, &'a [Unit])> {
         let Conversion::Units { from: None, to } = &self.connection.conversion else { return None };
         let unit = to.as_deref().or_else(|| Some(self.input(fmus)?.unit.as_str()))?;

@@ -18,7 +18,7 @@ use crate::scenario::{Scenario, Signal};
 pub struct Recorder {
     /// The sources of the columns.
     sources: Vec<Source>,
-    /// By member, the events since the last communication point.
+    /// The events since the last communication point, by member.
     events: Vec<Vec<EventRow>>,
     row: Vec<f64>,
     /// The time of the last communication point (s), if there was one, and its row.
@@ -26,7 +26,7 @@ pub struct Recorder {
     last_row: Vec<f64>,
     /// The row before the events of a communication point, if it has any.
     before: Option<Vec<f64>>,
-    /// By the index of the column.
+    /// The noise on recorded values, by the index of the column.
     noise: Vec<(usize, NoiseSource)>,
     pub record: Record,
 }
@@ -42,7 +42,7 @@ pub enum Source {
 }
 
 impl Recorder {
-    /// Of columns with their sources. Noise on names that are missing is left out.
+    /// A recorder of columns with their sources. Noise on names that are missing is left out.
     pub fn new(
         scenario: &Scenario,
         columns: Vec<Column>,

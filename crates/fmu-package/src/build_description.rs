@@ -18,24 +18,24 @@ pub struct BuildConfiguration {
     pub platform: String,
     /// The sources, by how they are compiled.
     pub source_file_sets: Vec<SourceFileSet>,
-    /// What they are linked with.
+    /// The libraries with which the sources are linked.
     pub libraries: Vec<StaticLibrary>,
 }
 
 /// Source files that are compiled in one way. Paths are relative to `sources/`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceFileSet {
-    /// Such as `C99` or `C++11`; empty if none is declared.
+    /// The language, such as `C99` or `C++11`; empty if none is declared.
     pub language: String,
-    /// Such as `gcc` or `VisualC`; empty if none is declared.
+    /// The compiler, such as `gcc` or `VisualC`; empty if none is declared.
     pub compiler: String,
-    /// For this compiler.
+    /// The options for the declared compiler.
     pub compiler_options: Vec<String>,
     /// The files.
     pub source_files: Vec<String>,
     /// The preprocessor definitions that are not optional, each a name and perhaps a value.
     pub definitions: Vec<(String, Option<String>)>,
-    /// Where headers are.
+    /// The folders with headers.
     pub include_directories: Vec<String>,
 }
 

@@ -42,25 +42,25 @@ pub struct Connection {
     pub target: String,
     /// The target FMU's input.
     pub input: String,
-    /// From the output's value to the input's.
+    /// The conversion from the output's value to the input's.
     pub conversion: Conversion,
-    /// From which converted value on a Boolean input is true.
+    /// The converted value from which on a Boolean input is true.
     pub threshold: Option<f64>,
-    /// Where it is given.
+    /// Where the connection is given.
     pub location: Location,
 }
 
 /// How a connection converts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Conversion {
-    /// From one unit to the other, where both are known.
+    /// Converts from one unit to the other, where both are known.
     Units {
         /// The output's unit, instead of the declared one.
         from: Option<String>,
         /// The input's unit, instead of the declared one.
         to: Option<String>,
     },
-    /// By a function.
+    /// Converts by a function.
     Function(Function),
 }
 

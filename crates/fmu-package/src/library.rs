@@ -118,9 +118,9 @@ pub struct Linkage {
     pub exports: BTreeSet<String>,
     /// The imported symbols.
     pub imports: BTreeSet<String>,
-    /// The libraries on which it depends.
+    /// The libraries on which the library depends.
     pub libraries: BTreeSet<String>,
-    /// The reason why hardened loaders reject it: relocations in the code, or an executable stack (ELF).
+    /// The reason why hardened loaders reject the library: relocations in the code, or an executable stack (ELF).
     pub is_refused_for: Option<&'static str>,
 }
 
@@ -276,7 +276,7 @@ where
     Ok(newest)
 }
 
-/// The macOS version for which it was linked.
+/// The macOS version for which a library was linked.
 fn macos<Mach: MachHeader>(file: &MachOFile<'_, Mach>) -> object::Result<Option<Vec<u32>>> {
     let mut commands = file.macho_load_commands()?;
     while let Some(command) = commands.next()? {

@@ -180,7 +180,7 @@ impl FmuDescription {
         Version::declared(self.attribute("fmiVersion")).unwrap_or_default()
     }
 
-    /// Whether it is FMI 3.0.
+    /// Whether the description is of FMI 3.0.
     #[must_use]
     pub fn is_fmi3(&self) -> bool {
         self.version() == Version::Three

@@ -8,7 +8,7 @@ use crate::xml::{self, Element, check_version, flag, named, required};
 /// To which names a system gives the values of a parameter set; it ignores all others.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParameterMapping {
-    /// In file order; several may have one source.
+    /// The entries, in file order; several may have one source.
     pub entries: Vec<MappingEntry>,
 }
 

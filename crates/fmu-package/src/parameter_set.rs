@@ -30,7 +30,7 @@ pub struct ParameterSet {
     pub name: String,
     /// The purpose of the set.
     pub description: String,
-    /// In file order.
+    /// The parameters, in file order.
     pub parameters: Vec<Parameter>,
     /// The units used by the parameters.
     pub units: Vec<Unit>,
@@ -43,7 +43,7 @@ pub struct Parameter {
     pub name: String,
     /// The reason for the value.
     pub description: String,
-    /// With its type, and a unit if the file gives one.
+    /// The value with its type, and a unit if the file gives one.
     pub value: Value,
 }
 

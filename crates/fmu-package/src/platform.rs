@@ -199,7 +199,7 @@ impl Platform {
     }
 }
 
-/// From its folder in FMI 2.0, or its platform tuple.
+/// Reads a platform from its folder in FMI 2.0, or its platform tuple.
 impl FromStr for Platform {
     type Err = io::Error;
 

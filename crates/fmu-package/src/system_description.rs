@@ -84,9 +84,9 @@ pub enum ComponentKind {
 /// A connector of the system or of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectorDescription {
-    /// Unique within its parent.
+    /// The connector's name, unique within its parent.
     pub name: String,
-    /// Whether it takes values, as inputs and parameters do, or gives them; none if its connections show it.
+    /// Whether the connector takes values, as inputs and parameters do, or gives them; none if its connections show it.
     pub kind: Option<Kind>,
     /// The unit, if one is given; its definition may be missing.
     pub unit: Option<Unit>,
@@ -121,7 +121,7 @@ pub struct ParameterBinding {
 /// What a structure contains or refers to.
 #[derive(Clone, Debug)]
 pub enum Resource<T> {
-    /// In the structure.
+    /// A resource in the structure itself.
     Inline(T),
     /// A file, by its path from the structure.
     File(String),

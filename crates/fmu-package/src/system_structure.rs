@@ -41,7 +41,7 @@ pub const DEFAULT_STRUCTURE: &str = "SystemStructure.ssd";
 pub struct SystemStructure {
     /// The name, unique among the variants in a package.
     pub name: String,
-    /// For users.
+    /// The description for users.
     pub description: String,
     /// The root system; it contains the FMUs.
     pub system: System,
@@ -58,20 +58,20 @@ pub struct SystemStructure {
 /// A system of components.
 #[derive(Clone, Debug)]
 pub struct System {
-    /// Unique within its parent.
+    /// The system's name, unique within its parent.
     pub name: String,
     /// The system's connectors.
     pub connectors: Vec<Connector>,
     /// The components; sequential masters step them in this order.
     pub components: Vec<SystemComponent>,
-    /// Between connectors of the components and the system.
+    /// The connections between connectors of the components and the system.
     pub connections: Vec<Connection>,
 }
 
 /// An FMU in a system.
 #[derive(Clone, Debug)]
 pub struct SystemComponent {
-    /// Unique within its parent.
+    /// The component's name, unique within its parent.
     pub name: String,
     /// The FMU's path in the package.
     pub source: String,
@@ -79,7 +79,7 @@ pub struct SystemComponent {
     pub connectors: Vec<Connector>,
     /// The component's rectangle in the diagram.
     pub placement: Placement,
-    /// The paths of its parameter sets in the package; later ones override earlier ones.
+    /// The paths of the component's parameter sets in the package; later ones override earlier ones.
     pub parameter_sets: Vec<String>,
 }
 
@@ -95,11 +95,11 @@ pub struct Placement {
 /// A connector of an element.
 #[derive(Clone, Debug)]
 pub struct Connector {
-    /// Unique within its parent.
+    /// The connector's name, unique within its parent.
     pub name: String,
     /// The direction, seen from outside the element.
     pub kind: Kind,
-    /// The type of its values: Real, Boolean or else Integer.
+    /// The type of the connector's values: Real, Boolean or else Integer.
     pub value_type: ValueType,
     /// The unit; empty if unknown.
     pub unit: String,

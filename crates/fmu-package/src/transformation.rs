@@ -11,9 +11,9 @@ use crate::xml::{Element, children, named, number, required, truth, wrong};
 /// A function of a number: a Boolean is 0 or 1, an enumeration's item its number.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Function {
-    /// Linear.
+    /// A linear function.
     Linear(Linear),
-    /// By a table; it leaves other numbers unchanged.
+    /// A table, which leaves other numbers unchanged.
     Table(Vec<(f64, f64)>),
 }
 

@@ -12,7 +12,7 @@ use crate::xml::{self, boolean, children, named, number, text};
 /// A variable as declared. What is not declared has the default of the FMI version, or is empty where there is none.
 #[derive(Clone, Debug, Default)]
 pub struct FmuVariable {
-    /// Unique in the FMU.
+    /// The variable's name, unique in the FMU.
     pub name: String,
     /// The value reference.
     pub value_reference: Declared<u32>,
@@ -30,7 +30,7 @@ pub struct FmuVariable {
     pub unit: String,
     /// The unit in which to show values, or that of its type.
     pub display_unit: String,
-    /// Whether its values, or those of its type, are differences: their conversion between units ignores offsets.
+    /// Whether the variable's values, or its type's, are differences: their conversion between units ignores offsets.
     pub relative_quantity: bool,
     /// The start value.
     pub start: String,
@@ -199,14 +199,14 @@ impl FmuVariable {
         })
     }
 
-    /// Whether its value changes at events only.
+    /// Whether the variable's value changes at events only.
     #[must_use]
     pub fn is_discrete(&self) -> bool {
         matches!(self.variability.meaning(), Some(Variability::Discrete | Variability::Tunable))
             || self.value_type() != ValueType::Real
     }
 
-    /// The type of its values.
+    /// The type of the variable's values.
     #[must_use]
     pub fn value_type(&self) -> ValueType {
         match self.data_type.meaning() {

@@ -23,33 +23,33 @@ pub struct Color(&'static str);
 pub mod color {
     use super::Color;
 
-    /// Behind the figures.
+    /// The colour behind the figures.
     pub const PAPER: Color = Color("--paper");
-    /// For shaded ranges.
+    /// The colour of shaded ranges.
     pub const SHADE: Color = Color("--shade");
-    /// For grids and thin borders.
+    /// The colour of grids and thin borders.
     pub const RULE: Color = Color("--rule");
-    /// For secondary texts.
+    /// The colour of secondary texts.
     pub const FAINT: Color = Color("--faint");
-    /// For the least value of a map, behind texts.
+    /// The colour of the least value of a map, behind texts.
     pub const LOW: Color = Color("--low");
     /// The colour of the greatest value of a map, behind texts.
     pub const HIGH: Color = Color("--high");
-    /// For references and texts.
+    /// The colour of references and texts.
     pub const INK: Color = Color("--ink");
-    /// For secondary curves.
+    /// The colour of secondary curves.
     pub const GRAY: Color = Color("--third");
-    /// For the main curve.
+    /// The colour of the main curve.
     pub const BLUE: Color = Color("--first");
-    /// For comparison.
+    /// The colour of a curve for comparison.
     pub const VERMILION: Color = Color("--second");
-    /// For additional curves.
+    /// A colour of additional curves.
     pub const GREEN: Color = Color("--green");
-    /// For additional curves.
+    /// A colour of additional curves.
     pub const PURPLE: Color = Color("--purple");
-    /// For additional curves.
+    /// A colour of additional curves.
     pub const SKY: Color = Color("--sky");
-    /// For additional curves.
+    /// A colour of additional curves.
     pub const ORANGE: Color = Color("--orange");
     /// The colours of a panel's curves, in order.
     pub const CYCLE: [Color; 6] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE];
@@ -112,7 +112,7 @@ struct State {
     from: f64,
     to: f64,
     text: String,
-    /// Drawn as a line rather than a box.
+    /// Whether the state is drawn as a line rather than a box.
     is_low: bool,
 }
 
@@ -129,7 +129,7 @@ struct Axis {
 #[must_use]
 pub struct Line {
     points: Vec<(f64, f64)>,
-    /// In the legend; empty for none.
+    /// The name in the legend; empty for none.
     label: String,
     color: Color,
     width: f64,
@@ -325,32 +325,32 @@ impl Line {
         Self { label: label.to_owned(), ..self }
     }
 
-    /// Sets its colour.
+    /// Sets the line's colour.
     pub fn color(self, color: Color) -> Self {
         Self { color, ..self }
     }
 
-    /// Draws it thinner: 1 CSS pixel instead of 1.5.
+    /// Draws the line thinner: 1 CSS pixel instead of 1.5.
     pub fn thin(self) -> Self {
         Self { width: 1.0, ..self }
     }
 
-    /// Draws it dashed.
+    /// Draws the line dashed.
     pub fn dashed(self) -> Self {
         Self { is_dashed: true, ..self }
     }
 
-    /// Each value holds until the next point.
+    /// Holds each value until the next point.
     pub fn held(self) -> Self {
         Self { is_held: true, ..self }
     }
 
-    /// With a marker at each point.
+    /// Draws a marker at each point, too.
     pub fn markers(self) -> Self {
         Self { marks: Marks::StrokeAndDots, ..self }
     }
 
-    /// Only a marker at each point.
+    /// Draws a marker at each point instead of the line.
     pub fn dots(self) -> Self {
         Self { marks: Marks::Dots, ..self }
     }

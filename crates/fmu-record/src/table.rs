@@ -20,7 +20,7 @@ pub struct Column {
     pub items: Vec<(String, i32)>,
     /// Whether the values are the numbers of texts.
     pub is_text: bool,
-    /// One for each time, in the unit.
+    /// The values, one for each time, in the column's unit.
     pub values: Vec<f64>,
 }
 
@@ -101,13 +101,13 @@ impl Table<'_> {
 
 /// A column of a [`Table`].
 pub struct TableColumn<'a> {
-    /// In the header.
+    /// The column's name in the header.
     pub name: String,
     /// The unit of the cells; empty where there is none.
     pub unit: String,
-    /// The unit to show them in.
+    /// The unit in which to show the cells.
     pub display_unit: Option<DisplayUnit>,
-    /// One for each row.
+    /// The cells, one for each row.
     pub cells: Cells<'a>,
 }
 

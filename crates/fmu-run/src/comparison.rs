@@ -24,9 +24,9 @@ pub struct Comparison<'a> {
 struct Variable<'a> {
     /// The variable's name and units, without values.
     heading: Column,
-    /// In the order of the records.
+    /// The variable's columns, in the order of the records.
     columns: Vec<&'a Column>,
-    /// One for each record after the first.
+    /// The differences of all records but the first.
     differences: Vec<Difference>,
 }
 
@@ -271,13 +271,13 @@ enum Place {
 }
 
 impl Place {
-    /// The last row until then.
+    /// The last row until the place.
     fn row(self) -> usize {
         let (Self::At(row) | Self::After(row, _)) = self;
         row
     }
 
-    /// The value there, interpolated linearly.
+    /// The value at the place, interpolated linearly.
     fn value(self, values: &[f64]) -> f64 {
         match self {
             Self::At(row) => values[row],
@@ -346,7 +346,7 @@ mod tests {
         assert!(html.contains("\"y\":[0.0,-30.0,0.004"), "{html}");
     }
 
-    /// As one of the records declares it.
+    /// One of the records declares the display unit.
     #[test]
     fn temperatures_are_in_celsius_and_their_differences_in_kelvin() {
         let celsius = DisplayUnit { name: "degC".to_owned(), factor: 1.0, offset: -273.15 };

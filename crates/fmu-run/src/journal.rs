@@ -24,7 +24,7 @@ const FORM: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    /// None before parts were noted when they begin; 2 when the identity lacked parts.
+    /// The journal's form: none before parts were noted when they begin, 2 when the identity lacked parts.
     form: Option<u32>,
     #[serde(default)]
     identity: Identity,
@@ -42,7 +42,7 @@ enum Line<K, P> {
 
 /// A part of a task.
 pub trait Part: Clone + Send + Sync + Serialize + DeserializeOwned + 'static {
-    /// What tells it from the other parts.
+    /// What tells the part from others.
     type Key: Clone + Ord + Send + Sync + Serialize + DeserializeOwned;
 
     /// The part's key.
@@ -53,7 +53,7 @@ pub trait Part: Clone + Send + Sync + Serialize + DeserializeOwned + 'static {
 pub struct Journal<P: Part> {
     path: PathBuf,
     state: Arc<Mutex<State<P>>>,
-    /// How often parts began that did not end, when it was opened.
+    /// How often parts began that did not end, when the journal was opened.
     begun: BTreeMap<P::Key, usize>,
 }
 

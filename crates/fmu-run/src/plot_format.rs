@@ -19,7 +19,7 @@ pub enum PlotFormat {
 }
 
 impl PlotFormat {
-    /// By the ending of a file's name.
+    /// The format by the ending of a file's name.
     ///
     /// # Errors
     /// When it is none of these.

@@ -52,7 +52,7 @@ pub struct Simulate {
 }
 
 impl Simulate {
-    /// Runs it.
+    /// Runs the command.
     ///
     /// # Errors
     /// When it cannot be run, or a file cannot be read or written.
@@ -141,7 +141,7 @@ fn return_early(scenario: &mut Scenario, loaded: &mut LoadedFmus) -> Result<()> 
 
 /// A finished run.
 struct Recorded {
-    /// If it is kept.
+    /// The record, if it is kept.
     record: Record,
     /// What ran, how long, and the course of each variable, if there is no file of the record.
     summary: Option<String>,

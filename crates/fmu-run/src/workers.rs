@@ -51,7 +51,7 @@ const LAST_CALL: &str = "last_call";
 const ENDS_WITHIN: Duration = Duration::from_secs(10);
 /// A process whose output is closed ends within this time, unless an FMU has closed it.
 const ENDS_SOON: Duration = Duration::from_secs(1);
-/// Between looks at it.
+/// The time between looks at whether a process has ended.
 const LOOKS: Duration = Duration::from_millis(1);
 /// The most of a line that a message shows.
 const MOST_SHOWN: usize = 60;
@@ -61,7 +61,7 @@ const MOST_SHOWN: usize = 60;
 pub struct Program {
     /// The program.
     pub path: PathBuf,
-    /// The arguments with which it works, instead of running the command.
+    /// The arguments with which the program works, instead of running the command.
     pub arguments: Vec<OsString>,
 }
 
@@ -377,7 +377,7 @@ pub struct Workers<'a> {
     opening: Value,
 }
 
-/// One of them.
+/// A worker.
 struct Worker {
     group: Arc<Group>,
     jobs: ChildStdin,
@@ -398,7 +398,7 @@ enum Received<R> {
 }
 
 impl Worker {
-    /// What a line of its output is.
+    /// What a line of the worker's output is.
     fn received<R: DeserializeOwned>(&self, line: &[u8]) -> Received<R> {
         match serde_json::from_slice(line) {
             Ok(Numbered::<IgnoredAny> { number, .. }) if number < self.number => Received::Earlier,

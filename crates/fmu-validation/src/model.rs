@@ -43,7 +43,7 @@ pub(crate) struct Variable<'d> {
 pub(crate) struct Entry<'d> {
     pub list: &'static str,
     pub element: Element<'d>,
-    /// The text that refers to its variable.
+    /// The text that refers to the entry's variable.
     pub reference: &'d str,
     /// The variable, if it exists.
     pub variable: Option<usize>,

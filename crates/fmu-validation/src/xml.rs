@@ -17,7 +17,7 @@ pub(crate) struct Xml<'d> {
     pub file: &'d str,
     text: &'d str,
     document: Document<'d>,
-    /// Where each line but the first begins.
+    /// The offsets at which lines begin, without the first line.
     lines: OnceCell<Vec<usize>>,
 }
 

@@ -28,7 +28,7 @@ pub struct Document<'a> {
     pub scripts: &'a [&'a str],
     /// What the policy allows the scripts, such as `'wasm-unsafe-eval'`.
     pub script_sources: &'a [&'a str],
-    /// Where the policy allows pictures from, such as `data:`.
+    /// The sources from which the policy allows pictures, such as `data:`.
     pub picture_sources: &'a [&'a str],
 }
 

@@ -37,7 +37,7 @@ impl Unidentified {
         Self { name: name.to_owned(), reason: reason.to_owned() }
     }
 
-    /// For a large standard error.
+    /// A parameter that is left out for a large standard error.
     pub fn uncertain(name: &str, relative_error: f64) -> Self {
         Self::new(name, &format!("its standard error would be {:.0} % of it", 100.0 * relative_error))
     }
@@ -47,7 +47,7 @@ impl Unidentified {
 pub struct Fit {
     pub title: String,
     pub method: String,
-    /// Of the measurements.
+    /// The residuals of the measurements.
     pub residuals: Vec<Residuals>,
     #[serde(skip)]
     pub drawing: Figure,

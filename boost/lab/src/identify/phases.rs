@@ -46,17 +46,17 @@ pub struct Rest {
     pub position: f64,
     /// Whether the tank, rather than the valve, determines chamber pressure.
     pub is_limited_by_tank: bool,
-    /// Whether it is kept for validation.
+    /// Whether the part is kept for validation.
     pub validates: bool,
 }
 
 /// The standard deviations of measurements at rest.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct MeasurementNoise {
-    /// Of the chamber's pressure (Pa).
+    /// The noise of the chamber's pressure (Pa).
     #[serde(rename = "actuator_pressure")]
     pub chamber: f64,
-    /// Of the position (m).
+    /// The noise of the position (m).
     pub position: f64,
 }
 

@@ -7,12 +7,12 @@ use fmu_plot::{Figure, Line, Panel, color};
 /// A measurement with its residual from a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct ResidualPoint {
-    /// On the horizontal axis.
+    /// The place on the horizontal axis.
     pub place: f64,
     pub measured: f64,
     /// Measured minus computed.
     pub residual: f64,
-    /// Whether it was kept for validation.
+    /// Whether the measurement was kept for validation.
     pub validates: bool,
 }
 

@@ -149,7 +149,7 @@ impl<F: Fn(&[f64]) -> Vec<f64>> LeastSquares<F> {
         DVector::from_vec((self.residuals)(parameters.as_slice()))
     }
 
-    /// By central differences.
+    /// The residuals' derivatives by central differences.
     fn derivatives(&self) -> DMatrix<f64> {
         const STEP: f64 = 1e-5;
         let column = |index: usize| {

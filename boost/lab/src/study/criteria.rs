@@ -191,7 +191,7 @@ pub struct Criteria {
 pub struct Criterion {
     pub name: &'static str,
     pub required: String,
-    /// None if the FMUs lack the variable.
+    /// What was found; none if the FMUs lack the variable.
     pub found: Option<String>,
     pub met: bool,
 }

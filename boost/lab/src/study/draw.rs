@@ -61,7 +61,7 @@ pub struct Cases {
 /// A case: the drawn values and the resulting experiment.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// From 0.
+    /// The number of the case, from 0.
     pub number: usize,
     pub situation: Situation,
     /// Everything drawn, by column.
@@ -73,9 +73,9 @@ pub struct Case {
 /// What of the controller a case runs with.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant<'a> {
-    /// None for the controller's default.
+    /// The controller's strategy; none for its default.
     pub strategy: Option<&'a str>,
-    /// Whether findings of its diagnosis have no effect.
+    /// Whether findings of the controller's diagnosis have no effect.
     pub ignores_findings: bool,
     /// The files of parameter sets.
     pub sets: &'a [PathBuf],

@@ -58,7 +58,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// For readers.
+    /// The fault's name for readers.
     pub fn name(self) -> String {
         help(&self)
     }

@@ -43,7 +43,7 @@ const MOST_EXPLAINED: usize = 40;
 pub struct Study {
     pub rig: Rig,
     pub cases: Cases,
-    /// The first is judged; none means the controller's default.
+    /// The strategies, of which the first is judged; none means the controller's default.
     pub strategies: Vec<Option<String>>,
 }
 
@@ -51,7 +51,7 @@ pub struct Study {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     pub case: usize,
-    /// One for each strategy.
+    /// The runs, one for each strategy.
     pub runs: Vec<Run>,
 }
 
@@ -68,7 +68,7 @@ pub struct Explained {
     pub case: Case,
     pub measures: Measures,
     pub simulated: Simulated,
-    /// None where the plant cannot save its state, or a better control is not searched.
+    /// The best control; none where the plant cannot save its state, or a better control is not searched.
     pub optimum: Option<Optimum>,
 }
 

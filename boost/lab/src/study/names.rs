@@ -27,7 +27,7 @@ pub const BOOST: &str = "boost_pressure";
 /// Boost pressure without faults of its sensor.
 pub const TRUE_BOOST: &str = "intercooler.outlet_pressure";
 pub const TANK: &str = "tank_pressure";
-/// The plant's start value of it.
+/// The plant's start value of tank pressure.
 pub const TANK_START: &str = "tank.pressure";
 /// The plant's parameter for the states from which it starts, and the value for an engine just started, with its wastegate
 /// shut.

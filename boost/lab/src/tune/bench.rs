@@ -342,9 +342,9 @@ type Settled<'a> = (SteppedInstance<'a>, Hold, Option<(SavedState, u32)>);
 /// A step from rest.
 #[derive(Clone, Copy, Debug)]
 enum Change {
-    /// Of the duty (%).
+    /// A step of the duty (%).
     Duty(f64),
-    /// Of engine speed (rpm), with the valves held.
+    /// A step of engine speed (rpm), with the valves held.
     EngineSpeed(f64),
 }
 

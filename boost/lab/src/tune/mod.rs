@@ -112,7 +112,7 @@ pub struct Cell {
     /// `by_speed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_sensitivity: Option<f64>,
-    /// The feedback computed from these by the controller.
+    /// The feedback that the controller computes from the point's values.
     pub feedback: Feedback,
 }
 

@@ -50,7 +50,7 @@ pub struct Procedure {
 pub struct SplitRange {
     /// The sweep where the low-pressure wastegate takes part, as virtual duties (%) with durations (s).
     pub sweep: Vec<(f64, f64)>,
-    /// The minimum and maximum feedforward there at which responses are taken.
+    /// The minimum and maximum feedforward in that sweep at which responses are taken.
     pub fitted_duty: (f64, f64),
     /// The feedforward there below the reachable range: the low-pressure wastegate is fully open.
     pub duty_below_reach: f64,
@@ -60,7 +60,7 @@ pub struct SplitRange {
     pub longest_time_constant: f64,
     /// The step of engine speed (rpm).
     pub speed_step: f64,
-    /// The recorded duration of its response (s).
+    /// The recorded duration of the response to engine speed (s).
     pub speed_response_duration: f64,
     /// The maximum high-pressure shaft speed at rest (rpm).
     pub shaft_speed_limit: f64,
@@ -81,7 +81,7 @@ fn down(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
 }
 
 impl Default for Procedure {
-    /// For the strategy `by_speed`.
+    /// The procedure for the strategy `by_speed`.
     fn default() -> Self {
         // Always downwards, so that actuator friction keeps its sign; in steps below 1 % where boost pressure is steep.
         let coarse = [100.0, 85.0, 75.0, 70.0, 66.0, 62.0, 59.0];

@@ -89,7 +89,7 @@ pub struct Schedule {
     pub sample_time: f64,
     /// The desired closed-loop time constant (s).
     pub lambda: f64,
-    /// Where it is from.
+    /// Where the closed-loop time constant is from.
     #[serde(skip)]
     pub source_of_lambda: &'static str,
     /// The desired time constant of the response to the reference (s); none for the strategy `by_speed`.

@@ -32,12 +32,12 @@ impl<'a> ModelLibrary<'a> {
         Ok(given)
     }
 
-    /// Whether it was built from one of some descriptions.
+    /// Whether the library was built from one of some descriptions.
     pub(super) fn is_of(&self, descriptions: &BTreeMap<&str, GeneratedDescription>) -> bool {
         self.model_of(descriptions).is_some()
     }
 
-    /// The model whose description it was built from, identified by the GUID in the library.
+    /// The model whose description the library was built from, identified by the GUID in it.
     fn model_of<'d>(&self, descriptions: &BTreeMap<&'d str, GeneratedDescription>) -> Option<&'d str> {
         let is_of =
             |description: &GeneratedDescription| holds(&self.bytes, description.content.guid().as_bytes());
@@ -166,7 +166,7 @@ pub(super) fn with_source_files(description: &str, files: &[&str]) -> Result<Str
     Ok(text)
 }
 
-/// A description without those of FMI 3.0's types; nothing else changes.
+/// A model description without descriptions of FMI 3.0's types; nothing else changes.
 pub(super) fn without_type_descriptions(description: &str) -> String {
     ["<Float64Type ", "<EnumerationType "].into_iter().fold(description.to_owned(), |description, begin| {
         let mut types = description.split(begin);

@@ -32,7 +32,7 @@ pub struct Plan {
     pub(super) sources: bool,
     /// Whether the types of FMI 3.0 have descriptions.
     pub(super) describes_types: bool,
-    /// `None` leaves it to the environment.
+    /// The versions of FMI; `None` leaves the version to the environment.
     pub(super) versions: Vec<Option<Version>>,
     pub(super) interfaces: Option<Interfaces>,
     pub(super) profile: Profile,

@@ -23,12 +23,12 @@ pub struct Calls {
     pub has_directional_derivatives: bool,
     /// The variables that are read at communication points and events, if there are any.
     pub watch: Option<Watch>,
-    /// In Model Exchange, the inputs that follow functions of time, if there are any.
+    /// The inputs that follow functions of time, in Model Exchange, if there are any.
     pub followed: Option<Followed>,
     warnings: Vec<Message>,
-    /// Whether it was said that a step returned early though it may not.
+    /// Whether a warning has said that a step returned early though it may not.
     has_returned_early: bool,
-    /// The variables of which it was said that they are not numbers.
+    /// The variables of which a warning has said that they are not numbers.
     not_numbers: BTreeSet<String>,
 }
 

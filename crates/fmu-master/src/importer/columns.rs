@@ -38,7 +38,7 @@ impl<'a> Columns<'a> {
         Self { pattern: Some(pattern), count, of, is_long }
     }
 
-    /// Whether they are those of a full Jacobian.
+    /// Whether the directions are those of a full Jacobian.
     pub fn is_full(&self) -> bool {
         self.pattern.is_none()
     }
@@ -84,7 +84,7 @@ impl<'a> Columns<'a> {
         row * self.count + direction
     }
 
-    /// Where the product is that is an element.
+    /// Where the product that gives an element is.
     pub fn element(&self, row: usize, column: usize) -> usize {
         self.place(row, self.of[column])
     }

@@ -30,7 +30,7 @@ const ROUNDINGS: f64 = 16.0;
 
 /// Where and for what a Jacobian is used.
 pub struct Use<'a> {
-    /// In s.
+    /// The time of the states (s).
     pub time: f64,
     pub states: &'a [f64],
     pub derivatives: &'a [f64],
@@ -206,7 +206,7 @@ impl DerivativeCheck {
     }
 }
 
-/// By what a state is measured.
+/// The scale of a state: its magnitude, but at least its nominal value.
 fn scale(at: &Use<'_>, state: usize) -> f64 {
     at.states[state].abs().max(at.nominals[state])
 }

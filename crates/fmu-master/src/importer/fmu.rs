@@ -32,13 +32,13 @@ pub struct Fmu {
     description: FmuDescription,
     /// The conversions to the FMU's values of inputs and from those of other variables, by name.
     pub(super) conversions: BTreeMap<String, Function>,
-    /// From which values on Booleans are true, by name.
+    /// The values from which on Booleans are true, by name.
     pub(super) thresholds: BTreeMap<String, f64>,
-    /// Of Model Exchange.
+    /// The continuous states of Model Exchange.
     pub(super) states: Arc<[State]>,
     /// Where the Jacobian of the states has elements, by `ModelStructure`.
     pub(super) pattern: Arc<Pattern>,
-    /// Whether its instances need Event Mode: in Model Exchange, and for clocks.
+    /// Whether the FMU's instances need Event Mode: in Model Exchange, and for clocks.
     pub(super) needs_event_mode: bool,
     pub(super) functions: Arc<Functions>,
 }
@@ -188,13 +188,13 @@ impl Fmu {
         &self.description
     }
 
-    /// The interface that it is loaded for.
+    /// The interface that the FMU is loaded for.
     #[must_use]
     pub fn interface(&self) -> Interface {
         self.interface
     }
 
-    /// Whether it declares a capability flag for its [interface](Self::interface), such as [`ONLY_ONCE`].
+    /// Whether the FMU declares a capability flag for its [interface](Self::interface), such as [`ONLY_ONCE`].
     #[must_use]
     pub fn has_capability(&self, flag: &str) -> bool {
         self.description.has_capability(self.interface, flag)

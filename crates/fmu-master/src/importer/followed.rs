@@ -5,7 +5,7 @@ use fmu_solve::display::Seconds;
 
 use super::selection::{Misfit, Selection};
 
-/// What inputs follow. It is smooth from one of its jumps to the next.
+/// The course that inputs follow: smooth from one jump to the next.
 pub trait Course {
     /// The values of the inputs at a time (s), those before a jump if it is at that time, on the stretch that begins at
     /// `from` (s) after a jump.

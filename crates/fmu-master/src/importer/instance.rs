@@ -86,9 +86,9 @@ impl Fmu {
 /// the FMU is not called again.
 pub struct Instance {
     pub(super) calls: Calls,
-    /// In Model Exchange, and in co-simulation with Event Mode.
+    /// The events, in Model Exchange and in co-simulation with Event Mode.
     pub(super) events: Option<EventMode>,
-    /// In Model Exchange, once initialized.
+    /// The integration, in Model Exchange once initialized.
     integration: Option<Integration>,
     /// The arrays that were set before Initialization Mode, when they cannot be read; none after.
     arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
@@ -97,7 +97,7 @@ pub struct Instance {
 /// A saved state, which the instance can restore any number of times.
 pub struct SavedState {
     state: FmuState,
-    /// Whether `Terminate` is due in it.
+    /// Whether `Terminate` is due in the saved state.
     steps: bool,
     handle: Rc<Handle>,
     time: Option<f64>,
@@ -119,7 +119,7 @@ impl Instance {
         &self.calls.name
     }
 
-    /// The FMU that created it.
+    /// The FMU that created the instance.
     #[must_use]
     pub fn fmu(&self) -> &Arc<Fmu> {
         &self.calls.fmu
@@ -175,7 +175,7 @@ impl Instance {
         self.finish_event(time, time)
     }
 
-    /// Ends the initialization. An FMU with Event Mode is in it then.
+    /// Ends the initialization. An FMU with Event Mode is in Event Mode then.
     pub(crate) fn leave_initialization(&mut self) -> Result<()> {
         let Self { calls, events, integration, .. } = self;
         let time = calls.handle.time.get().unwrap_or(0.0);
@@ -240,7 +240,7 @@ impl Instance {
         }
     }
 
-    /// Whether it has something to do at a communication point in Event Mode: there are events until a time (s), or
+    /// Whether the FMU has to act at a communication point in Event Mode: there are events until a time (s), or
     /// changed inputs.
     pub(crate) fn is_due(&self, until: f64) -> bool {
         self.events.as_ref().is_some_and(|events| events.is_due(until))
@@ -251,7 +251,7 @@ impl Instance {
         self.calls.next_jump().is_some_and(|jump| jump <= until)
     }
 
-    /// Whether it has events until a time (s) other than changes of inputs.
+    /// Whether the FMU has events until a time (s) other than changes of inputs.
     pub(crate) fn has_due_events(&self, until: f64) -> bool {
         self.events.as_ref().is_some_and(|events| events.has_due(until))
     }

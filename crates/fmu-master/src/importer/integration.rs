@@ -47,7 +47,7 @@ struct Equations {
     states: Vec<ValueReference>,
     /// A direction of the states, or states near those of interest.
     direction: Vec<f64>,
-    /// Derivatives there.
+    /// Derivatives along the direction, or at the states near those of interest.
     along: Vec<f64>,
     /// Derivatives at the states of interest.
     here: Vec<f64>,

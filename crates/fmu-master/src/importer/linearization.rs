@@ -18,7 +18,7 @@ use super::selection::Selection;
 pub struct Linearization {
     /// The continuous states, with their values.
     pub states: Vec<(String, f64)>,
-    /// The states' derivatives there, each per second: 0 at rest.
+    /// The states' derivatives at the operating point, each per second: 0 at rest.
     pub derivatives: Vec<f64>,
     /// The inputs, with their values.
     pub inputs: Vec<(String, f64)>,
@@ -196,7 +196,7 @@ impl Fmu {
             && (self.has_directional_derivatives() || self.interface() == Interface::ModelExchange)
     }
 
-    /// Whether it has directional derivatives.
+    /// Whether the FMU has directional derivatives.
     #[must_use]
     pub fn has_directional_derivatives(&self) -> bool {
         let flag = if self.description().is_fmi3() {

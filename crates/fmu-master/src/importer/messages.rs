@@ -160,11 +160,11 @@ pub struct CallFailed {
     pub variables: Vec<String>,
     /// The time reached by the instance (s); none before the experiment is set up.
     pub time: Option<f64>,
-    /// None if the function to instantiate returned null.
+    /// The status that was returned; none if the function to instantiate returned null.
     pub status: Option<Status>,
     /// The time up to which a discarded step succeeded (s), if the FMU gives it.
     pub last_successful_time: Option<f64>,
-    /// Logged in the call.
+    /// The messages logged in the call.
     pub messages: Vec<Message>,
 }
 
@@ -210,7 +210,7 @@ pub(super) fn is_discarded(error: &Error) -> bool {
 pub struct Ended {
     /// The instance's name.
     pub instance: String,
-    /// The time (s) at which it ends.
+    /// The time at which the simulation ends (s).
     pub time: f64,
 }
 

@@ -97,7 +97,7 @@ struct Limit {
     /// The variable's index among the selection's.
     position: usize,
     domain: Domain,
-    /// From the FMU's value, and to it.
+    /// The conversions from the FMU's value and to it.
     conversion: Option<(Function, Function)>,
 }
 
@@ -105,22 +105,22 @@ struct Limit {
 pub struct Misfit {
     /// The variable's index among the selection's.
     pub position: usize,
-    /// Why not.
+    /// Why the variable does not take the value.
     pub reason: String,
 }
 
 /// The variables of a selection that have one type.
 pub struct Group {
     pub number_type: NumberType,
-    /// The type's name in its functions.
+    /// The type's name in the functions of FMI.
     pub function: &'static str,
     pub references: Vec<ValueReference>,
-    /// Of all references, arrays as a whole.
+    /// The values of all references, arrays as a whole.
     pub values: Numbers,
     slots: Vec<Slot>,
     /// The arrays among the references, each with the places of its values.
     pub arrays: BTreeMap<ValueReference, Range<usize>>,
-    /// Whether not all of their elements are selected.
+    /// Whether not all elements of the arrays are selected.
     has_other_elements: bool,
 }
 
@@ -140,12 +140,12 @@ impl Texts {
         Self { reference, element, position, known: vec![], numbers: BTreeMap::new() }
     }
 
-    /// The number of texts under its reference.
+    /// The number of texts under the variable's reference.
     pub fn count(&self) -> usize {
         self.element.map_or(1, |element| element.size)
     }
 
-    /// Takes the number of its text of those under its reference.
+    /// Writes the number of the variable's text, one of `texts` under its reference, to `values`.
     pub fn scatter(&mut self, mut texts: Vec<String>, values: &mut [f64]) {
         let text = texts.swap_remove(self.element.map_or(0, |element| element.position));
         let number = self.numbers.get(&text).copied().unwrap_or_else(|| {
@@ -163,7 +163,7 @@ struct Slot {
     value: usize,
     /// The variable's index among the selection's.
     position: usize,
-    /// From the FMU's value, and to it.
+    /// The conversions from the FMU's value and to it.
     conversion: Option<(Function, Function)>,
 }
 
@@ -271,7 +271,7 @@ fn start(variable: &FmuVariable) -> f64 {
     }
 }
 
-/// The name of Booleans in their functions.
+/// The name of Booleans in the functions of FMI.
 const BOOLEAN: &str = "Boolean";
 
 impl Selection {
@@ -331,7 +331,7 @@ impl Selection {
         Ok(fitted)
     }
 
-    /// Takes its own room back.
+    /// Takes the room of [`Selection::fitted`] back.
     pub(super) fn give_back(&mut self, fitted: Vec<f64>) {
         self.fitted = fitted;
     }

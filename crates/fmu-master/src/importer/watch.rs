@@ -12,7 +12,7 @@ pub struct Watch {
 
 /// Variables before or after an event.
 pub struct EventRow {
-    /// In s.
+    /// The time of the event (s).
     pub time: f64,
     pub is_after: bool,
     pub values: Vec<f64>,

@@ -10,7 +10,7 @@ use super::selection::Selection;
 use super::watch::{EventRow, Watch};
 
 impl Fmu {
-    /// Whether it can tell the values of a variable that are numbers or texts.
+    /// Whether the FMU can tell the values of a variable that are numbers or texts.
     pub(crate) fn can_tell(&self, variable: &FmuVariable) -> bool {
         match variable.value_type() {
             ValueType::Other => false,
@@ -21,7 +21,7 @@ impl Fmu {
 }
 
 impl Instance {
-    /// Whether it tells when it has events: in Model Exchange, and in co-simulation with Event Mode.
+    /// Whether the FMU tells when it has events: in Model Exchange, and in co-simulation with Event Mode.
     #[must_use]
     pub fn reports_events(&self) -> bool {
         self.events.is_some()

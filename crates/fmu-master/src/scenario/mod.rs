@@ -62,15 +62,15 @@ pub struct Scenario {
     pub description: Option<String>,
     /// The communication step (s).
     pub step: f64,
-    /// When it begins (s).
+    /// When the experiment begins (s).
     pub start_time: f64,
-    /// When it ends (s).
+    /// When the experiment ends (s).
     pub stop_time: f64,
     /// The relative tolerance that the FMUs get.
     pub tolerance: Tolerance,
     /// The number of whole communication steps.
     pub steps: u32,
-    /// What remains after them (s): a last step of this size, unless it is 0.
+    /// What remains after whole steps (s): a last step of this size, unless it is 0.
     pub rest: f64,
     /// The order in which the FMUs step.
     pub stepping: Stepping,
@@ -109,10 +109,10 @@ pub enum Tolerance {
 /// The order in a communication step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stepping {
-    /// In sequence, each with the new outputs of those before it.
+    /// The FMUs step in sequence, each with the new outputs of those before it.
     #[default]
     InTurn,
-    /// All with the outputs of the previous step.
+    /// All FMUs step with the outputs of the previous step.
     AtOnce,
 }
 
@@ -123,11 +123,11 @@ pub struct Member {
     pub name: String,
     /// The path of the `.fmu` file.
     pub file: PathBuf,
-    /// The interface by which it runs; by default co-simulation if it offers that, else Model Exchange.
+    /// The interface by which the FMU runs; by default co-simulation if it offers that, else Model Exchange.
     pub interface: Option<Interface>,
-    /// Whether its steps [return early](crate::Fmu::instantiate_with_early_return) for events.
+    /// Whether the FMU's steps [return early](crate::Fmu::instantiate_with_early_return) for events.
     pub returns_early: bool,
-    /// Where the scenario names it.
+    /// Where the scenario names the FMU.
     pub location: Location,
     /// Parameter sets, applied before initialization.
     pub parameters: Vec<(ParameterSet, Location)>,
@@ -135,20 +135,20 @@ pub struct Member {
     pub values: Vec<Assignment>,
     /// A run of this FMU on its own before the experiment.
     pub run_in: Option<RunIn>,
-    /// Signals that replace connections to its inputs.
+    /// Signals that replace connections to the FMU's inputs.
     pub inputs: Vec<Input>,
 }
 
 /// A run-in: the FMU steps on its own up to the start of the experiment, with the inputs of that time.
 #[derive(Clone, Debug)]
 pub struct RunIn {
-    /// In s.
+    /// The duration of the run-in (s).
     pub duration: f64,
     /// The number of communication steps.
     pub steps: u32,
-    /// Values, set before its initialization.
+    /// Values, set before the run-in's initialization.
     pub during: Vec<Assignment>,
-    /// Values of tunable parameters, set at its end.
+    /// Values of tunable parameters, set at the end of the run-in.
     pub after: Vec<Assignment>,
 }
 

@@ -19,13 +19,13 @@ pub enum Signal {
     Lines(Vec<(f64, f64)>),
     /// A sine wave: mean + amplitude · sin(360° · frequency · time + phase).
     Sine {
-        /// In the unit of the variable.
+        /// The mean, in the unit of the variable.
         mean: f64,
-        /// In the unit of the variable.
+        /// The amplitude, in the unit of the variable.
         amplitude: f64,
-        /// In Hz.
+        /// The frequency (Hz).
         frequency: f64,
-        /// At time 0, in degrees.
+        /// The phase at time 0 (degrees).
         phase: f64,
     },
 }
@@ -80,7 +80,7 @@ impl Signal {
         }
     }
 
-    /// The times at which it jumps (s), in their order.
+    /// The times at which the signal jumps (s), in order.
     pub(crate) fn jumps(&self) -> Vec<f64> {
         let is_jump = |pair: &&[(f64, f64)]| match self {
             Self::Lines(_) => pair[0].0 >= pair[1].0,

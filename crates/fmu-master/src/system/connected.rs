@@ -35,7 +35,7 @@ struct Port {
 /// From where a value comes.
 struct Origin<'a> {
     place: Place,
-    /// The items of its enumeration, if known.
+    /// The items of the value's enumeration, if known.
     items: &'a [(String, i32)],
     function: Function,
 }
@@ -45,7 +45,7 @@ struct Origin<'a> {
 struct Connected {
     connections: Vec<Connection>,
     inputs: Vec<Input>,
-    /// By the FMU.
+    /// The parameters, by the index of the FMU.
     parameters: BTreeMap<usize, Vec<Parameter>>,
 }
 

@@ -37,7 +37,7 @@ pub type Place = (usize, String);
 
 pub struct Element {
     pub name: String,
-    /// The names of the elements around it, without the root, and its own; empty for the root.
+    /// The element's name after those of the elements around it, without the root; empty for the root.
     pub path: String,
     pub connectors: Vec<ConnectorDescription>,
     pub part: Part,
@@ -47,9 +47,9 @@ pub struct Element {
 #[derive(Clone, Copy)]
 pub enum Part {
     System,
-    /// By its index among the FMUs.
+    /// An FMU, by its index among the FMUs.
     Fmu(usize),
-    /// By the first element that refers to the same dictionary.
+    /// A signal dictionary, by the first element that refers to it.
     Reference(usize),
 }
 
@@ -70,14 +70,14 @@ struct Given<'a> {
     parameter: &'a Parameter,
     /// The units that the set declares.
     units: &'a [Unit],
-    /// How it is mapped, if it is.
+    /// How the parameter is mapped, if it is.
     entry: Option<&'a MappingEntry>,
 }
 
 /// What became of a parameter set.
 #[derive(Default)]
 struct Taken {
-    /// By the FMU.
+    /// The parameters that fit, by the index of the FMU.
     fitted: BTreeMap<usize, Vec<Parameter>>,
     /// The parameters whose unit nothing defines.
     without_unit: Vec<String>,
@@ -272,7 +272,7 @@ impl Elements {
 }
 
 impl Given<'_> {
-    /// The value before it is converted.
+    /// The parameter's value before it is converted.
     fn value(&self) -> Value {
         let value = self.parameter.value.clone();
         match (self.entry, value) {
@@ -284,7 +284,7 @@ impl Given<'_> {
         }
     }
 
-    /// The value after it is converted.
+    /// The parameter's value after it is converted.
     fn transformed(&self, value: Value) -> Value {
         match (self.entry, value) {
             (Some(entry), Value::Real(value, unit)) => {

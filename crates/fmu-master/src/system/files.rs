@@ -45,11 +45,11 @@ const DEEPEST: usize = 10;
 pub struct Base {
     /// The folder of the package, or that of the structure if it is not packed.
     root: PathBuf,
-    /// The structure's folder in it.
+    /// The structure's folder in the root.
     folder: String,
     /// Whether no path leaves the root.
     is_package: bool,
-    /// How many files are around the structure's.
+    /// How many files are around the structure's file.
     depth: usize,
 }
 
@@ -87,7 +87,7 @@ impl Base {
         Ok(self.root.join(self.path(path)?))
     }
 
-    /// A structure in it, and its folder.
+    /// A structure that this one names, and its folder.
     pub fn structure(&self, name: &str) -> Result<(SystemDescription, Self)> {
         let path = self.path(name)?;
         let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();

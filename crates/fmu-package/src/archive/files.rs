@@ -61,7 +61,7 @@ pub type Refuse<'a> = &'a mut dyn FnMut(Reason, Option<&str>, String);
 #[derive(Debug)]
 pub struct Files<R = BufReader<File>> {
     archive: ZipArchive<R>,
-    /// By path, with `/` even if the archive has backslashes; none if an entry cannot be unpacked.
+    /// The entries by path, with `/` even if the archive has backslashes; none if an entry cannot be unpacked.
     entries: BTreeMap<String, Option<usize>>,
 }
 

@@ -45,9 +45,9 @@ const MOST_LETTERS: usize = 120;
 /// The share of a range above and below the curves.
 const ROOM: f64 = 0.06;
 
-/// Where a backend draws.
+/// The area in which a backend draws.
 type Area<B> = DrawingArea<B, Shift>;
-/// Whether it could.
+/// The result of drawing.
 type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
 impl Figure {
@@ -78,7 +78,7 @@ impl Figure {
         Ok(file)
     }
 
-    /// In pixels.
+    /// The size of the picture in pixels.
     fn size(&self, density: u32) -> (u32, u32) {
         let heights = (0..self.rows.len()).map(|row| self.row_height(row));
         let title = if self.title.is_empty() { 0 } else { TITLE };

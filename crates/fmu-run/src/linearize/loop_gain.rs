@@ -16,7 +16,7 @@ use nalgebra::{Complex, DVector, Matrix4, Vector4};
 const SHORTEST: u32 = 4;
 /// The longest period by default, in steps.
 const LONGEST: u32 = 1000;
-/// From one period to the next at most.
+/// The largest ratio of one period to the next.
 const RATIO: f64 = 1.15;
 /// The least steps of a measurement, in whole periods.
 const LEAST_STEPS: u32 = 64;
@@ -30,7 +30,7 @@ const MOST_TRIALS: u32 = 50;
 /// The gain of a loop at a frequency.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
-    /// In Hz.
+    /// The frequency (Hz).
     pub frequency: f64,
     /// L, which is -1 at the limit of stability.
     pub gain: Complex<f64>,

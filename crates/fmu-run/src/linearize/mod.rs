@@ -86,7 +86,7 @@ struct Linear {
     states: Vec<Column>,
     inputs: Vec<Column>,
     outputs: Vec<Column>,
-    /// Unless there are too many states, or they do not converge.
+    /// The poles, unless there are too many states or the iterations do not converge.
     poles: Option<Vec<Complex<f64>>>,
     path: Option<Path>,
 }
@@ -95,9 +95,9 @@ struct Linear {
 struct Path {
     input: usize,
     output: usize,
-    /// In Hz.
+    /// The frequencies (Hz).
     frequencies: Vec<f64>,
-    /// In the declared units.
+    /// The response at each frequency, in the declared units.
     response: Vec<Complex<f64>>,
 }
 
@@ -315,7 +315,7 @@ impl Linearize {
 }
 
 impl Linear {
-    /// How it was linearized.
+    /// How the FMU was linearized.
     fn origin(&self) -> &'static str {
         if self.equations.is_exact { "from its directional derivatives" } else { "from finite differences" }
     }

@@ -23,7 +23,7 @@ pub const MOST_STATES: usize = 1000;
 /// dx/dt = A·x + B·u, y = C·x + D·u, in states by which A is a Hessenberg matrix. Before, they are scaled so that the rows
 /// and columns of A are of similar size.
 pub struct StateSpace {
-    /// In 1/s: a power of two, by which A is divided, so that squares of its elements do not overflow.
+    /// A power of two (1/s), by which A is divided so that squares of its elements do not overflow.
     rate: f64,
     /// A divided by the rate.
     a: DMatrix<f64>,

@@ -21,9 +21,9 @@ pub struct Measure {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Of the values between two times.
+    /// A statistic of the values between two times.
     Statistic { statistic: Statistic, from: f64, to: f64 },
-    /// Of the response to the steps of an input of the scenario.
+    /// A quality of the response to the steps of an input of the scenario.
     Step { quality: Quality, reference: String },
 }
 
@@ -163,7 +163,7 @@ impl Measure {
         Column { name: self.name.clone(), ..column }
     }
 
-    /// For the journal: its name, and what it depends on.
+    /// The measure's name and what it depends on, for the journal.
     pub fn identity(&self) -> (String, String) {
         let Self { name, variable, kind, location: _ } = self;
         (format!("measures.{name}"), format!("{kind:?} of {variable}"))

@@ -43,7 +43,7 @@ pub struct Study {
     points: Vec<Vec<Option<Value>>>,
     measures: Vec<Measure>,
     keeps_records: bool,
-    /// Whether they have rows at events.
+    /// Whether records have rows at events.
     pub records_events: bool,
 }
 
@@ -51,7 +51,7 @@ pub struct Study {
 pub struct Parameter {
     /// The name in the study: the FMU's name, a colon and the variable's name.
     pub name: String,
-    /// Whether its values are spread evenly by their logarithms.
+    /// Whether the parameter's values are spread evenly by their logarithms.
     pub is_logarithmic: bool,
     pub location: Location,
 }

@@ -56,7 +56,7 @@ fn missing_package(text: &str) -> Option<String> {
     })
 }
 
-/// A library that its functions are looked up in.
+/// A library in which functions are looked up.
 struct Symbols {
     library: Library,
     /// `fmi2` or `fmi3`.
@@ -138,39 +138,39 @@ macro_rules! functions {
 }
 
 functions! {
-    /// Of both versions and interfaces.
+    /// Functions of both versions and interfaces.
     Common: fmi2 {
         exit_initialization_mode: fmi2ExitInitializationMode / fmi3ExitInitializationMode,
         terminate: fmi2Terminate / fmi3Terminate,
         free_instance: fmi2FreeInstance / fmi3FreeInstance,
     }
 
-    /// Of saved states.
+    /// Functions of saved states.
     States: fmi2 {
         get: fmi2GetFMUstate / fmi3GetFMUState,
         set: fmi2SetFMUstate / fmi3SetFMUState,
         free: fmi2FreeFMUstate / fmi3FreeFMUState,
     }
 
-    /// Of FMI 2.0.
+    /// Functions of FMI 2.0 alone.
     Common2: fmi2 {
         setup_experiment: fmi2SetupExperiment,
         enter_initialization_mode: fmi2EnterInitializationMode,
         set_string: fmi2SetString,
     }
 
-    /// Of FMI 3.0.
+    /// Functions of FMI 3.0 alone.
     Common3: fmi3 { enter_initialization_mode: fmi3EnterInitializationMode, set_string: fmi3SetString }
 
-    /// Of co-simulation.
+    /// Functions of co-simulation.
     Step2: fmi2 { do_step: fmi2DoStep }
     Step3: fmi3 { do_step: fmi3DoStep }
 
-    /// What a step in FMI 2.0 says.
+    /// Functions that tell how a step in FMI 2.0 went.
     RealStatus2: fmi2 { get: fmi2GetRealStatus }
     BooleanStatus2: fmi2 { get: fmi2GetBooleanStatus }
 
-    /// Of Model Exchange, in both versions.
+    /// Functions of Model Exchange in both versions.
     Exchange: fmi2 {
         enter_event_mode: fmi2EnterEventMode / fmi3EnterEventMode,
         enter_continuous_time_mode: fmi2EnterContinuousTimeMode / fmi3EnterContinuousTimeMode,
@@ -182,24 +182,24 @@ functions! {
         indicators: fmi2GetEventIndicators / fmi3GetEventIndicators,
     }
 
-    /// Of Model Exchange, in one version.
+    /// Functions of Model Exchange in one version.
     Exchange2: fmi2 {
         new_discrete_states: fmi2NewDiscreteStates,
         completed_integrator_step: fmi2CompletedIntegratorStep,
     }
     Exchange3: fmi3 { completed_integrator_step: fmi3CompletedIntegratorStep }
 
-    /// Of texts.
+    /// Functions that read texts.
     Strings2: fmi2 { get: fmi2GetString }
     Strings3: fmi3 { get: fmi3GetString }
 
     Directional2: fmi2 { get: fmi2GetDirectionalDerivative }
     Directional3: fmi3 { get: fmi3GetDirectionalDerivative }
 
-    /// Dependencies by element.
+    /// Functions that tell dependencies by element.
     Dependencies3: fmi3 { count: fmi3GetNumberOfVariableDependencies, get: fmi3GetVariableDependencies }
 
-    /// Of Event Mode in FMI 3.0.
+    /// Functions of Event Mode in FMI 3.0.
     Events3: fmi3 {
         enter_event_mode: fmi3EnterEventMode,
         enter_step_mode: fmi3EnterStepMode,
@@ -388,7 +388,7 @@ impl Functions {
         Some((NumberType(position), Numbers::new(self.numbers()[position].1)))
     }
 
-    /// The name of a type in those of its functions.
+    /// A type's name in the names of its functions.
     pub fn name(&self, number_type: NumberType) -> &'static str {
         let version = if self.is_fmi3() { Version::Three } else { Version::Two };
         self.numbers()[number_type.0].0.name(version)

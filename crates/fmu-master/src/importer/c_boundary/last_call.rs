@@ -107,7 +107,7 @@ pub struct LastCall {
     pub fmu: String,
     /// The function, with the time reached if there is one.
     pub call: String,
-    /// Whether it has returned.
+    /// Whether the call has returned.
     pub has_returned: bool,
 }
 

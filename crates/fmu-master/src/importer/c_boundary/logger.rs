@@ -25,9 +25,9 @@ pub struct CallbackFunctions {
 unsafe extern "C" {
     /// Defined in logger.c.
     fn fmu_master_logger(receive: Receive) -> Logger;
-    /// From the C library, as the standard requires.
+    /// The C library's function, as the standard requires.
     fn calloc(count: usize, size: usize) -> *mut c_void;
-    /// From the C library.
+    /// The C library's function.
     fn free(memory: *mut c_void);
 }
 
@@ -44,7 +44,7 @@ impl CallbackFunctions {
         }
     }
 
-    /// Gives them to an instance.
+    /// Gives the callbacks to an instance.
     pub fn set_environment(&self, environment: Environment) {
         self.component_environment.store(environment, Ordering::Relaxed);
     }

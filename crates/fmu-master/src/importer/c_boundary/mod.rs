@@ -56,7 +56,7 @@ pub struct Handle {
     experiment: Cell<(f64, Option<f64>)>,
     /// The relative tolerance that the FMU gets, if any.
     pub(super) tolerance: Cell<Option<f64>>,
-    /// In FMI 3.0, what the last step said.
+    /// What the last step said, in FMI 3.0.
     last_step: Cell<LastStep>,
     /// Whether `Terminate` is due before the instance is freed.
     steps: Cell<bool>,
@@ -82,7 +82,7 @@ pub struct Dependency {
 /// The FMU's answer after updating its discrete states.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Discrete {
-    /// Whether they need another update.
+    /// Whether the discrete states need another update.
     pub needs_update: bool,
     /// Whether the FMU requests termination.
     pub terminates: bool,
@@ -93,13 +93,13 @@ pub struct Discrete {
 /// The results of an FMI 3.0 step in addition to its status.
 #[derive(Clone, Copy, Default)]
 struct LastStep {
-    /// The time that it has reached (s).
+    /// The time that the step has reached (s).
     time: f64,
     /// Whether an event is to be handled.
     has_event: bool,
     /// Whether the FMU requests termination.
     terminates: bool,
-    /// Whether it has returned before the end of the step.
+    /// Whether the function has returned before the end of the step.
     is_early: bool,
 }
 

@@ -68,7 +68,7 @@ pub fn with_own_modes<T>(call: impl FnOnce() -> T) -> T {
 #[derive(PartialEq)]
 struct State {
     changes_of_modes: usize,
-    /// Of the C library and the system: process.c lists them.
+    /// Numbers of the C library and the system: process.c lists them.
     numbers: Vec<usize>,
     descriptors: Vec<usize>,
     environment: Vec<(OsString, OsString)>,
@@ -100,7 +100,7 @@ impl State {
 /// What FMUs have changed of their process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Changes {
-    /// Nothing.
+    /// FMUs have changed nothing.
     None,
     /// Something that other FMUs would notice.
     Some,
@@ -211,7 +211,7 @@ pub fn end_own_group() {
 /// A process with those that it starts, on Unix a process group, on Windows a job. They end when this is dropped; on
 /// Windows also when this process ends.
 pub struct Group {
-    /// Not reaped before `status` is known, so that nothing else gets its number.
+    /// The process, not reaped before `status` is known, so that nothing else gets its number.
     child: Mutex<(Child, Option<ExitStatus>)>,
     process: isize,
     group: isize,
