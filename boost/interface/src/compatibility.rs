@@ -243,7 +243,7 @@ impl<'a> Match<'a> {
         }
     }
 
-    /// The name that is looked for, if there is no variable of it.
+    /// The name that is looked for, if the FMU has no variable of this name.
     fn missing<'m>(&'m self, port: &'m Port<'_>) -> Option<&'m str> {
         match self {
             Self::Missing { .. } => Some(port.name()),

@@ -133,7 +133,7 @@ fn description(archive: &mut archive::Archive<impl Read + Seek>) -> Result<FmuDe
     FmuDescription::parse(&text).with_context(|| format!("its {MODEL_DESCRIPTION} cannot be read"))
 }
 
-/// The identifiers of its libraries.
+/// The identifiers of an FMU's libraries.
 fn identifiers(description: &FmuDescription) -> BTreeSet<&str> {
     let interfaces = description.interfaces.iter();
     interfaces.filter_map(|(interface, _)| description.identifier(*interface)).collect()

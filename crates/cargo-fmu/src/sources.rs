@@ -20,7 +20,7 @@ use fmu_xml::{document, element, empty};
 /// The wasm2c version whose output this reads.
 const VERSION: &str = "1.0.32";
 
-/// The environment variable for its path.
+/// The environment variable for the path of wasm2c.
 const PROGRAM: &str = "WASM2C";
 
 /// The folder of the sources.

@@ -16,7 +16,7 @@ use crate::scenario::{Input, Scenario, Signal};
 
 /// The columns of a record.
 pub struct Columns {
-    /// With what they hold.
+    /// The columns, with what they hold.
     pub all: Vec<(Column, Found)>,
     /// The recorded names that FMUs do not have, because one was replaced.
     pub missing: Vec<String>,
@@ -25,7 +25,7 @@ pub struct Columns {
 /// What a column holds.
 pub enum Found {
     Signal(Signal),
-    /// A variable of a member, by its name there.
+    /// A variable of a member, by its name in the FMU.
     Variable {
         member: usize,
         name: String,

@@ -539,7 +539,7 @@ impl<'a> Coupling<'a> {
 }
 
 impl Wire {
-    /// The value of its source at a time (s), to which a signal's jumps belong up to `late` (s) after it.
+    /// The value of the source at a time (s), to which a signal's jumps belong up to `late` (s) after it.
     fn value(&self, readings: &[f64], (time, late): (f64, f64)) -> f64 {
         match &self.source {
             Source::Signal(signal) => signal.at_within(time, late),

@@ -226,7 +226,7 @@ impl<'a> Master<'a> {
         self.coupling.members.iter_mut().for_each(|coupled| coupled.instance.watch_events());
     }
 
-    /// The names of the FMUs that report no events, in co-simulation without Event Mode; and whether they have it.
+    /// The names of the FMUs that report no events, and whether they could: they have Event Mode, which is not in use.
     pub fn without_events(&self) -> impl Iterator<Item = (&str, bool)> {
         let silent = self.coupling.members.iter().filter(|coupled| !coupled.instance.reports_events());
         silent.map(|coupled| {

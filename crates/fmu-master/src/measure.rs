@@ -21,7 +21,7 @@ pub fn row(record: &Record, time: f64) -> Result<usize> {
 /// A variable's value at a communication point.
 ///
 /// # Errors
-/// When it has no such variable, or no row at this time.
+/// When the record has no such variable, or no row at this time.
 pub fn at(record: &Record, name: &str, time: f64) -> Result<f64> {
     Ok(record.get(name)?[row(record, time)?])
 }
@@ -29,7 +29,7 @@ pub fn at(record: &Record, name: &str, time: f64) -> Result<f64> {
 /// A variable's values between two communication points, inclusive.
 ///
 /// # Errors
-/// When it has no such variable, or no rows at these times.
+/// When the record has no such variable, or no rows at these times.
 pub fn between<'a>(record: &'a Record, name: &str, from: f64, to: f64) -> Result<&'a [f64]> {
     Ok(&record.get(name)?[row(record, from)?..=row(record, to)?])
 }
@@ -73,7 +73,7 @@ impl Following {
     /// Measures each step of a variable's reference, which end with the record. Those after its end are left out.
     ///
     /// # Errors
-    /// When it has no such variable, or no rows at these times.
+    /// When the record has no such variable, or no rows at these times.
     pub fn new(record: &Record, name: &str, steps: &[(f64, f64)]) -> Result<Self> {
         let mut following = Self::default();
         let last = record.time().last().copied().context("the record is empty")?;

@@ -100,7 +100,7 @@ impl Library {
     }
 }
 
-/// As in `ELF for x86-64, glibc 2.17 or later`.
+/// The library's platform, as in `ELF for x86-64, glibc 2.17 or later`.
 impl Display for Library {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{} for {}", self.format.name(), names(&self.architectures, " and "))?;

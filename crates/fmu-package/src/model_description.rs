@@ -453,7 +453,7 @@ mod tests {
         }
     }
 
-    /// By their names, in any order.
+    /// The elements are found by their names, in any order.
     #[test]
     fn elements_of_fmi_2_are_an_array() {
         let names = ["b[2,1]", "b[1, 10]", "b[1,2]", "a[1]", "b[x]", "b", "b[1].c[3]", "b[]", "c[-1]"];

@@ -97,7 +97,7 @@ mod tests {
 
     use super::*;
 
-    /// Whatever an FMU declares beside them.
+    /// This holds whatever other units an FMU declares.
     #[test]
     fn revolutions_per_minute_are_what_the_other_unit_measures() {
         let declared = |name: &str, exponents, factor| Unit {

@@ -26,9 +26,9 @@ pub struct FmuVariable {
     pub variability: Declared<Variability>,
     /// `initial`.
     pub initial: Declared<Initial>,
-    /// The unit, or that of its type.
+    /// The variable's unit, or its type's.
     pub unit: String,
-    /// The unit in which to show values, or that of its type.
+    /// The unit in which to show the variable's values, or its type's.
     pub display_unit: String,
     /// Whether the variable's values, or its type's, are differences: their conversion between units ignores offsets.
     pub relative_quantity: bool,
@@ -226,7 +226,7 @@ impl FmuVariable {
         self.place_in_array().map(|(array, _)| array)
     }
 
-    /// The name of its array, and its indices there.
+    /// The name of the variable's array, and the variable's indices in it.
     pub(crate) fn place_in_array(&self) -> Option<(&str, Vec<u64>)> {
         let (array, indices) = self.name.strip_suffix(']')?.rsplit_once('[')?;
         let indices: Result<_, _> = indices.split(',').map(|index| index.trim().parse()).collect();

@@ -548,7 +548,7 @@ mod tests {
         assert!(html.contains("\"--ink\"") && !html.contains("\"#"));
     }
 
-    /// Without the library, which contains addresses of services that these figures do not use.
+    /// Our own script has no addresses; the library has those of services that figures do not use.
     #[cfg(feature = "html")]
     #[test]
     fn the_scripts_are_one_library_and_our_own() {

@@ -50,7 +50,7 @@ fn grouped<'a>(
     (panels.iter().map(|names| names.iter().filter_map(column).collect()).collect(), vec![])
 }
 
-/// By default: the lanes are last.
+/// The default panels and lanes.
 fn together(columns: &[Column]) -> (Vec<Vec<&Column>>, Vec<&Column>) {
     let is_pair =
         |one: &Column, other: &Column| leads(&one.name, &other.name) || leads(&other.name, &one.name);
@@ -333,7 +333,7 @@ mod tests {
         assert!(html.contains("kPa"));
     }
 
-    /// What is drawn: names, the axis' unit and values in it.
+    /// Tests the names, the axis' unit and the values in that unit.
     #[cfg(feature = "html")]
     #[test]
     fn panels_are_drawn_as_the_scenario_says() {

@@ -49,7 +49,7 @@ pub struct Report {
     contents: String,
     sections: usize,
     body: String,
-    /// The page's own script, and what its policy allows it.
+    /// The page's own script, and what the page's policy allows scripts.
     script: Option<String>,
     script_sources: &'static [&'static str],
 }

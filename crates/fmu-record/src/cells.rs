@@ -7,7 +7,7 @@ use crate::table::Column;
 /// A column: its heading, and its cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataColumn {
-    /// With the numbers; NaN in place of words.
+    /// The column with the numbers; NaN in place of words.
     pub(crate) column: Column,
     /// The cells that are not numbers, by row.
     words: BTreeMap<usize, String>,

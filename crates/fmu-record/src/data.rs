@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(missing, "it has no column nott; did you mean note?; there are a, b, note");
     }
 
-    /// As pandas writes them, with missing cells and other types.
+    /// Pandas writes such columns, with missing cells and other types.
     #[cfg(feature = "parquet")]
     #[test]
     fn a_column_of_parquet_may_be_of_any_type() {

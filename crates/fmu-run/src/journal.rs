@@ -320,7 +320,7 @@ mod tests {
         assert!(message.ends_with("or remove it:\n  voltage was 12, is 13"), "{message}");
     }
 
-    /// As before lines said that a part begins.
+    /// The former form had no lines for parts that begin.
     #[test]
     fn a_journal_of_the_former_form_is_refused() {
         let folder = tempfile::tempdir().unwrap();

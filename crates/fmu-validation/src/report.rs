@@ -46,9 +46,9 @@ pub struct Finding {
 pub struct Report {
     /// The `fmiVersion`, if readable.
     pub fmi_version: Option<String>,
-    /// At most 100,000 findings.
+    /// The findings, at most 100,000.
     pub findings: Vec<Finding>,
-    /// The number of further ones.
+    /// The number of findings beyond that.
     pub omitted: usize,
 }
 

@@ -9,7 +9,7 @@ pub enum Severity {
     Error,
     /// The FMU is allowed, but some importers fail on it.
     Warning,
-    /// Nothing is wrong, but one of the named [`importers`](super::importers) rejects it.
+    /// Nothing is wrong, but one of the named [`importers`](super::importers) rejects the FMU.
     Note,
 }
 

@@ -228,7 +228,7 @@ fn reinit(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wro
     }
 }
 
-/// Solvers scale a state's absolute tolerance by it.
+/// Checks a state's nominal value, by which solvers scale its absolute tolerance.
 fn state_nominal(model: &Model<'_>, variable: &Variable<'_>, is_state: bool, wrong: Wrong<'_>) {
     let nominal = variable.inherited("nominal").and_then(number);
     if let Some(nominal) = nominal.filter(|nominal| *nominal <= 0.0)

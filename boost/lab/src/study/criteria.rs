@@ -49,7 +49,7 @@ struct Bound {
     is_beyond: fn(&Measures) -> Option<bool>,
 }
 
-/// In all situations with a sound engine in which the reference can be followed.
+/// The bounds in all situations with a sound engine in which the reference can be followed.
 const FOLLOWING: &[Bound] = &[
     Bound {
         name: "cases beyond 5.5 kPa",
@@ -315,7 +315,7 @@ mod tests {
         criteria.iter().filter(|criterion| !criterion.met).map(|criterion| criterion.name).collect()
     }
 
-    /// That only a number of 1000 cases may be bad, and what is broken beyond it.
+    /// Checks that at most `most` of 1000 cases may be bad, and which criterion more of them break.
     fn judges(situation: Situation, good: &Measures, bad: &Measures, most: usize, name: &str) {
         let required = Criteria::of(situation);
         assert!(required.is_outside(bad) && required.is_failed(bad) && !required.is_outside(good));

@@ -66,7 +66,7 @@ const fn logarithmic(name: &'static str, unit: &'static str, from: f64, to: f64)
     (name, unit, Range { from, to, is_logarithmic: true })
 }
 
-/// Between the extremes of the paper's Fig. 14.
+/// The supply voltage, between the extremes of the paper's Fig. 14.
 const fn supply(name: &'static str) -> Quantity {
     range(name, "V", 11.1, 13.5)
 }

@@ -168,7 +168,7 @@ impl Range<'_> {
 mod tests {
     use super::*;
 
-    /// As for the maps of this repository's controller.
+    /// The sweep for the maps of this repository's controller.
     #[test]
     fn the_sweep_of_the_virtual_duty() {
         let procedure = Procedure::split_range(102.15);

@@ -328,7 +328,7 @@ fn in_component(strategy: Strategy, name: &str) -> String {
     format!("{component}.{name}")
 }
 
-/// The controller's name for a value of a map; rows and columns count from 0 here, from 1 there.
+/// The controller's name for a value of a map: rows and columns, from 0 here, count from 1 in the name.
 fn map_parameter(strategy: Strategy, map: ScheduleTable, row: usize, column: usize) -> String {
     let map = match (map, strategy) {
         (ScheduleTable::Feedforward, Strategy::SplitRange) => "virtual_duty",

@@ -185,7 +185,7 @@ impl Calls {
         self.check(&[], self.handle.set_states(states))
     }
 
-    /// Gets all numbers of a kind, if there are any.
+    /// Gets all numbers of a vector, unless it is empty.
     pub fn get_vector(&mut self, vector: Vector, values: &mut [f64]) -> Result<()> {
         if values.is_empty() {
             return Ok(());

@@ -82,7 +82,7 @@ impl DerivativeCheck {
         }
     }
 
-    /// The next Jacobian is compared as the first one.
+    /// Starts over: the next Jacobian is checked as the first one.
     pub fn begin(&mut self) {
         self.is_first = true;
     }

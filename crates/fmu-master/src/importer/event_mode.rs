@@ -47,7 +47,7 @@ struct InputClock {
     /// The time from which ticks are counted (s), and the ticks since.
     origin: f64,
     ticks: f64,
-    /// Between ticks (s).
+    /// The interval between ticks (s).
     interval: f64,
     /// The next tick (s).
     next: Option<f64>,
@@ -55,11 +55,11 @@ struct InputClock {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Timing {
-    /// At equal intervals.
+    /// The clock ticks at equal intervals.
     Periodic,
-    /// At intervals that the FMU may change.
+    /// The clock ticks at intervals that the FMU may change.
     Changing,
-    /// Once, when the FMU has given an interval.
+    /// The clock ticks once, when the FMU has given an interval.
     Countdown,
 }
 
@@ -117,7 +117,7 @@ impl EventMode {
         self.last
     }
 
-    /// After the initialization, from which the instance comes in Event Mode.
+    /// Begins in Event Mode, in which the initialization leaves the instance.
     pub fn begin(&mut self) {
         self.phase = Phase::EventMode;
     }

@@ -284,7 +284,7 @@ impl Instance {
         }
     }
 
-    /// Before a value is set: between events, in Event Mode.
+    /// Enters Event Mode, if the instance has it, before a value is set.
     fn prepare_to_set(&mut self) -> Result<()> {
         match &mut self.events {
             Some(events) => events.enter(&mut self.calls),

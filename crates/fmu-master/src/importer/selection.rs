@@ -209,7 +209,7 @@ impl Group {
         self.has_other_elements = is_selected.contains(&false);
     }
 
-    /// Takes the values to set, which their variables take.
+    /// Converts the values to set, which the variables must take, to the FMU's values.
     pub fn gather(&mut self, values: &[f64]) {
         for Slot { value, position, conversion } in &self.slots {
             let given = values[*position];
@@ -222,7 +222,7 @@ impl Group {
         self.has_other_elements
     }
 
-    /// Gives its arrays the values that they were set to, or else those that their FMU starts with.
+    /// Gives the selection's arrays the values that they were set to, or else those that the FMU starts with.
     pub fn begin_with(&mut self, arrays: &BTreeMap<ValueReference, Vec<f64>>, fmu: &Fmu) {
         for (reference, places) in &self.arrays {
             if let Some(values) = arrays.get(reference) {
@@ -240,7 +240,7 @@ impl Group {
         }
     }
 
-    /// The values of its arrays.
+    /// The values of the selection's arrays.
     pub fn values_of_arrays(&self) -> impl Iterator<Item = (ValueReference, Vec<f64>)> {
         let values = |places: &Range<usize>| places.clone().map(|place| self.values.get(place)).collect();
         self.arrays.iter().map(move |(reference, places)| (*reference, values(places)))

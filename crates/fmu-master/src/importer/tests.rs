@@ -525,7 +525,7 @@ fn model_exchange_is_integrated_from_event_to_event() {
     assert_eq!(bits(&mut ball, &["time_events", "step_events"]), [4.0_f64, 1.0].map(f64::to_bits));
 }
 
-/// Of dh/dt = v and dv/dt = g. An FMU without directional derivatives is differentiated by differences.
+/// The ball has dh/dt = v and dv/dt = g. Without directional derivatives, the FMU is differentiated by differences.
 #[test]
 fn a_ball_is_linearized_where_it_is_and_falls_on() {
     let mut ball = ball(BALL);
@@ -839,7 +839,7 @@ fn a_wrong_derivative_is_found_and_replaced() {
     }
 }
 
-/// Of 30 states, the last column by itself and the first and one amid others.
+/// The wrong column is the first of 30, one amid others, or the last.
 #[test]
 fn one_wrong_column_among_many_is_found() {
     for misdeed in ["huge_derivative", "opposite_derivative", "no_derivative"] {
@@ -985,7 +985,7 @@ fn right_derivatives_are_believed() {
     }
 }
 
-/// In other than the best conditions, too.
+/// The check works in bad conditions, too.
 #[test]
 fn wrong_derivatives_of_stiff_and_badly_scaled_systems_are_found() {
     for (system, states, column) in [

@@ -6,7 +6,7 @@ use super::selection::Selection;
 pub struct Watch {
     pub selection: Selection,
     pub values: Vec<f64>,
-    /// What was read at events since this was last taken; none if it is not read there.
+    /// What was read at events since this was last taken; none if nothing is read at events.
     pub events: Option<Vec<EventRow>>,
 }
 

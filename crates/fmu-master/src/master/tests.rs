@@ -439,7 +439,7 @@ fn a_name_of_several_fmus_is_refused_and_a_pattern_means_all() {
     assert_eq!(recorded("\"*\"").unwrap().len(), 2 * 14);
 }
 
-/// Of a signal that takes one value after the other: what an input takes, and the error for what it does not.
+/// What an input takes of a signal with one value after the other, and the error for what it does not take.
 #[test]
 fn numbers_into_integers_booleans_and_enumerations_fit_or_are_refused() {
     let text = |input: &str, second: f64, more: &str| {

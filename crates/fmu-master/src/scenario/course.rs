@@ -22,7 +22,7 @@ pub enum Course {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
     file: PathBuf,
-    /// With one column.
+    /// The data, with one column.
     data: Data,
     /// Whether each value holds until the next row, even of a continuous input.
     hold: bool,

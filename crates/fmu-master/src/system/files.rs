@@ -87,7 +87,7 @@ impl Base {
         Ok(self.root.join(self.path(path)?))
     }
 
-    /// A structure that this one names, and its folder.
+    /// Reads a structure by its path from this folder; returns its own folder, too.
     pub fn structure(&self, name: &str) -> Result<(SystemDescription, Self)> {
         let path = self.path(name)?;
         let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned();

@@ -1,4 +1,4 @@
-//! The files of an archive, a ZIP file that follows the standard and is safe to extract, and why it is refused.
+//! The files of an archive, and why it is refused: it must be a ZIP file as the standard wants, safe to extract.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};

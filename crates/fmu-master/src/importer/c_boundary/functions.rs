@@ -238,9 +238,9 @@ impl Instantiate {
 
 /// What every FMU of a version has.
 pub enum OfVersion {
-    /// With accessors by the position in [`NUMBERS_OF_FMI2`].
+    /// FMI 2.0, with accessors by the position in [`NUMBERS_OF_FMI2`].
     Two(Common2, Vec<(Get2, Set2)>),
-    /// With accessors by the position in [`NUMBERS_OF_FMI3`].
+    /// FMI 3.0, with accessors by the position in [`NUMBERS_OF_FMI3`].
     Three(Common3, Vec<(Get3, Set3)>),
 }
 

@@ -155,9 +155,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes a message with an environment, and with the name of an instance if the FMU gives one. The message is from the
-/// FMU that this thread calls. In a thread that an FMU created, it is from the FMU of the environment, else from the
-/// only one of this name; otherwise it is printed.
+/// Gives a message to the FMU that it is from: the one that this thread calls. In a thread that an FMU created, it is the
+/// FMU of the environment, else the only one with the name in the message; without any, the message is printed.
 pub fn receive(environment: Environment, name: Option<&str>, mut message: Message) {
     let live = locked(&LIVE);
     let named = || {

@@ -300,7 +300,7 @@ impl Handle {
         called.status.succeeded() && terminates != FALSE
     }
 
-    /// After a discarded step or a request for termination: the time reached, if the FMU provides it.
+    /// The time reached by a discarded step or a request for termination, if the FMU provides it.
     pub fn last_successful_time(&self) -> Option<f64> {
         let mut time = self.last_step.get().time;
         if !self.functions.is_fmi3() {
@@ -316,7 +316,7 @@ impl Handle {
         Some(time).filter(|time| time.is_finite())
     }
 
-    /// After a step: whether the FMU has an event to handle.
+    /// Whether the FMU has an event to handle after a step.
     pub fn has_event(&self) -> bool {
         self.last_step.get().has_event
     }
