@@ -265,8 +265,8 @@ impl<'a> Master<'a> {
         Ok(())
     }
 
-    /// Makes a step, and adds a number to the signal of the tapped connection at its begin and over it, in the unit of
-    /// its input. Nothing is recorded. Returns the signal without it.
+    /// Makes a step, and adds a number to the signal of the tapped connection at the step's begin and over it, in the
+    /// unit of its input. Nothing is recorded. Returns the signal without the number.
     ///
     /// # Errors
     /// When a call fails, no connection is tapped, or an FMU requests the end of the simulation ([`Ended`]).

@@ -19,7 +19,7 @@ use crate::variable::{Dimension, FmuVariable};
 use crate::variables::Variables;
 use crate::xml::{self, attributes, listed, named, text};
 
-/// The path in the archive.
+/// The path of modelDescription.xml in the archive.
 pub const MODEL_DESCRIPTION: &str = "modelDescription.xml";
 
 /// The most array elements as variables, and the most event indicators.

@@ -75,7 +75,7 @@ pub enum Content {
 pub enum ComponentKind {
     /// An FMU, with the interface by which it must run, if the structure says so.
     Fmu(Option<Interface>),
-    /// A package, of which this structure is the component.
+    /// A package, with the name of the structure in it that is the component.
     Package(String),
     /// A structure.
     Structure,

@@ -14,9 +14,9 @@ use crate::xml::{self, boolean, children, named, number, text};
 pub struct FmuVariable {
     /// The variable's name, unique in the FMU.
     pub name: String,
-    /// The value reference.
+    /// The variable's value reference.
     pub value_reference: Declared<u32>,
-    /// The element named after the type.
+    /// The variable's type, from the element named after it.
     pub data_type: Declared<DataType>,
     /// The enumeration or another declared type.
     pub declared_type: String,

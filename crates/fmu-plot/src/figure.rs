@@ -56,7 +56,7 @@ pub mod color {
 }
 
 impl Color {
-    /// The name of its CSS variable in the style sheet, such as `--first`.
+    /// The name of the colour's CSS variable in the style sheet, such as `--first`.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.0

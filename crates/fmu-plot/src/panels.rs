@@ -246,7 +246,7 @@ mod tests {
         assert_eq!(lengths, [6, 6, 6, 2]);
     }
 
-    /// A valve, a temperature and what has states, as FMUs declare them.
+    /// A record of a valve, a temperature and what has states, as FMUs declare them.
     fn declared() -> Record {
         let display =
             |name: &str, factor, offset| Some(DisplayUnit { name: name.to_owned(), factor, offset });

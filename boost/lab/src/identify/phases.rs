@@ -8,11 +8,11 @@ use super::Known;
 use super::data::Data;
 use super::statistics::{mean, root_mean_square};
 
-/// A phase ends where the duty deviates by more than this (%) from the phase's mean ...
+/// A phase ends where the duty deviates by more than this (%) from the phase's mean.
 const DUTY_STEP: f64 = 0.25;
-/// ... or the supply by more than this (V): above its measurement noise; it moves the valve by 1 %.
+/// A phase ends where the supply deviates by more than this (V): above its noise; it moves the valve by 1 %.
 const VOLTAGE_STEP: f64 = 0.25;
-/// ... or where rows are further apart than this (s): longer than the motion in the paper's Fig. 9.
+/// A phase ends where rows are further apart than this (s): longer than the motion in the paper's Fig. 9.
 const LONGEST_INTERVAL: f64 = 0.1;
 /// The actuator's settling time (s). The paper's Fig. 9 shows some 0.2 s.
 const SETTLING: f64 = 1.0;

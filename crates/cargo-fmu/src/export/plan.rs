@@ -65,7 +65,7 @@ impl Plan {
         self.out.join("fmi3")
     }
 
-    /// The file of the FMU of a version.
+    /// The file to which a model's FMU of an FMI version is written.
     fn fmu_of(&self, model: &str, version: Version) -> PathBuf {
         let of_fmi2 = self.fmu(model);
         match of_fmi2.file_name() {

@@ -331,7 +331,7 @@ impl Scenario {
     /// Gives an input of all FMUs that have it another signal.
     ///
     /// # Errors
-    /// When the scenario has no signal for it.
+    /// When the scenario has no signal for the input.
     pub fn set_input(&mut self, name: &str, signal: Signal) -> Result<()> {
         let input = self.inputs.iter_mut().find(|input| input.name == name);
         input.with_context(|| format!("the scenario has no signal for {name}"))?.course = signal.into();

@@ -34,7 +34,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// These times, completed by others where unspecified.
+    /// The times, completed by others where unspecified.
     fn or(self, other: Self) -> Self {
         Self {
             start: self.start.or(other.start),

@@ -18,7 +18,7 @@ const MOST_COLUMNS: usize = 20_000;
 const STEPS: f64 = 1e4;
 /// The frame's distance to the left edge, equal in all panels to align linked axes.
 const LEFT: usize = 64;
-/// Half the last tick's label.
+/// The frame's distance to the right edge: half the last tick's label.
 const RIGHT: usize = 24;
 /// The number of decades for whose labels a telephone has room.
 const MOST_DECADES: f64 = 5.0;
