@@ -816,8 +816,8 @@ fn item(name: &str) -> Value {
     Value::Enumeration(name.to_owned())
 }
 
-/// The equation is x' = -x, whose solution at 2 s is exp(-2), within the tolerance of 1e-6 per step, of which fewer than
-/// a hundred are taken.
+/// The equation is x' = -x, whose solution at 2 s is exp(-2), within the tolerance of 1e-6 per step, of which fewer
+/// than a hundred are taken.
 #[test]
 fn a_wrong_derivative_is_found_and_replaced() {
     for (version, misdeed, claimed) in [

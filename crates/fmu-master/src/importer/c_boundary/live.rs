@@ -155,8 +155,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Gives a message to the FMU that it is from: the one that this thread calls, or in a thread that an FMU created the FMU
-/// of the environment, else the only one with that name. If there is none, the message is printed.
+/// Gives a message to the FMU that it is from: the one that this thread calls, or in a thread that an FMU created the
+/// FMU of the environment, else the only one with that name. If there is none, the message is printed.
 pub fn receive(environment: Environment, name: Option<&str>, mut message: Message) {
     let live = locked(&LIVE);
     let named = || {
