@@ -479,7 +479,7 @@ impl<'a> Coupling<'a> {
             }
         }
         for index in 0..self.members.len() {
-            // The others are read after their events.
+            // The other members are read after their events.
             if self.members[index].is_called && !self.members[index].outputs.names().is_empty() {
                 self.read(index)?;
             }
@@ -518,7 +518,7 @@ impl<'a> Coupling<'a> {
         let mut ended = None;
         for index in 0..self.members.len() {
             if self.stepping == Stepping::InTurn {
-                // Those before it have stepped.
+                // The members before this one have stepped.
                 self.connect(index, time)?;
             }
             let Coupled { instance, inputs, .. } = &self.members[index];

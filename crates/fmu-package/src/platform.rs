@@ -145,7 +145,7 @@ impl Platform {
         self.row().2
     }
 
-    /// The folder in `binaries/` of FMI 3.0 (section 2.5.1.4.1) for one of the platform's processors: the platform tuple.
+    /// The FMI 3.0 folder in `binaries/` (section 2.5.1.4.1) for one of the platform's processors: the platform tuple.
     #[must_use]
     pub fn tuple(self, architecture: Architecture) -> String {
         format!("{}-{}", architecture.tuple(), self.format().row()[3])

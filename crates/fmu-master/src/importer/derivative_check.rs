@@ -198,7 +198,7 @@ impl DerivativeCheck {
     fn agrees(&self, row: usize, at: &Use<'_>) -> bool {
         let ([product, sum], [low, high]) = (self.products[row], self.quotients[row]);
         let rounding = ROUNDINGS * f64::EPSILON.sqrt() * self.terms[row];
-        // It changes no state by its tolerance in the longest step.
+        // An error that changes no state by its tolerance in the longest step.
         let harmless = at.tolerance * scale(at, row) / at.step;
         let distance = (low - product).max(product - high);
         // What is not a number agrees with nothing.

@@ -331,7 +331,7 @@ impl Selection {
         Ok(fitted)
     }
 
-    /// Takes the room of [`Selection::fitted`] back.
+    /// Takes back the room of the values from `fitted`.
     pub(super) fn give_back(&mut self, fitted: Vec<f64>) {
         self.fitted = fitted;
     }
