@@ -9,7 +9,7 @@ from fmu import ROOT
 
 
 def test_values_are_what_scipy_prints() -> None:
-    folder = ROOT / "crates" / "fmu-export" / "tests" / "tables"
+    folder = ROOT / "crates" / "fmu-solve" / "tests" / "tables"
     printed = subprocess.run(
         [sys.executable, folder / "reference.py"], capture_output=True, text=True, check=True
     )
