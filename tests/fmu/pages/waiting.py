@@ -17,7 +17,8 @@ def wait_for(page: Page, condition: str) -> None:
           const end = performance.now() + {LONGEST};
           while (!({condition})) {{
             if (performance.now() > end) throw new Error("not in time: " + {json.dumps(condition)});
-            await new Promise(requestAnimationFrame);
+            // By a timer: a browser without a screen may stop to draw, and then has no next frame.
+            await new Promise((next) => setTimeout(next, 10));
           }}
         }}"""
     )
