@@ -161,7 +161,9 @@ def launch() -> Iterator[Callable[..., Browser]]:
     assert chromium, "chromium is missing: bash tests/run rest installs it"
     with sync_playwright() as playwright:
         launch = playwright.chromium.launch
-        yield lambda **more: launch(executable_path=chromium, env={**os.environ, **more})
+        # Where software stands in for a graphics processor, Chromium may stop to draw.
+        arguments = ["--disable-gpu"]
+        yield lambda **more: launch(executable_path=chromium, args=arguments, env={**os.environ, **more})
 
 
 @pytest.fixture(scope="session")
