@@ -13,6 +13,12 @@ pub(crate) mod states;
 use core::ffi::{c_char, c_void};
 use core::ptr;
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::Function;
+use fmu_abi::floating_point::in_default_environment;
+use fmu_solve::Error;
+use fmu_terms::InstanceType;
+
 use crate::allocation::check_memory;
 use crate::checksum::checksum;
 use crate::description::ValueReference;
@@ -24,11 +30,6 @@ use crate::saved_states;
 use crate::variables::Variables;
 
 use arguments::{c_string, check_count, elements, not_null, write_elements};
-use fmu_abi::Status;
-use fmu_abi::calling_sequence::Function;
-use fmu_abi::floating_point::in_default_environment;
-use fmu_solve::Error;
-use fmu_terms::InstanceType;
 
 /// Replaces the default panic hook, which writes to the host's stderr; panics go to the importer's logger instead. The
 /// hook is local to this library, which links its own standard library.

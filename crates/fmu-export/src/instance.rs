@@ -19,6 +19,13 @@ mod values;
 use core::ffi::{CStr, c_void};
 use std::ffi::CString;
 
+use fmu_abi::Status;
+use fmu_abi::calling_sequence::{Function, Phase};
+use fmu_abi::floating_point::in_default_environment;
+use fmu_solve::display::{Seconds, Shown};
+use fmu_solve::{Error, Tape};
+use fmu_terms::InstanceType;
+
 use crate::context::{Context, Experiment, Timed};
 use crate::description::{Causality, ModelDescription, ValueReference};
 use crate::logger::{Delivery, Logger};
@@ -27,12 +34,6 @@ use crate::panics::{contain, with_cause};
 use crate::resources::Resources;
 use crate::variables::Variables;
 
-use fmu_abi::Status;
-use fmu_abi::calling_sequence::{Function, Phase};
-use fmu_abi::floating_point::in_default_environment;
-use fmu_solve::display::{Seconds, Shown};
-use fmu_solve::{Error, Tape};
-use fmu_terms::InstanceType;
 use memory::Memory;
 
 /// Outcome of a call: an error, or `fmi2OK`, `fmi2Warning` or `fmi2Discard`.

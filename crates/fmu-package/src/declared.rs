@@ -13,7 +13,7 @@ pub struct Declared<M> {
 
 impl<M> Declared<M> {
     /// Reads a text, if one is declared.
-    pub fn read(text: Option<&str>, meaning: impl FnOnce(&str) -> Option<M>) -> Self {
+    pub(crate) fn read(text: Option<&str>, meaning: impl FnOnce(&str) -> Option<M>) -> Self {
         Self { text: text.unwrap_or_default().to_owned(), meaning: text.and_then(meaning) }
     }
 
@@ -41,8 +41,7 @@ impl<M: Copy> Declared<M> {
 
 impl Declared<u32> {
     /// Reads a number.
-    #[must_use]
-    pub fn number(text: Option<&str>) -> Self {
+    pub(crate) fn number(text: Option<&str>) -> Self {
         Self::read(text, |text| text.trim().parse().ok())
     }
 }

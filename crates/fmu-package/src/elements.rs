@@ -33,8 +33,8 @@ pub struct StructureElement<'d> {
     pub list: &'static str,
     /// The element.
     pub element: Element<'d>,
-    /// What refers to its variable: its position from 1 on, in FMI 3.0 its value reference.
-    pub reference: Option<&'d str>,
+    /// What refers to its variable: its position from 1 on, in FMI 3.0 its value reference; empty if missing.
+    pub reference: &'d str,
 }
 
 impl<'d> DescriptionElements<'d> {
@@ -79,24 +79,18 @@ impl<'d> DescriptionElements<'d> {
 
     /// The elements of the model structure.
     pub fn structure(&self) -> impl Iterator<Item = StructureElement<'d>> + use<'d> {
-        let elements = |child: Element<'d>| {
+        let of = |list, element: Element<'d>, key| StructureElement {
+            list,
+            element,
+            reference: element.attribute(key).unwrap_or_default(),
+        };
+        let elements = move |child: Element<'d>| {
             let name = child.tag_name().name();
             let of_fmi2 = LISTS.iter().filter(move |[list, _]| *list == name);
-            let of_fmi2 = of_fmi2.flat_map(move |&[_, list]| {
-                let of = move |element: Element<'d>| StructureElement {
-                    list,
-                    element,
-                    reference: element.attribute("index"),
-                };
-                children(child).map(of)
-            });
+            let of_fmi2 = of_fmi2
+                .flat_map(move |&[_, list]| children(child).map(move |element| of(list, element, "index")));
             let of_fmi3 = LISTS.iter().filter(move |[_, list]| *list == name);
-            let of_fmi3 = of_fmi3.map(move |&[_, list]| StructureElement {
-                list,
-                element: child,
-                reference: child.attribute("valueReference"),
-            });
-            of_fmi2.chain(of_fmi3)
+            of_fmi2.chain(of_fmi3.map(move |&[_, list]| of(list, child, "valueReference")))
         };
         named(self.root, "ModelStructure").flat_map(children).flat_map(elements)
     }

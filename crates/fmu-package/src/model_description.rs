@@ -62,7 +62,7 @@ impl Derivative {
         let listed = element.attribute("dependencies");
         let listed =
             listed.map(|listed| listed.split_ascii_whitespace().map(|one| Declared::number(Some(one))));
-        Self { reference: Declared::number(reference), dependencies: listed.map(Iterator::collect) }
+        Self { reference: Declared::number(Some(reference)), dependencies: listed.map(Iterator::collect) }
     }
 }
 
@@ -108,7 +108,7 @@ impl FmuDescription {
         });
         let variables = elements.variables().map(FmuVariable::read);
         let in_list = |list| elements.structure().filter(move |listed| listed.list == list);
-        let indicators = in_list("EventIndicator").map(|listed| Declared::number(listed.reference));
+        let indicators = in_list("EventIndicator").map(|listed| Declared::number(Some(listed.reference)));
         let description = Self {
             attributes: attributes(root),
             interfaces: elements

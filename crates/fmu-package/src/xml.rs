@@ -197,8 +197,7 @@ pub(crate) fn read<'d>(text: &'d str, root: &str) -> io::Result<Document<'d>> {
 }
 
 /// An error in an element.
-#[must_use]
-pub fn wrong(element: Element<'_>, message: &str) -> io::Error {
+pub(crate) fn wrong(element: Element<'_>, message: &str) -> io::Error {
     let line = element.document().text_pos_at(element.range().start).row;
     broken(format!("in line {line}, in the element {}: {message}", element.tag_name().name()))
 }
@@ -267,10 +266,7 @@ pub(crate) fn attributes(element: Element<'_>) -> Vec<(String, String)> {
 }
 
 /// A numeric attribute, if there is one.
-///
-/// # Errors
-/// When it is not a number; the message names the line.
-pub fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
+pub(crate) fn number<T: FromStr>(element: Element<'_>, name: &str) -> io::Result<Option<T>> {
     let parsed = element.attribute(name).map(|text| {
         let refuse =
             |_| wrong(element, &format!("the attribute {name} is '{text}', which is not a valid number"));

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use fmu_package::refuse_no_identifier;
+use fmu_package::xml::{Element, flag, listed, named};
 use fmu_terms::{Interface, Version};
 use regex_lite::Regex;
 
@@ -12,8 +14,6 @@ use crate::rules::{
     MODEL_IDENTIFIER, Rule,
 };
 use crate::schema::number;
-use fmu_package::refuse_no_identifier;
-use fmu_package::xml::{Element, flag, listed, named};
 
 pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     interfaces(model, report);

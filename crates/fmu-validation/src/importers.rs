@@ -1,5 +1,6 @@
 //! The table of FMUs that the standard allows but known importers reject, shown in `docs/validation.md`.
 
+use fmu_package::xml::named;
 use fmu_terms::{Causality, DataType, Version};
 
 use crate::model::Model;
@@ -8,7 +9,6 @@ use crate::rules::{
     AMPERE_OR_KELVIN, ARRAY, CLOCK_VARIABLE, ENUMERATION_VARIABLE, Rule, STRUCTURAL_PARAMETER,
     TYPE_DESCRIPTION, UNIT_OF_VARIABLE,
 };
-use fmu_package::xml::named;
 
 /// A tool that imports FMUs.
 #[derive(Debug)]
@@ -95,7 +95,7 @@ pub(crate) fn check(model: &Model<'_>, importers: &[&Importer], report: &mut Rep
             report.add(rule, place, format!("{what}, refused by {}", refusing.join(", ")));
         }
     };
-    for [declared, _] in &model.elements.types {
+    for [declared, _] in &model.types {
         // FMPy ignores types of Clocks.
         if declared.has_attribute("description") && declared.tag_name().name() != "ClockType" {
             let name = declared.attribute("name").unwrap_or_default();

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use fmu_package::archive::Files;
+use fmu_package::library::{Library, Linkage, missing_in_words};
+use fmu_package::{Architecture, Format, Platform};
 use fmu_terms::{Interface, Version, Word};
 
 use crate::model::Model;
@@ -10,9 +13,6 @@ use crate::rules::{
     LIBRARY_DEPENDENCY, LIBRARY_FORMAT, LIBRARY_FUNCTION, LIBRARY_GUID, LIBRARY_LOADING, LIBRARY_MISSING,
     LIBRARY_NAME, LIBRARY_PLATFORM, LIBRARY_PYTHON,
 };
-use fmu_package::archive::Files;
-use fmu_package::library::{Library, Linkage, missing_in_words};
-use fmu_package::{Architecture, Format, Platform};
 
 /// The libraries of Linux systems: those of glibc and GCC.
 const OF_LINUX: &[&str] = &[

@@ -15,12 +15,11 @@ use crate::xml::Xml;
 pub(crate) struct Model<'d> {
     pub xml: &'d Xml<'d>,
     pub version: Version,
-    pub root: Element<'d>,
     pub interfaces: Vec<Element<'d>>,
     pub units: Vec<Element<'d>>,
     pub variables: Vec<Variable<'d>>,
     pub entries: Vec<Entry<'d>>,
-    pub elements: DescriptionElements<'d>,
+    elements: DescriptionElements<'d>,
     unit_by_name: HashMap<&'d str, Element<'d>>,
     /// The targets of indices (FMI 2) and value references (FMI 3).
     references: HashMap<u32, usize>,
@@ -39,12 +38,9 @@ pub(crate) struct Variable<'d> {
     pub derivative: Option<&'d str>,
 }
 
-/// An entry of the model structure, in a list with FMI 3's name: `Output` and so on.
+/// An entry of the model structure.
 pub(crate) struct Entry<'d> {
-    pub list: &'static str,
-    pub element: Element<'d>,
-    /// The text that refers to the entry's variable.
-    pub reference: &'d str,
+    listed: StructureElement<'d>,
     /// The variable, if it exists.
     pub variable: Option<usize>,
     /// The existing variables on which it depends; none if it depends on all.
@@ -71,7 +67,6 @@ impl<'d> Model<'d> {
         let mut model = Self {
             xml,
             version,
-            root: elements.root,
             interfaces: elements.interfaces().map(|(_, element)| element).collect(),
             unit_by_name: units.iter().filter_map(unit_by_name).collect(),
             units,
@@ -84,12 +79,11 @@ impl<'d> Model<'d> {
         model
     }
 
-    fn entry(&self, StructureElement { list, element, reference }: StructureElement<'d>) -> Entry<'d> {
-        let reference = reference.unwrap_or_default();
-        let dependencies = element.attribute("dependencies").map(|text| {
+    fn entry(&self, listed: StructureElement<'d>) -> Entry<'d> {
+        let dependencies = listed.element.attribute("dependencies").map(|text| {
             text.split_ascii_whitespace().filter_map(|reference| self.resolve(reference)).collect()
         });
-        Entry { list, element, reference, variable: self.resolve(reference), dependencies }
+        Entry { listed, variable: self.resolve(listed.reference), dependencies }
     }
 
     /// The variable of an index (FMI 2) or value reference (FMI 3).
@@ -142,6 +136,22 @@ impl<'d> Model<'d> {
         message: impl Into<String>,
     ) {
         report.add(rule, self.xml.at(element), message);
+    }
+}
+
+impl<'d> Deref for Model<'d> {
+    type Target = DescriptionElements<'d>;
+
+    fn deref(&self) -> &DescriptionElements<'d> {
+        &self.elements
+    }
+}
+
+impl<'d> Deref for Entry<'d> {
+    type Target = StructureElement<'d>;
+
+    fn deref(&self) -> &StructureElement<'d> {
+        &self.listed
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use fmu_package::archive::Files;
+use fmu_package::xml::{Element, named};
 use fmu_terms::Version;
 
 use crate::model::Model;
@@ -9,8 +11,6 @@ use crate::report::{Place, Report};
 use crate::rules::{SOURCES, TERMINALS};
 use crate::schema;
 use crate::xml::Xml;
-use fmu_package::archive::Files;
-use fmu_package::xml::{Element, named};
 
 pub(crate) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
     for file in model

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use fmu_package::xml::{Element, children, flag, named};
+
 use crate::description::unique;
 use crate::model::Model;
 use crate::report::{Place, Report};
@@ -9,12 +11,11 @@ use crate::rules::{
     DISPLAY_UNIT, ENUMERATION_ITEM, RANGE, TYPE_DEFINED, TYPE_NAME, UNIT_DEFINED, UNIT_FACTOR, UNIT_NAME,
 };
 use crate::schema::number;
-use fmu_package::xml::{Element, children, flag, named};
 
 pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     units(model, report);
     names_of_types(model, report);
-    for [declared, typed] in &model.elements.types {
+    for [declared, typed] in &model.types {
         items(model, *typed, report);
         unit(model, typed.attribute("unit"), typed.attribute("displayUnit"), model.xml.at(*declared), report);
         range(typed.attribute("min"), typed.attribute("max"), model.xml.at(*declared), report);
@@ -61,9 +62,9 @@ fn units(model: &Model<'_>, report: &mut Report) {
 }
 
 fn names_of_types(model: &Model<'_>, report: &mut Report) {
-    unique(model, report, &TYPE_NAME, model.elements.types.iter().map(|[declared, _]| *declared), "name");
+    unique(model, report, &TYPE_NAME, model.types.iter().map(|[declared, _]| *declared), "name");
     let variables: BTreeSet<_> = model.variables.iter().map(|variable| variable.name).collect();
-    for [declared, _] in &model.elements.types {
+    for [declared, _] in &model.types {
         if let Some(name) = declared.attribute("name").filter(|name| variables.contains(name)) {
             model.wrong(report, &TYPE_NAME, *declared, format!("a variable is also named {name}"));
         }
@@ -114,7 +115,7 @@ pub(crate) fn range(min: Option<&str>, max: Option<&str>, place: Place, report: 
 fn declared_type(model: &Model<'_>, typed: Element<'_>, place: Place, report: &mut Report) {
     let Some(name) = typed.attribute("declaredType") else { return };
     let kind = typed.tag_name().name();
-    let message = match model.elements.type_named(name) {
+    let message = match model.type_named(name) {
         None => format!("the type {name} is not defined"),
         // `Float64Type` in FMI 3.
         Some(declared) if declared.tag_name().name().trim_end_matches("Type") != kind => {

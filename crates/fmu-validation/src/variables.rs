@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fmu_package::Declared;
+use fmu_package::xml::{flag, named};
 use fmu_terms::{
     Causality, DataType, Initial, Interface, IntervalVariability, Variability, Version, Word, is_structured,
 };
@@ -15,8 +17,6 @@ use crate::rules::{
 };
 use crate::schema::number;
 use crate::types::range;
-use fmu_package::Declared;
-use fmu_package::xml::{flag, named};
 
 pub(crate) fn check(model: &Model<'_>, report: &mut Report) {
     names(model, report);
@@ -179,7 +179,7 @@ fn start_range(model: &Model<'_>, variable: &Variable<'_>, wrong: Wrong<'_>) {
     for start in start_values(variable).filter(|start| *start < min || *start > max) {
         wrong(&START_RANGE, format!("the start value is {start}, outside of {min} to {max}"));
     }
-    let declared = variable.typed.attribute("declaredType").and_then(|name| model.elements.type_named(name));
+    let declared = variable.typed.attribute("declaredType").and_then(|name| model.type_named(name));
     let Some(enumeration) = declared.filter(|_| variable.data_type == DataType::Enumeration) else { return };
     let items: Vec<_> =
         named(enumeration, "Item").filter_map(|item| item.attribute("value").and_then(number)).collect();

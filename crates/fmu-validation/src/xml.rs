@@ -2,11 +2,11 @@
 
 use std::cell::OnceCell;
 
+use fmu_package::xml::{Problem, declared_encoding, parse};
 use roxmltree::{Document, Node};
 
 use crate::report::{Place, Report};
 use crate::rules::{LIMIT, XML_DOCTYPE, XML_ENCODING, XML_SYNTAX};
-use fmu_package::xml::{Problem, declared_encoding, parse};
 
 /// The longest attribute value in bytes, unless a list or prose: findings quote them.
 const LONGEST_VALUE: usize = 10_000;
