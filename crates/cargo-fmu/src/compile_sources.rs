@@ -148,7 +148,7 @@ fn compiled(name: &str, content: Vec<u8>, platform: Platform) -> Result<(Vec<u8>
     let is_needed = |path: &str| path.starts_with("sources/") || path.starts_with("binaries/");
     let folder = Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?;
     let host = platform.folder_for_host(description.is_fmi3());
-    let sources = Sources::new(&folder, &host, version(&description), &files)?;
+    let sources = Sources::new(&folder, &host, description.version(), &files)?;
     let mut libraries = vec![];
     for identifier in identifiers(&description) {
         let own: Vec<_> =
@@ -181,7 +181,7 @@ fn inspect(library: &[u8], identifier: &str, description: &FmuDescription) -> Re
     let interfaces: Vec<_> =
         interfaces.filter(|interface| description.identifier(*interface) == Some(identifier)).collect();
     for linkage in Linkage::read(library)? {
-        let missing = linkage.missing_functions(version(description), &interfaces);
+        let missing = linkage.missing_functions(description.version(), &interfaces);
         let makes_instances = |function: &&&str| {
             let of_fmi3 = function.strip_prefix("fmi3Instantiate").and_then(Interface::of);
             **function == "fmi2Instantiate"
@@ -197,10 +197,6 @@ fn inspect(library: &[u8], identifier: &str, description: &FmuDescription) -> Re
         }
     }
     Ok(())
-}
-
-fn version(description: &FmuDescription) -> Version {
-    description.version()
 }
 
 /// The extracted sources of an FMU.

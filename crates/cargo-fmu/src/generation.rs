@@ -18,17 +18,16 @@ use fmu_terms::{Interfaces, Version};
 use super::metadata::{Metadata, Package};
 use super::new::{BUILD_SCRIPT, DECLARATION, checkout};
 
-/// The generator, and the crates that it is made of.
+/// The crate that generates.
 const GENERATOR: &str = "fmu-export-build";
-const MADE_OF: [&str; 3] = [GENERATOR, "fmu-terms", "fmu-xml"];
 
-/// An interface that was generated.
+/// A model's interface that was generated in place of a build script.
 pub struct GeneratedInterface {
     /// The key `links` of the package.
     links: String,
-    /// The environment variable for the compiler.
+    /// The environment variable for the compiler: its name and value.
     variable: (String, String),
-    /// The folder with the model's own.
+    /// The folder in which each model has its folder, as in that of a build script.
     pub folder: PathBuf,
 }
 
@@ -66,10 +65,9 @@ impl GeneratedInterface {
         let choice = format!("fmu-generated/{}-{}", fmi.version, fmi.interfaces);
         let folder = metadata.target_directory.join(choice);
         let name = format!("{}@{}", package.name, package.version);
-        let generated = generate_into(&declaration, &folder, &package.of_declaration(), fmi);
-        let generated = match generated
-            .and_then(|generated| generated.refuse_unused(&declaration, &root).map(|()| generated))
-        {
+        let generated = generate_into(&declaration, &folder, &package.of_declaration(), fmi)
+            .and_then(|generated| generated.used_in(&root, &declaration));
+        let generated = match generated {
             Ok(generated) => generated,
             Err(error) => {
                 for finding in error.findings() {
@@ -120,18 +118,17 @@ fn is_their_generator(metadata: &Metadata) -> bool {
             (None, Some(crates)) => {
                 let is_there =
                     package.folder().canonicalize().ok() == crates.join(GENERATOR).canonicalize().ok();
-                is_there && is_newer_than(crates)
+                is_there && is_newer_than(&resolved.folders_of(package))
             }
             (None, None) => false,
         })
 }
 
-/// Whether this command is newer than the sources of its generator.
-fn is_newer_than(crates: &Path) -> bool {
+/// Whether this command is newer than all files in some folders.
+fn is_newer_than(folders: &[&Path]) -> bool {
     let modified = |file: &Path| fs::metadata(file)?.modified();
     let built = env::current_exe().and_then(|command| modified(&command));
-    let sources = MADE_OF.map(|name| newest(&crates.join(name)));
-    built.is_ok_and(|built| sources.into_iter().all(|source| source.is_some_and(|source| source < built)))
+    built.is_ok_and(|built| folders.iter().all(|folder| newest(folder).is_some_and(|source| source < built)))
 }
 
 /// When a file in a folder was last modified.

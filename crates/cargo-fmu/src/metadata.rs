@@ -29,9 +29,19 @@ pub struct Package {
     /// A native library that the package links, or the name by which cargo's configuration replaces its build script.
     pub links: Option<String>,
     targets: Vec<Target>,
+    dependencies: Vec<Dependency>,
     authors: Vec<String>,
     description: Option<String>,
     license: Option<String>,
+}
+
+/// A package that another one depends on.
+#[derive(Clone, Debug, Deserialize)]
+struct Dependency {
+    /// The package's folder, unless it is from a registry.
+    path: Option<PathBuf>,
+    /// `build` or `dev`, unless the library depends on it.
+    kind: Option<String>,
 }
 
 /// What cargo makes of a package.
@@ -68,6 +78,14 @@ impl Metadata {
     /// The workspace with all packages that its members depend on.
     pub fn with_dependencies(&self) -> Result<Self> {
         Self::read(Some(&self.workspace_root.join("Cargo.toml")), &[])
+    }
+
+    /// The folders of a package and of those in folders that it is made of.
+    pub fn folders_of<'a>(&'a self, package: &'a Package) -> Vec<&'a Path> {
+        let used = package.dependencies.iter().filter(|used| used.kind.is_none());
+        let used = used.filter_map(|used| used.path.as_deref());
+        let used = used.filter_map(|path| self.packages.iter().find(|package| package.folder() == path));
+        used.flat_map(|package| self.folders_of(package)).chain([package.folder()]).collect()
     }
 
     fn read(manifest: Option<&Path>, arguments: &[&str]) -> Result<Self> {

@@ -90,10 +90,9 @@ pub fn generate(declaration: impl AsRef<Path>) {
         println!("cargo::error={reason}");
         end_build();
     });
-    let generated = generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi);
-    match generated
-        .and_then(|generated| generated.refuse_unused(declaration, Path::new("")).map(|()| generated))
-    {
+    let generated = generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi)
+        .and_then(|generated| generated.used_in(Path::new(""), declaration));
+    match generated {
         Ok(generated) => {
             let (variable, file) = generated.compiler_variable();
             println!("cargo::rustc-env={variable}={file}");
@@ -138,12 +137,12 @@ impl Generated {
         })
     }
 
-    /// Rejects a package, in a folder, whose library does not use the interface: the compiler would report every missing type
-    /// separately.
+    /// This, if the library of a package in a folder uses what a declaration gave: otherwise the compiler would report
+    /// every missing type separately.
     ///
     /// # Errors
     /// When no source of the library includes it.
-    pub fn refuse_unused(&self, declaration: &Path, package: &Path) -> Result<(), Error> {
+    pub fn used_in(self, package: &Path, declaration: &Path) -> Result<Self, Error> {
         let library = package.join("src/lib.rs");
         if library.is_file() && !uses_generated(&package.join("src")) {
             let reason = format!(
@@ -153,7 +152,7 @@ impl Generated {
             );
             return Err(Error::of_file(&library, reason));
         }
-        Ok(())
+        Ok(self)
     }
 }
 
