@@ -373,7 +373,7 @@ impl ControlLaw {
                     .then(|| Schedule::from(&parameters.schedule));
                 let here = (inputs.boost_pressure, inputs.engine_speed);
                 let reference = feedforward::bounded_reference(parameters, inputs);
-                let done = done(Asked { by_driver: reference, reference, day: 0.0 });
+                let done = done(Asked { by_driver: reference, reference, day_shift: 0.0 });
                 diagnosis
                     .check_loop(parameters, inputs, schedule, here, &done, || law.expected_measurement());
             }

@@ -46,8 +46,8 @@ pub struct SplitRange {
     limit: f64,
     /// The ambient conditions of the law's pressures.
     day: Day,
-    /// The limit of boost pressure when they last changed (Pa, at reference conditions).
-    day_limit: f64,
+    /// By how much the limit of boost pressure is higher on the scheduled day (Pa); 0 at reference conditions.
+    day_shift: f64,
 }
 
 impl SplitRange {
@@ -175,7 +175,7 @@ impl SplitRange {
         let day = Day::measured(parameters, inputs);
         if day != self.day {
             let before = std::mem::replace(&mut self.day, day);
-            self.day_limit = day.scheduled_pressure(parameters.boost_limit);
+            self.day_shift = day.scheduled_pressure(parameters.boost_limit) - parameters.boost_limit;
             law.convert(|pressure| day.scheduled_pressure(before.pressure(pressure)));
         }
         day
@@ -197,7 +197,7 @@ impl SplitRange {
     /// What is asked for, at reference conditions.
     pub fn asked(&self, parameters: &Parameters, inputs: &Inputs) -> Asked {
         let by_driver = self.day.scheduled_pressure(feedforward::bounded_reference(parameters, inputs));
-        Asked { by_driver, reference: smaller(by_driver, self.limit), day: self.day_limit }
+        Asked { by_driver, reference: smaller(by_driver, self.limit), day_shift: self.day_shift }
     }
 
     /// The boost pressure here (Pa) that a sound sensor should measure.
@@ -283,4 +283,24 @@ fn command(
 pub fn check(parameters: &Parameters) -> Result<(), Error> {
     allocation::check(parameters)?;
     schedule::check("range_schedule", &parameters.range_schedule)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pressures scale about with ambient pressure, of which the limit of boost is less than three times.
+    #[test]
+    fn ambient_pressure_near_that_of_the_schedule_shifts_pressures_by_little() {
+        let parameters = Parameters::default();
+        let shift = |deficit: f64| {
+            let ambient_pressure = parameters.nominal_ambient_pressure - deficit;
+            let inputs = Inputs { ambient_pressure, ..Inputs::default() };
+            let mut split_range = SplitRange::default();
+            split_range.convert(&mut BoostLaw::at(150e3), &parameters, &inputs);
+            split_range.asked(&parameters, &inputs).day_shift
+        };
+        assert_eq!(shift(0.0), 0.0);
+        assert!((0.0..3.0).contains(&shift(1.0).abs()) && shift(1.0) != 0.0, "{}", shift(1.0));
+    }
 }

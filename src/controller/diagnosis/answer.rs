@@ -20,8 +20,8 @@ pub struct Asked {
     pub by_driver: f64,
     /// The reference within the shaft's limit (Pa).
     pub reference: f64,
-    /// A fixed pressure here (Pa): it moves with ambient conditions.
-    pub day: f64,
+    /// By how much a fixed pressure is higher at reference conditions (Pa): it moves with ambient conditions.
+    pub day_shift: f64,
 }
 
 /// What a sample shows.
@@ -39,8 +39,8 @@ pub struct Answer {
     /// Virtual duty (%) and the driver's reference (Pa), filtered; none before the first sample.
     before: Option<[f64; 2]>,
     demand: Option<Demand>,
-    /// [`Asked::day`] and the engine speed (rpm) at the start of the judgement.
-    day: f64,
+    /// [`Asked::day_shift`] and the engine speed (rpm) at the start of the judgement.
+    day_shift: f64,
     engine_speed: f64,
 }
 
@@ -77,8 +77,8 @@ impl Answer {
         // The reference moved at reference conditions, though not here; or a ramp moved the duty. What was before does not
         // count.
         let is_steady = (engine_speed - self.engine_speed).abs() <= STEADY_SPEED;
-        if !is_steady || (asked.day - self.day).abs() >= limits.answer_error {
-            *self = Self { day: asked.day, engine_speed, ..Self::default() };
+        if !is_steady || (asked.day_shift - self.day_shift).abs() >= limits.answer_error {
+            *self = Self { day_shift: asked.day_shift, engine_speed, ..Self::default() };
         }
         let now = [virtual_duty, asked.by_driver];
         let before = self.before.unwrap_or(now);
